@@ -1,0 +1,76 @@
+"""Frozen constants of the mechanical system: plain named tuples, so that compiled kernels take them as they are.
+
+`dim` is 2 (planar) now; it is carried by the length of `Cable.gravity`, which the kernels know at compile time.
+Vectors are x along the track, z up.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
+
+FREE = 0  # drive mode: nothing acts along the cable but friction and stops
+FORCE = 1  # drive mode: a given force along the cable
+SPEED = 2  # drive mode: the joint follows a reference position, its multiplier is the drive force
+
+
+class Cable(NamedTuple):
+    """One uniform cable, divided into elements of equal unstrained length."""
+
+    element_count: int
+    element_length: float  # l, m
+    unstrained_length: float  # L, m
+    mass_per_length: float  # rho A, kg/m
+    axial_stiffness: float  # EA, N
+    bending_stiffness: float  # EI, N m^2
+    damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
+    elastic_model: int  # CONTINUUM
+    gravity: tuple[float, ...]  # (dim,) m/s^2
+    support_position: FloatArray  # (2, dim) m, of start and end; NaN where free
+    support_projector: FloatArray  # (2, 2 dim, 2 dim) onto what start and end leave free of (r, r_x)
+
+
+class Carriages(NamedTuple):
+    """All carriages; body k of carriage c is row body_offset[c] + k, the first one hangs from the cable."""
+
+    body_offset: IntArray  # (carriages + 1,)
+    mass: FloatArray  # (bodies,) kg
+    inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass
+    upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
+    lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
+    fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
+    rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
+    viscous_friction: FloatArray  # (carriages,) N s/m
+    speed_limit: FloatArray  # (carriages,) m/s, inf where there is none
+    acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
+    emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop
+    jerk_limit: FloatArray  # (carriages,) m/s^3, inf where there is none
+    force_limit: FloatArray  # (carriages,) N, inf where there is none
+    stop_stroke: FloatArray  # (carriages,) m, length of the elastic buffer at both ends of the cable
+    stop_stiffness: FloatArray  # (carriages,) N/m
+    stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
+
+
+class Solver(NamedTuple):
+    """Time integration."""
+
+    step: float  # h, s
+    spectral_radius: float  # rho_inf of generalized-alpha, -
+    tolerance: float  # m, largest Newton increment of a position that ends the iteration
+    max_iterations: int  # Newton iterations before a step is halved
+    max_halvings: int  # how often a step may be halved before it fails
+
+
+class System(NamedTuple):
+    """Everything that does not change while the twin runs."""
+
+    cable: Cable
+    carriages: Carriages
+    solver: Solver

@@ -1,0 +1,113 @@
+"""What goes into a simulation and what comes out of it: frozen records, SI units, no behaviour of solver or ROS.
+
+Frame: x along the track, z up (REP-103). Pitch is the right-handed angle about the lateral y axis, so a
+positive pitch turns x towards -z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+CommandKind = Literal["speed", "force", "emergency_stop", "release", "reset"]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One accepted instruction to the twin; together with the scenario it determines the whole motion.
+
+    `speed` (m/s) and `force` (N) carry a value by carriage name; `emergency_stop`, `release` (of the emergency
+    stop) and `reset` (of the state, time runs on) carry none.
+    """
+
+    kind: CommandKind
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedCommand:
+    """A command with the simulated time (s) of the step boundary at which it took effect, and who gave it."""
+
+    time: float
+    command: Command
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """Centre of mass (m), pitch (rad) and their rates of one rigid body."""
+
+    x: float
+    z: float
+    pitch: float
+    x_rate: float
+    z_rate: float
+    pitch_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class CarriageState:
+    """One carriage: where its joint is on the cable and what acts there."""
+
+    arc_length: float  # m, unstrained, from the start of the cable
+    speed: float  # m/s, rate of arc_length
+    drive_force: float  # N, along the cable, on the carriage
+    contact_force: FloatArray  # (dim,) N, of the cable on the carriage
+    position: FloatArray  # (dim,) m, of the joint
+    bodies: Mapping[str, BodyState]
+
+
+@dataclass(frozen=True, slots=True)
+class SupportState:
+    """What holds the cable at one support."""
+
+    force: FloatArray  # (dim,) N, of the support on the cable
+
+
+@dataclass(frozen=True, slots=True)
+class CableSamples:
+    """The cable at fixed arc lengths, dense enough to draw."""
+
+    arc_lengths: FloatArray  # (n,) m, unstrained
+    positions: FloatArray  # (n, dim) m
+    tensions: FloatArray  # (n,) N
+
+
+@dataclass(frozen=True, slots=True)
+class SolverReport:
+    """What the solver did since the snapshot before."""
+
+    steps: int
+    iterations: int  # Newton iterations, all steps together
+    halvings: int  # steps that had to be retried in halves
+    constraint_residual: float  # m, worst joint gap
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The twin at one simulated time; everything that is published, recorded or drawn comes from here."""
+
+    time: float  # s
+    carriages: Mapping[str, CarriageState]
+    supports: Mapping[str, SupportState]
+    cable: CableSamples
+    solver: SolverReport
+
+
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """Mechanical energy of cable and carriages (J); gravitational energy is zero at z = 0."""
+
+    kinetic: float
+    elastic: float
+    gravitational: float
+
+    @property
+    def total(self) -> float:
+        """Sum of the three (J)."""
+        return self.kinetic + self.elastic + self.gravitational
