@@ -1,0 +1,1 @@
+"""One snapshot in, one file or view out."""
