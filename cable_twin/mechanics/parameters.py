@@ -34,7 +34,7 @@ class Cable(NamedTuple):
     elastic_model: int  # CONTINUUM
     gravity: tuple[float, ...]  # (dim,) m/s^2
     support_position: FloatArray  # (2, dim) m, of start and end; NaN where free
-    support_projector: FloatArray  # (2, 2 dim, 2 dim) onto what start and end leave free of (r, r_x)
+    support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
 
 
 class Carriages(NamedTuple):

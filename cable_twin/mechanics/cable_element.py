@@ -1,0 +1,222 @@
+"""One cable element: elastic and viscous force, inertia, gravity and their tangent (paper, eq. 1-10).
+
+Inside, an element is its chord d = r_B - r_A and its two slopes times length, A = l r_x(A) and B = l r_x(B): three
+vectors in m that describe the shape without its place. With u = x / l, rho = dr/du and chi = d²r/du².
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.shape_functions import (
+    AXIAL_POINTS,
+    AXIAL_SLOPES,
+    AXIAL_WEIGHT,
+    BENDING_CURVATURES,
+    BENDING_POINTS,
+    BENDING_SLOPES,
+    BENDING_WEIGHT,
+    MASS,
+)
+from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, scale, store, subtract, symmetric
+
+
+@kernel
+def combine(c, d, a, b):
+    """Linear combination c_0 d + c_1 a + c_2 b of three vectors."""
+    return add_scaled(c[0], d, add_scaled(c[1], a, scale(c[2], b)))
+
+
+@kernel
+def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+    """Force and tangent of the energy W = ½∫(EA ε² + EI k·k)dx with Kelvin-Voigt damping.
+
+    ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
+    of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
+    the rate of k that a rotation of the element does not make. The tangent is exact in the axial part; of the bending part
+    it keeps what acts on chi (Gauss-Newton), which is all that matters in a cable.
+
+    Args:
+        cable: parameters.
+        d, a, b: shape, (dim,) m each; `*_dot` their rates in m/s.
+        rate_factor: ∂velocity/∂coordinate of the integrator, 1/s.
+        stiffness_factor: 1, or 0 for no tangent.
+
+    Returns:
+        Forces (dim,) N on d, a, b, and the symmetric tangents (N/m) dd, da, db, aa, ab, bb.
+    """
+    length = cable.element_length
+    zero = scale(0.0, d)
+    nothing = symmetric(0.0, 0.0, d)
+    force_d, force_a, force_b = zero, zero, zero
+    k_dd, k_da, k_db, k_aa, k_ab, k_bb = nothing, nothing, nothing, nothing, nothing, nothing
+    damped = cable.damping_time > 0.0
+    viscous_stiffening = 1.0 + cable.damping_time * rate_factor
+
+    for point in range(AXIAL_POINTS):
+        slopes = AXIAL_SLOPES[point]
+        rho = combine(slopes, d, a, b)
+        squared = dot(rho, rho)
+        norm = sqrt(squared)
+        strain = norm / length - 1.0
+        if damped:
+            strain += cable.damping_time * dot(rho, combine(slopes, d_dot, a_dot, b_dot)) / (norm * length)
+        weight = AXIAL_WEIGHT[point] * cable.axial_stiffness
+        stress = weight * strain / norm
+        s_d, s_a, s_b = slopes[0], slopes[1], slopes[2]
+        force_d = add_scaled(s_d * stress, rho, force_d)
+        force_a = add_scaled(s_a * stress, rho, force_a)
+        force_b = add_scaled(s_b * stress, rho, force_b)
+        radial = (weight * viscous_stiffening / length - stress) / squared
+        c = symmetric(stiffness_factor * stress, stiffness_factor * radial, rho)
+        k_dd = add_scaled(s_d * s_d, c, k_dd)
+        k_da = add_scaled(s_d * s_a, c, k_da)
+        k_db = add_scaled(s_d * s_b, c, k_db)
+        k_aa = add_scaled(s_a * s_a, c, k_aa)
+        k_ab = add_scaled(s_a * s_b, c, k_ab)
+        k_bb = add_scaled(s_b * s_b, c, k_bb)
+
+    for point in range(BENDING_POINTS):
+        slopes = BENDING_SLOPES[point]
+        curvatures = BENDING_CURVATURES[point]
+        rho = combine(slopes, d, a, b)
+        chi = combine(curvatures, d, a, b)
+        inverse_squared = 1.0 / dot(rho, rho)
+        stretch_gradient = dot(rho, chi) * inverse_squared
+        bent = add_scaled(-stretch_gradient, rho, chi)  # P χ = k |ρ| l
+        weight = BENDING_WEIGHT[point] * cable.bending_stiffness * inverse_squared / length
+        moment = scale(weight, bent)
+        if damped:
+            # rate of k |ρ| l seen from the turning tangent: P (χ_dot - (ρ·χ/ρ²) ρ_dot) - P χ (ρ·ρ_dot/ρ²)
+            rho_dot = combine(slopes, d_dot, a_dot, b_dot)
+            turned = add_scaled(-stretch_gradient, rho_dot, combine(curvatures, d_dot, a_dot, b_dot))
+            turned = add_scaled(-dot(rho, turned) * inverse_squared, rho, turned)
+            turned = add_scaled(-dot(rho, rho_dot) * inverse_squared, bent, turned)
+            moment = add_scaled(weight * cable.damping_time, turned, moment)
+        on_rho = add_scaled(-dot(bent, moment) * inverse_squared, rho, scale(-stretch_gradient, moment))
+        force_d = add_scaled(slopes[0], on_rho, add_scaled(curvatures[0], moment, force_d))
+        force_a = add_scaled(slopes[1], on_rho, add_scaled(curvatures[1], moment, force_a))
+        force_b = add_scaled(slopes[2], on_rho, add_scaled(curvatures[2], moment, force_b))
+        stiff = stiffness_factor * weight * viscous_stiffening
+        c = symmetric(stiff, -stiff * inverse_squared, rho)
+        s_d, s_a, s_b = curvatures[0], curvatures[1], curvatures[2]
+        k_dd = add_scaled(s_d * s_d, c, k_dd)
+        k_da = add_scaled(s_d * s_a, c, k_da)
+        k_db = add_scaled(s_d * s_b, c, k_db)
+        k_aa = add_scaled(s_a * s_a, c, k_aa)
+        k_ab = add_scaled(s_a * s_b, c, k_ab)
+        k_bb = add_scaled(s_b * s_b, c, k_bb)
+
+    return force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb
+
+
+@kernel
+def chord_and_slopes(coordinates, element, cable):
+    """The three vectors d, A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
+    like = cable.gravity
+    chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
+    slope_a = scale(cable.element_length, load(coordinates[element, 1], like))
+    slope_b = scale(cable.element_length, load(coordinates[element + 1, 1], like))
+    return chord, slope_a, slope_b
+
+
+@kernel
+def inertia(cable, accelerations, element):
+    """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B."""
+    like = cable.gravity
+    length = cable.element_length
+    mass = cable.mass_per_length * length
+    r_a = subtract(load(accelerations[element, 0], like), cable.gravity)
+    r_b = subtract(load(accelerations[element + 1, 0], like), cable.gravity)
+    a = scale(length, load(accelerations[element, 1], like))
+    b = scale(length, load(accelerations[element + 1, 1], like))
+    on_r_a = scale(mass, add_scaled(MASS[0][0], r_a, combine(MASS[0][1:], a, r_b, b)))
+    on_a = scale(mass, add_scaled(MASS[1][0], r_a, combine(MASS[1][1:], a, r_b, b)))
+    on_r_b = scale(mass, add_scaled(MASS[2][0], r_a, combine(MASS[2][1:], a, r_b, b)))
+    on_b = scale(mass, add_scaled(MASS[3][0], r_a, combine(MASS[3][1:], a, r_b, b)))
+    return on_r_a, on_a, on_r_b, on_b
+
+
+@kernel
+def add_element(cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side):
+    """Add one element to the residual and tangent of the nodes at its ends.
+
+    The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
+    """
+    length = cable.element_length
+    d, a, b = chord_and_slopes(e, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
+    force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = continuum(
+        cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
+    )
+    on_r_a, on_a, on_r_b, on_b = inertia(cable, e_ddot, element)
+
+    accumulate(subtract(force_d, on_r_a), right_side[element, 0])
+    accumulate(scale(-length, add_scaled(1.0, force_a, on_a)), right_side[element, 1])
+    store(scale(-1.0, add_scaled(1.0, force_d, on_r_b)), right_side[element + 1, 0])
+    store(scale(-length, add_scaled(1.0, force_b, on_b)), right_side[element + 1, 1])
+
+    mass = mass_factor * cable.mass_per_length * length
+    first, second = mass * length, mass * length * length  # of slopes: one and two lengths more
+    squared = length * length
+    cross = full(-length, k_da, MASS[0][1] * first)
+    accumulate(full(1.0, k_dd, MASS[0][0] * mass), diagonal[element, 0, 0])
+    accumulate(cross, diagonal[element, 0, 1])
+    accumulate(cross, diagonal[element, 1, 0])
+    accumulate(full(squared, k_aa, MASS[1][1] * second), diagonal[element, 1, 1])
+    cross = full(length, k_db, MASS[2][3] * first)
+    store(full(1.0, k_dd, MASS[2][2] * mass), diagonal[element + 1, 0, 0])
+    store(cross, diagonal[element + 1, 0, 1])
+    store(cross, diagonal[element + 1, 1, 0])
+    store(full(squared, k_bb, MASS[3][3] * second), diagonal[element + 1, 1, 1])
+    coupling = full(-1.0, k_dd, MASS[0][2] * mass)
+    store(coupling, upper[element, 0, 0])
+    store(coupling, lower[element, 0, 0])
+    coupling = full(-length, k_db, MASS[0][3] * first)
+    store(coupling, upper[element, 0, 1])
+    store(coupling, lower[element, 1, 0])
+    coupling = full(length, k_da, MASS[1][2] * first)
+    store(coupling, upper[element, 1, 0])
+    store(coupling, lower[element, 0, 1])
+    coupling = full(squared, k_ab, MASS[1][3] * second)
+    store(coupling, upper[element, 1, 1])
+    store(coupling, lower[element, 1, 1])
+
+
+@kernel
+def mean_tension(cable, state, element):
+    """Tension (N) of an element: mean of EA (ε + τ ε_dot) over its length.
+
+    Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value.
+    """
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    tension = 0.0
+    for point in range(AXIAL_POINTS):
+        rho = combine(AXIAL_SLOPES[point], d, a, b)
+        norm = sqrt(dot(rho, rho))
+        strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * cable.element_length)
+        strain = norm / cable.element_length - 1.0
+        tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
+    return tension
+
+
+@kernel
+def elastic_energy(cable, state, element):
+    """Strain energy (J) of an element (eq. 8 with the strains of `continuum`)."""
+    length = cable.element_length
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    energy = 0.0
+    for point in range(AXIAL_POINTS):
+        rho = combine(AXIAL_SLOPES[point], d, a, b)
+        strain = sqrt(dot(rho, rho)) / length - 1.0
+        energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
+    for point in range(BENDING_POINTS):
+        rho = combine(BENDING_SLOPES[point], d, a, b)
+        chi = combine(BENDING_CURVATURES[point], d, a, b)
+        squared = dot(rho, rho)
+        bent = add_scaled(-dot(rho, chi) / squared, rho, chi)
+        curvature_squared = dot(bent, bent) / (squared * length * length)
+        energy += 0.5 * length * BENDING_WEIGHT[point] * cable.bending_stiffness * curvature_squared
+    return energy

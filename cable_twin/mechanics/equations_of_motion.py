@@ -1,0 +1,137 @@
+"""Residual and tangent of the whole system (paper, eq. 16) and one linear solution of it.
+
+With q = (r, e, n) and λ, eq. 16 and every Newton step on it have the same shape,
+
+    | M_r   0     0     Φ_rᵀ |   | bodies               |
+    | 0     M_e   0     Φ_eᵀ |   | nodal coordinates    |
+    | 0     0     0     Φ_nᵀ |   | sliding coordinates  |  =  - residual,
+    | Φ_r   Φ_e   Φ_n   0    |   | multipliers          |
+
+where M stands for  mass_factor M + rate_factor ∂Q/∂q_dot + ∂Q/∂q. Rows 1, 3 and 4 of a carriage touch one
+element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 is block-tridiagonal.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
+from cable_twin.mechanics.cable_element import add_element
+from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.sliding_joint import add_joint, position_on_cable, recover_joint, velocity_acceleration
+from cable_twin.mechanics.vectors import accumulate, apply, full, load, minus, multiply, outer, scale, store, symmetric
+
+
+@kernel
+def measure_gaps(system, state, work):
+    """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
+
+    Returns:
+        The largest gap of a joint (m).
+    """
+    worst = 0.0
+    for carriage in range(system.carriages.fixed.size):
+        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+        close_joints(system.carriages, state, carriage, place[0], place[1], work)
+        if state.drive_mode[carriage] == SPEED:
+            work.sliding_increment[carriage] = state.reference[carriage, 0] - state.sliding_coordinate[carriage]
+    for body in range(work.joint_gap.shape[0]):
+        worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
+    return worst
+
+
+@kernel
+def measure_gap_accelerations(system, state, work):
+    """Right side γ of eq. 12 for all constraints, in m/s²: what is left of Φ_ddot when all accelerations are zero."""
+    for carriage in range(system.carriages.fixed.size):
+        place = velocity_acceleration(system.cable, state, carriage)
+        joint_accelerations(system.carriages, state, carriage, place[0], place[1], work)
+        if state.drive_mode[carriage] == SPEED:
+            work.sliding_increment[carriage] = state.reference[carriage, 2]
+
+
+@kernel
+def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Residual and tangent of rows 1-4, carriages eliminated; needs the gaps measured.
+
+    Args:
+        system: parameters.
+        state: where to linearise.
+        mass_factor: ∂acceleration/∂unknown of the caller's method, 1/s² (1 when the unknowns are accelerations).
+        rate_factor: ∂velocity/∂unknown, 1/s.
+        stiffness_factor: ∂coordinate/∂unknown, 1 (0 when the unknowns are accelerations).
+        work: takes the result.
+    """
+    cable = system.cable
+    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
+    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
+    right_side[0] = 0.0
+    diagonal[0] = 0.0
+    for element in range(cable.element_count):
+        add_element(cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side)
+    for carriage in range(system.carriages.fixed.size):
+        condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+        add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+    hold_supports(cable, work)
+
+
+@kernel
+def hold_supports(cable, work):
+    """Take out of the equations of both end nodes what their supports hold; keep what was there as the reaction.
+
+    With P the projector onto what is free, row and column of the node become P K P + (1 - P).
+    """
+    like = cable.gravity
+    square = outer(0.0, like, like)
+    identity = full(0.0, symmetric(0.0, 0.0, like), 1.0)
+    last = cable.element_count
+    for end in range(2):
+        node = 0 if end == 0 else last
+        out, back = (work.upper[0], work.lower[0]) if end == 0 else (work.lower[last - 1], work.upper[last - 1])
+        for i in range(2):
+            free_i = load(cable.support_projector[end, i], square)
+            right = load(work.right_side[node, i], like)
+            store(scale(-1.0, right), work.support_residual[end, i])
+            store(apply(free_i, right), work.right_side[node, i])
+            for j in range(2):
+                free_j = load(cable.support_projector[end, j], square)
+                inner = multiply(multiply(free_i, load(work.diagonal[node, i, j], square)), free_j)
+                store(inner, work.diagonal[node, i, j])
+                store(multiply(free_i, load(out[i, j], square)), out[i, j])
+                store(multiply(load(back[i, j], square), free_j), back[i, j])
+            accumulate(minus(identity, free_i), work.diagonal[node, i, i])
+
+
+@kernel
+def solve(system, state, work):
+    """Solve for all increments: nodal ones in `right_side`, the others in `*_increment`; multipliers are updated.
+
+    Returns:
+        False when the system has no solution.
+    """
+    like = system.cable.gravity
+    if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
+        return False
+    for carriage in range(system.carriages.fixed.size):
+        moved = recover_joint(system, state, carriage, work)
+        recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+    return True
+
+
+@kernel
+def solve_accelerations(system, state, work):
+    """Eq. 16 as printed: all accelerations and multipliers of `state` from its coordinates and velocities.
+
+    Returns:
+        False when the system has no solution.
+    """
+    state.nodal_accelerations[:] = 0.0
+    state.body_accelerations[:] = 0.0
+    measure_gap_accelerations(system, state, work)
+    assemble(system, state, 1.0, 0.0, 0.0, work)
+    if not solve(system, state, work):
+        return False
+    state.nodal_accelerations[:] = work.right_side
+    state.body_accelerations[:] = work.body_increment
+    state.sliding_acceleration[:] = work.sliding_increment
+    return True

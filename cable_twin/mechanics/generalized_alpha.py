@@ -1,0 +1,238 @@
+"""The real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), full Newton.
+
+One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, with the updates of Newmark on the auxiliary acceleration a:
+(1 - α_m) a' + α_m a = (1 - α_f) q_ddot' + α_f q_ddot.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import NamedTuple
+
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.drive import advance_reference
+from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.sliding_joint import driven_force
+from cable_twin.mechanics.state import copy_state
+
+
+class Outcome(NamedTuple):
+    """What came of a call: read `converged` before anything else."""
+
+    converged: bool
+    steps: int  # whole steps taken
+    iterations: int  # Newton iterations in all
+    halvings: int  # failed tries that were repeated with half the step
+    gap: float  # m, largest gap of a joint at the end of a step
+    increment: float  # m, largest of the last Newton iteration that did not converge, else of the last step
+
+
+class Coefficients(NamedTuple):
+    """Generalized-alpha for one spectral radius (Chung, Hulbert 1993)."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+
+
+@kernel
+def coefficients(spectral_radius):
+    """The coefficients that damp infinite frequency by `spectral_radius` a step, and low ones least."""
+    alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
+    alpha_f = spectral_radius / (spectral_radius + 1.0)
+    gamma = 0.5 + alpha_f - alpha_m
+    return Coefficients(alpha_m, alpha_f, 0.25 * (0.5 + gamma) * (0.5 + gamma), gamma)
+
+
+@kernel
+def predict(c, h, coordinates, velocities, accelerations, algorithmic):
+    """Start of the iteration for one set of coordinates: the acceleration of the step before goes on."""
+    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
+    for i in range(x.size):
+        after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
+        x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
+        v[i] += h * ((1.0 - c.gamma) * a[i] + c.gamma * after)
+        a[i] = after
+
+
+@kernel
+def correct(c, h, increments, coordinates, velocities, accelerations, algorithmic):
+    """Apply Newton increments (m, rad) to one set of coordinates."""
+    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
+    delta = increments.ravel()
+    by_velocity = c.gamma / (c.beta * h)
+    by_algorithmic = 1.0 / (c.beta * h * h)
+    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    for i in range(x.size):
+        x[i] += delta[i]
+        v[i] += by_velocity * delta[i]
+        a[i] += by_algorithmic * delta[i]
+        q_ddot[i] += by_acceleration * delta[i]
+
+
+@kernel
+def largest_increment(system, work):
+    """Size (m) of the last Newton increment: positions, slopes times element length, sliding coordinates; nan if any."""
+    length = system.cable.element_length
+    worst, total = 0.0, 0.0
+    for node in range(work.right_side.shape[0]):
+        for i in range(work.right_side.shape[2]):
+            r, slope = work.right_side[node, 0, i], length * work.right_side[node, 1, i]
+            worst = max(worst, abs(r), abs(slope))
+            total += r + slope
+    for body in range(work.body_increment.shape[0]):
+        x, z = work.body_increment[body, 0], work.body_increment[body, 1]
+        worst = max(worst, abs(x), abs(z))
+        total += x + z + work.body_increment[body, 2]
+    for carriage in range(work.sliding_increment.size):
+        worst = max(worst, abs(work.sliding_increment[carriage]))
+        total += work.sliding_increment[carriage]
+    return worst if isfinite(total) else total - total
+
+
+@kernel
+def step(system, state, h, work):
+    """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m)."""
+    solver = system.solver
+    c = coefficients(solver.spectral_radius)
+    for carriage in range(system.carriages.fixed.size):
+        if state.drive_mode[carriage] == SPEED:
+            advance_reference(system.carriages, system.cable, state, carriage, h)
+            state.sliding_velocity[carriage] = state.reference[carriage, 1]
+            state.sliding_acceleration[carriage] = state.reference[carriage, 2]
+
+    predict(
+        c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic
+    )
+    predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
+    predict_sliding(state, h)
+    mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
+    rate_factor = c.gamma / (c.beta * h)
+
+    increment = 0.0
+    for iteration in range(1, solver.max_iterations + 1):
+        measure_gaps(system, state, work)
+        assemble(system, state, mass_factor, rate_factor, 1.0, work)
+        if not solve(system, state, work):
+            return False, iteration, increment, 0.0
+        increment = largest_increment(system, work)
+        if not isfinite(increment):
+            return False, iteration, increment, 0.0
+        correct(
+            c,
+            h,
+            work.right_side,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            state.nodal_accelerations,
+            state.nodal_algorithmic,
+        )
+        correct(
+            c,
+            h,
+            work.body_increment,
+            state.body_coordinates,
+            state.body_velocities,
+            state.body_accelerations,
+            state.body_algorithmic,
+        )
+        correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
+        if increment < solver.tolerance:
+            gap = measure_gaps(system, state, work)
+            return isfinite(gap), iteration, increment, gap
+    return False, solver.max_iterations, increment, 0.0
+
+
+@kernel
+def predict_sliding(state, h):
+    """Start of the iteration for the sliding coordinates, which have no inertia: extrapolated at constant acceleration."""
+    for carriage in range(state.sliding_coordinate.size):
+        if state.drive_mode[carriage] != SPEED:
+            a = state.sliding_acceleration[carriage]
+            state.sliding_coordinate[carriage] += h * (state.sliding_velocity[carriage] + 0.5 * h * a)
+            state.sliding_velocity[carriage] += h * a
+        else:
+            state.sliding_coordinate[carriage] = state.reference[carriage, 0]
+
+
+@kernel
+def correct_sliding(state, rate_factor, acceleration_factor, work):
+    """Apply Newton increments (m) to the sliding coordinates."""
+    for carriage in range(state.sliding_coordinate.size):
+        delta = work.sliding_increment[carriage]
+        state.sliding_coordinate[carriage] += delta
+        if state.drive_mode[carriage] != SPEED:
+            state.sliding_velocity[carriage] += rate_factor * delta
+            state.sliding_acceleration[carriage] += acceleration_factor * delta
+
+
+@kernel
+def limited_step(system, state, before, h, work):
+    """One step in which no driven joint takes more than its force limit.
+
+    A drive that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at
+    the start of the step.
+    """
+    converged, iterations, increment, gap = step(system, state, h, work)
+    saturated = False
+    for carriage in range(system.carriages.fixed.size):
+        work.saturation[carriage] = 0.0
+        if converged and before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
+            force, limit = driven_force(system, state, carriage), system.carriages.force_limit[carriage]
+            if abs(force) > limit and not system.carriages.fixed[carriage]:
+                work.saturation[carriage] = limit if force > 0.0 else -limit
+                saturated = True
+    if not saturated:
+        return converged, iterations, increment, gap
+    copy_state(before, state)
+    for carriage in range(system.carriages.fixed.size):
+        if work.saturation[carriage] != 0.0:
+            state.drive_mode[carriage] = FORCE
+            state.drive_force[carriage] = work.saturation[carriage]
+    converged, more, increment, gap = step(system, state, h, work)
+    for carriage in range(system.carriages.fixed.size):
+        if work.saturation[carriage] != 0.0:
+            state.drive_mode[carriage] = SPEED
+            state.reference[carriage, 0] = state.sliding_coordinate[carriage]
+            state.reference[carriage, 1] = state.sliding_velocity[carriage]
+            state.reference[carriage, 2] = 0.0
+    return converged, iterations + more, increment, gap
+
+
+@kernel
+def advance(system, state, good, before, work, steps):
+    """Take `steps` whole steps: a frame in one call, without the interpreter lock.
+
+    A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, `state` goes back to the
+    last good step and the outcome says so. `good` and `before` are scratch of the shape of `state`.
+    """
+    solver = system.solver
+    iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
+    for done in range(steps):
+        copy_state(state, good)
+        converged = False
+        for level in range(solver.max_halvings + 1):
+            parts = 1 << level
+            converged, gap = True, 0.0
+            for part in range(parts):
+                if converged:
+                    start = good
+                    if part > 0:
+                        start = before
+                        copy_state(state, before)
+                    converged, used, increment, gap = limited_step(system, state, start, solver.step / parts, work)
+                    iterations += used
+            if converged:
+                worst_gap = max(worst_gap, gap)
+                break
+            copy_state(good, state)
+            halvings += 1
+        if not converged:
+            return Outcome(False, done, iterations, halvings, worst_gap, increment)
+        state.clock[0] += 1
+    for carriage in range(system.carriages.fixed.size):
+        if state.drive_mode[carriage] == SPEED:
+            state.drive_force[carriage] = driven_force(system, state, carriage)
+    return Outcome(True, steps, iterations, halvings, worst_gap, increment)

@@ -1,0 +1,75 @@
+"""What can be read from a state: shape, tension, reactions, energy. Nothing here changes the motion."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.cable_element import elastic_energy, mean_tension
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps
+from cable_twin.mechanics.shape_functions import MASS
+from cable_twin.mechanics.sliding_joint import position_on_cable
+from cable_twin.mechanics.vectors import dot, load, store
+
+
+@kernel
+def sample_positions(cable, state, arc_lengths, positions):
+    """Fill `positions` (n, dim) in m at `arc_lengths` (n,) in m."""
+    for k in range(arc_lengths.size):
+        store(position_on_cable(cable, state, arc_lengths[k]), positions[k])
+
+
+@kernel
+def sample_tensions(cable, state, arc_lengths, tensions, means):
+    """Fill `tensions` (n,) in N: linear between the means of the elements, placed at their middles.
+
+    `means` (elements,) is scratch. The end elements go on with the slope of their neighbour.
+    """
+    count = cable.element_count
+    for element in range(count):
+        means[element] = mean_tension(cable, state, element)
+    for k in range(arc_lengths.size):
+        if count == 1:
+            tensions[k] = means[0]
+        else:
+            place = arc_lengths[k] / cable.element_length - 0.5
+            left = min(max(int(place), 0), count - 2)
+            tensions[k] = means[left] + (place - left) * (means[left + 1] - means[left])
+
+
+@kernel
+def support_forces(system, state, work, forces):
+    """Fill `forces` (2, dim) in N: what start and end supports exert on the cable, from the balance of the end nodes."""
+    measure_gaps(system, state, work)
+    assemble(system, state, 1.0, 0.0, 0.0, work)
+    for end in range(2):
+        for i in range(forces.shape[1]):
+            forces[end, i] = work.support_residual[end, 0, i]
+
+
+@kernel
+def energies(system, state):
+    """Kinetic, elastic and gravitational energy (J) of cable and carriages; gravitational is zero at the origin."""
+    cable, carriages = system.cable, system.carriages
+    like = cable.gravity
+    length = cable.element_length
+    kinetic, elastic, gravitational = 0.0, 0.0, 0.0
+    for element in range(cable.element_count):
+        elastic += elastic_energy(cable, state, element)
+        for i in range(4):
+            scale_i = length if i % 2 else 1.0
+            v_i = load(state.nodal_velocities[element + i // 2, i % 2], like)
+            for j in range(4):
+                scale_j = length if j % 2 else 1.0
+                v_j = load(state.nodal_velocities[element + j // 2, j % 2], like)
+                share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
+                kinetic += 0.5 * share * dot(v_i, v_j)
+            # the position shape functions sum to one, so a row of M applied to g is the weight
+            row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
+            gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
+    for body in range(carriages.mass.size):
+        v = state.body_velocities[body]
+        kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
+        kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+        q = state.body_coordinates[body]
+        gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    return kinetic, elastic, gravitational
+

@@ -1,0 +1,200 @@
+"""The sliding joint between cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
+
+Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
+f_t is what acts on the carriage along the cable (the paper has f_t = 0). A driven joint has s given instead, and
+its drive force is what that takes.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
+
+FRICTION_SPEED = 1e-3  # m/s, where rolling friction has reached 71 % of its value
+
+
+@kernel
+def locate(cable, arc_length):
+    """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
+    element = min(max(int(arc_length / cable.element_length), 0), cable.element_count - 1)
+    return element, arc_length - element * cable.element_length
+
+
+@kernel
+def interpolate(coordinates, element, weights, like):
+    """Weighted sum (dim,) of the four nodal vectors of an element."""
+    return add_scaled(
+        weights[0],
+        load(coordinates[element, 0], like),
+        add_scaled(
+            weights[1],
+            load(coordinates[element, 1], like),
+            add_scaled(
+                weights[2],
+                load(coordinates[element + 1, 0], like),
+                scale(weights[3], load(coordinates[element + 1, 1], like)),
+            ),
+        ),
+    )
+
+
+@kernel
+def position_on_cable(cable, state, arc_length):
+    """r (dim,) in m at an arc length."""
+    element, x = locate(cable, arc_length)
+    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+
+
+@kernel
+def velocity_acceleration(cable, state, carriage):
+    """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
+    element, x = locate(cable, state.sliding_coordinate[carriage])
+    s_dot = state.sliding_velocity[carriage]
+    turning = interpolate(
+        state.nodal_velocities, element, shape_functions_x(x, cable.element_length), cable.gravity
+    )
+    bending = interpolate(
+        state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), cable.gravity
+    )
+    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
+
+
+@kernel
+def stop_force(carriages, cable, carriage, s, s_dot):
+    """Force (N) of the end stops along the cable and its derivatives by s and ṡ.
+
+    A buffer of Hunt and Crossley: k d (1 + c ḋ) over the penetration d, never pulling.
+    """
+    stroke = carriages.stop_stroke[carriage]
+    sign, depth = 1.0, stroke - s
+    if s > 0.5 * cable.unstrained_length:
+        sign, depth = -1.0, s - (cable.unstrained_length - stroke)
+    stiffness, damping = carriages.stop_stiffness[carriage], carriages.stop_damping[carriage]
+    hysteresis = 1.0 - sign * damping * s_dot
+    if depth <= 0.0 or hysteresis <= 0.0:
+        return 0.0, 0.0, 0.0
+    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
+
+
+@kernel
+def friction_force(carriages, carriage, normal, s_dot):
+    """Friction (N) along the cable at the normal contact force (N), its derivatives by ṡ and by the normal force."""
+    regular = sqrt(s_dot * s_dot + FRICTION_SPEED * FRICTION_SPEED)
+    direction = s_dot / regular
+    rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
+    by_speed = -rolling * normal * (1.0 - direction * direction) / regular - viscous
+    return -rolling * normal * direction - viscous * s_dot, by_speed, -rolling * direction
+
+
+@kernel
+def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
+    """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
+
+    Needs the chain condensed (`condense_chain`), and `sliding_increment` where the joint is driven.
+    """
+    cable, carriages = system.cable, system.carriages
+    like = cable.gravity
+    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    element, x = locate(cable, s)
+    shape = shape_functions(x, cable.element_length)
+    shape_x = shape_functions_x(x, cable.element_length)
+    r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
+    r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), like)
+    first = carriages.body_offset[carriage]
+    force = load(state.multipliers[first], like)
+    impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
+
+    norm = sqrt(dot(r_x, r_x))
+    tangential = dot(force, r_x) / norm
+    normal_force = add_scaled(-tangential / norm, r_x, force)
+    normal = sqrt(dot(normal_force, normal_force))
+    f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
+    f_friction, friction_by_s_dot, friction_by_normal = friction_force(carriages, carriage, normal, s_dot)
+
+    d_r_x = apply_impedance(impedance, r_x)
+    if state.drive_mode[carriage] == SPEED:
+        pivot, right = 1.0, work.sliding_increment[carriage]
+        d_along, across = scale(0.0, like), scale(0.0, like)
+    else:
+        f_t = state.drive_force[carriage] + f_friction + f_stop
+        across = add_scaled(-f_t / norm, r_x, force)
+        along = add_scaled(-norm * friction_by_normal / max(normal, 1e-12), normal_force, r_x)
+        d_along = apply_impedance(impedance, along)
+        pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * stop_by_s)
+        pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
+        right = norm * f_t - dot(force, r_x) - dot(along, residual)
+    work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
+
+    d = (impedance[0], impedance[1], impedance[2])
+    contact = add_scaled(1.0, force, residual)
+    for i in range(4):
+        store(
+            add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), work.sliding_row[carriage, i]
+        )
+    diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
+    for i in range(4):
+        side, slot = i // 2, i % 2
+        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        pull = add_scaled(shape[i], contact, scale(right / pivot, column))
+        accumulate(scale(-1.0, pull), right_side[element + side, slot])
+        for j in range(4):
+            if j // 2 == side:
+                target = diagonal[element + side, slot, j % 2]
+            elif side == 0:
+                target = upper[element, slot, j % 2]
+            else:
+                target = lower[element, slot, j % 2]
+            row = load(rows[carriage, j], like)
+            accumulate(minus(full(shape[i] * shape[j], d, 0.0), outer(1.0 / pivot, column, row)), target)
+
+
+@kernel
+def driven_force(system, state, carriage):
+    """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
+    cable, carriages = system.cable, system.carriages
+    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    element, x = locate(cable, s)
+    r_x = interpolate(
+        state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity
+    )
+    force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
+    norm = sqrt(dot(r_x, r_x))
+    tangential = dot(force, r_x) / norm
+    normal_force = add_scaled(-tangential / norm, r_x, force)
+    normal = sqrt(dot(normal_force, normal_force))
+    f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
+    f_friction, _, _ = friction_force(carriages, carriage, normal, s_dot)
+    return tangential - f_friction - f_stop
+
+
+@kernel
+def apply_impedance(impedance, displacement):
+    """Product D p (dim,) of the symmetric impedance (xx, xz, zz) and a displacement."""
+    return (
+        impedance[0] * displacement[0] + impedance[1] * displacement[1],
+        impedance[1] * displacement[0] + impedance[2] * displacement[1],
+    )
+
+
+@kernel
+def recover_joint(system, state, carriage, work):
+    """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
+    cable = system.cable
+    like = cable.gravity
+    element, x = locate(cable, state.sliding_coordinate[carriage])
+    shape = shape_functions(x, cable.element_length)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), like)
+    moved = scale(0.0, like)
+    right = work.sliding_right[carriage]
+    for i in range(4):
+        increment = load(work.right_side[element + i // 2, i % 2], like)
+        moved = add_scaled(shape[i], increment, moved)
+        right -= dot(load(work.sliding_row[carriage, i], like), increment)
+    delta = right / work.sliding_pivot[carriage]
+    work.sliding_increment[carriage] = delta
+    return add_scaled(delta, r_x, moved)
+

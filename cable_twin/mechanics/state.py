@@ -1,0 +1,136 @@
+"""What changes while the twin runs, and the scratch space of the solver: arrays only, so that kernels work in place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, System
+
+
+class State(NamedTuple):
+    """Motion of the whole system at one time.
+
+    `*_algorithmic` are the auxiliary accelerations of generalized-alpha, a weighted mean over a step of the true ones.
+    """
+
+    nodal_coordinates: FloatArray  # e, (nodes, 2, dim): r in m, r_x
+    nodal_velocities: FloatArray  # (nodes, 2, dim) m/s, 1/s
+    nodal_accelerations: FloatArray  # (nodes, 2, dim) m/s², 1/s²
+    nodal_algorithmic: FloatArray  # (nodes, 2, dim)
+    body_coordinates: FloatArray  # r, (bodies, 3): x, z in m, pitch in rad
+    body_velocities: FloatArray  # (bodies, 3) m/s, rad/s
+    body_accelerations: FloatArray  # (bodies, 3) m/s², rad/s²
+    body_algorithmic: FloatArray  # (bodies, 3)
+    sliding_coordinate: FloatArray  # n, (carriages,) m, arc length on the whole cable
+    sliding_velocity: FloatArray  # (carriages,) m/s
+    sliding_acceleration: FloatArray  # (carriages,) m/s²
+    multipliers: FloatArray  # lambda, (bodies, 2) N on each body at its upper pivot; first of a chain: sliding joint
+    drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
+    drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED
+    drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
+    drive_braking: NDArray[np.bool_]  # (carriages,) the emergency deceleration is in force
+    reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
+    clock: NDArray[np.int64]  # (1,) whole solver steps since the start
+
+
+class Workspace(NamedTuple):
+    """Residual, tangent and what elimination leaves behind; contents have no meaning between steps."""
+
+    diagonal: FloatArray  # (nodes, 2, 2, dim²): matrices of r and r_x against r and r_x
+    upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
+    lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
+    right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
+    support_residual: FloatArray  # (2, 2, dim) residual rows of start and end before the supports take them
+    joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
+    body_residual: FloatArray  # (bodies, 3)
+    body_increment: FloatArray  # (bodies, 3)
+    pitch_pivot: FloatArray  # (bodies,) eliminated row of the pitch: its pivot
+    pitch_row: FloatArray  # (bodies, 2) coefficients of the upper pivot's displacement
+    pitch_right: FloatArray  # (bodies,)
+    impedance: FloatArray  # (bodies + 1, 3) D of the chain from this body down: xx, xz, zz
+    impedance_force: FloatArray  # (bodies + 1, 2) b of the same: Δλ = D Δp + b
+    sliding_pivot: FloatArray  # (carriages,) eliminated row of the sliding coordinate
+    sliding_row: FloatArray  # (carriages, 4, dim)
+    sliding_right: FloatArray  # (carriages,)
+    sliding_increment: FloatArray  # (carriages,)
+    saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
+
+
+def allocate_state(system: System) -> State:
+    """State of zeros with every joint at rest; `equilibrium` fills it."""
+    nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
+    bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
+    nodal = [np.zeros((nodes, 2, dim)) for _ in range(4)]
+    body = [np.zeros((bodies, 3)) for _ in range(4)]
+    sliding = [np.zeros(carriages) for _ in range(3)]
+    modes = np.where(system.carriages.fixed, SPEED, FREE).astype(np.int64)
+    return State(
+        *nodal,
+        *body,
+        *sliding,
+        multipliers=np.zeros((bodies, 2)),
+        drive_force=np.zeros(carriages),
+        drive_mode=modes,
+        drive_target=np.zeros(carriages),
+        drive_braking=np.zeros(carriages, dtype=np.bool_),
+        reference=np.zeros((carriages, 3)),
+        clock=np.zeros(1, dtype=np.int64),
+    )
+
+
+def allocate_workspace(system: System) -> Workspace:
+    """Scratch space of the size of `system`."""
+    nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
+    bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
+    return Workspace(
+        diagonal=np.zeros((nodes, 2, 2, dim * dim)),
+        upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
+        lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
+        right_side=np.zeros((nodes, 2, dim)),
+        support_residual=np.zeros((2, 2, dim)),
+        joint_gap=np.zeros((bodies, 2)),
+        body_residual=np.zeros((bodies, 3)),
+        body_increment=np.zeros((bodies, 3)),
+        pitch_pivot=np.zeros(bodies),
+        pitch_row=np.zeros((bodies, 2)),
+        pitch_right=np.zeros(bodies),
+        impedance=np.zeros((bodies + 1, 3)),
+        impedance_force=np.zeros((bodies + 1, 2)),
+        sliding_pivot=np.zeros(carriages),
+        sliding_row=np.zeros((carriages, 4, dim)),
+        sliding_right=np.zeros(carriages),
+        sliding_increment=np.zeros(carriages),
+        saturation=np.zeros(carriages),
+    )
+
+
+def clone_state(state: State) -> State:
+    """Independent copy."""
+    return State(*(array.copy() for array in state))
+
+
+@kernel
+def copy_state(source, target):
+    """Write every array of `source` into `target`."""
+    target.nodal_coordinates[:] = source.nodal_coordinates
+    target.nodal_velocities[:] = source.nodal_velocities
+    target.nodal_accelerations[:] = source.nodal_accelerations
+    target.nodal_algorithmic[:] = source.nodal_algorithmic
+    target.body_coordinates[:] = source.body_coordinates
+    target.body_velocities[:] = source.body_velocities
+    target.body_accelerations[:] = source.body_accelerations
+    target.body_algorithmic[:] = source.body_algorithmic
+    target.sliding_coordinate[:] = source.sliding_coordinate
+    target.sliding_velocity[:] = source.sliding_velocity
+    target.sliding_acceleration[:] = source.sliding_acceleration
+    target.multipliers[:] = source.multipliers
+    target.drive_force[:] = source.drive_force
+    target.drive_mode[:] = source.drive_mode
+    target.drive_target[:] = source.drive_target
+    target.drive_braking[:] = source.drive_braking
+    target.reference[:] = source.reference
+    target.clock[:] = source.clock
