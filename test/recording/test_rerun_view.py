@@ -1,0 +1,327 @@
+"""The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
+
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+rr = pytest.importorskip("rerun")
+psutil = pytest.importorskip("psutil")  # rerun brings it
+
+from rerun.chunk import RrdReader  # noqa: E402
+
+from cable_twin.recording.rerun_view import RerunView, describe_command, outline_from_pivots  # noqa: E402
+from cable_twin.records import (  # noqa: E402
+    AppliedCommand,
+    BodyState,
+    CableSamples,
+    CarriageState,
+    Command,
+    Snapshot,
+    SolverReport,
+    SupportState,
+)
+
+SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
+LOAD, HORIZONTAL = 90e3, 420e3  # N of the cabin, N of rope pull
+FRAMES, RATE = 1500, 100.0
+RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
+OUTLINES = {
+    "cabin": {
+        "hanger": outline_from_pivots((0.0, 2.4), (0.0, -2.6)),
+        "cabin": outline_from_pivots((0.0, 1.6), gyration_radius=1.3),
+    }
+}
+
+
+def rope_height(x, cabin, pull):
+    """Parabola of a rope between its supports with a point load: the kink is at the load."""
+    chord = RISE * x / SPAN
+    own = WEIGHT * x * (SPAN - x) / (2.0 * pull)
+    point = LOAD / pull * np.where(x < cabin, x * (SPAN - cabin), cabin * (SPAN - x)) / SPAN
+    return chord - own - point
+
+
+def snapshot_at(moment, samples=200):
+    """A cabin that starts at 150 m, accelerates to 12 m/s, and swings in two modes; the pull follows the load."""
+    ramp = min(moment, 6.0)
+    speed = 2.0 * ramp + 0.15 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
+    x = 150.0 + ramp**2 + 12.0 * max(moment - 6.0, 0.0)
+    pull = HORIZONTAL * (1.0 + 0.16 * np.sin(np.pi * x / SPAN)) * (1.0 + 0.004 * np.sin(9.0 * moment))
+    stations = np.linspace(0.0, SPAN, samples)
+    heights = rope_height(stations, x, pull)
+    slope = np.gradient(heights, stations)
+    tensions = pull * np.sqrt(1.0 + slope**2) + 4e3 * (stations < x)
+    arc = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(stations), np.diff(heights)))))
+    joint = np.array([x, rope_height(np.array(x), x, pull)])
+
+    hanger = 0.16 * np.sin(1.1 * moment) * np.exp(-0.04 * moment)
+    cabin = hanger + 0.08 * np.sin(3.4 * moment)
+    down = lambda angle: np.array([-np.sin(angle), -np.cos(angle)])  # noqa: E731
+    hanger_mass = joint + 2.4 * down(hanger)
+    cabin_mass = hanger_mass + 2.6 * down(hanger) + 1.6 * down(cabin)
+    bodies = {
+        "hanger": BodyState(*hanger_mass, hanger, speed, 0.0, 0.0),
+        "cabin": BodyState(*cabin_mass, cabin, speed, 0.0, 0.0),
+    }
+    force = 9.0e3 * (moment < 6.0) + 12e3 + 2e3 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
+    carriage = CarriageState(float(np.interp(x, stations, arc)), speed, force, np.array([0.0, -LOAD]), joint, bodies)
+    supports = {"start": SupportState(np.array([-pull, 4e4])), "end": SupportState(np.array([pull, 4e4]))}
+    cable = CableSamples(arc, np.column_stack([stations, heights]), tensions)
+    return Snapshot(moment, {"cabin": carriage}, supports, cable, SolverReport(10, 20, 0, 1e-12))
+
+
+def commands():
+    drive = AppliedCommand(0.5, Command("speed", {"cabin": 12.0}), "topic")
+    stop = AppliedCommand(13.0, Command("emergency_stop", {}), "service")
+    return {0.3: drive, 12.9: stop}
+
+
+def draw(path, frames=FRAMES, **options):
+    """Write a run and return the snapshots."""
+    snapshots = [snapshot_at(index / RATE) for index in range(frames)]
+    orders = commands()
+    view = RerunView("test ropeway", OUTLINES, path=path, live=False, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # rerun turns mistakes into warnings
+        for index, snapshot in enumerate(snapshots):
+            if (order := orders.get(snapshot.time)) is not None:
+                view.log_command(order)
+            view.log(snapshot)
+            if index % 40 == 0:
+                view.flush()
+        view.close()
+    return snapshots
+
+
+def column(path, entity, component):
+    """Return times (s) and values of one component in a file, rows in the order of time."""
+    times, values = [], []
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                times += batch.column("sim_time").cast(pa.int64()).to_pylist()
+                values += batch.column(component).to_pylist()
+    order = np.argsort(times, kind="stable")
+    return np.array(times)[order] / 1e9, [values[index] for index in order]
+
+
+def rerun_command(*arguments):
+    run = subprocess.run(
+        [sys.executable, "-m", "rerun", *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout + run.stderr
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rerun") / "run.rrd"
+    return path, draw(path)
+
+
+def test_rerun_accepts_the_file(recording):
+    path, _ = recording
+    assert "without error" in rerun_command("rrd", "verify", path)
+    stats = rerun_command("rrd", "stats", path)
+    assert "Blueprint" in stats
+    assert "/track/rope" in stats
+
+
+def test_every_snapshot_is_on_sim_time_with_its_speed(recording):
+    path, snapshots = recording
+    times, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    assert len(times) == FRAMES
+    np.testing.assert_allclose(times, [snapshot.time for snapshot in snapshots], atol=1e-9)
+    np.testing.assert_array_equal([s[0] for s in speeds], [s.carriages["cabin"].speed for s in snapshots])
+
+
+def test_nothing_but_sim_time(recording):
+    path, _ = recording
+    timelines = {name for chunk in RrdReader(path).stream() if not chunk.is_static for name in chunk.timeline_names}
+    assert timelines == {"sim_time"}
+
+
+def test_commanded_speed_holds_from_its_command_on(recording):
+    path, _ = recording
+    times, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    commanded = np.array([speed[1] for speed in speeds])
+    assert np.isnan(commanded[times < 0.5]).all()
+    np.testing.assert_array_equal(commanded[(times >= 0.5) & (times < 13.0)], 12.0)
+    np.testing.assert_array_equal(commanded[times >= 13.0], 0.0)
+    times, texts = column(path, "/commands", "TextLog:text")
+    np.testing.assert_allclose(times, [0.5, 13.0])
+    assert texts == [["speed cabin 12 m/s (topic)"], ["emergency stop (service)"]]
+
+
+def test_tension_and_swing_have_the_units_of_their_titles(recording):
+    path, snapshots = recording
+    _, tensions = column(path, "/plots/tension", "Scalars:scalars")
+    _, swings = column(path, "/plots/swing/cabin", "Scalars:scalars")
+    drawn = snapshots[700]
+    rope = drawn.cable.tensions / 1e3
+    np.testing.assert_allclose(tensions[700], [rope.max(), rope[0], rope[-1]])
+    bodies = drawn.carriages["cabin"].bodies
+    np.testing.assert_allclose(swings[700], np.rad2deg([bodies["hanger"].pitch, bodies["cabin"].pitch]))
+
+
+def test_bodies_are_drawn_where_they_are(recording):
+    path, snapshots = recording
+    joint_times, joints = column(path, "/track/carriages/cabin", "Transform3D:translation")
+    times, positions = column(path, "/track/carriages/cabin/hanger", "Transform3D:translation")
+    _, turns = column(path, "/track/carriages/cabin/hanger", "Transform3D:quaternion")
+    np.testing.assert_array_equal(times, joint_times)
+    assert len(times) == pytest.approx(FRAMES / RATE * 25.0, abs=1)
+    for row in (0, 100, 300):
+        state = snapshots[round(times[row] * RATE)].carriages["cabin"]
+        body = state.bodies["hanger"]
+        angle = 2.0 * np.arctan2(turns[row][0][2], turns[row][0][3])
+        upper = OUTLINES["cabin"]["hanger"][0] * (1.0, -1.0)
+        cos, sin = np.cos(angle), np.sin(angle)
+        drawn = np.array([cos * upper[0] - sin * upper[1], sin * upper[0] + cos * upper[1]])
+        drawn += np.array(joints[row][0][:2]) + np.array(positions[row][0][:2])
+        x, z = OUTLINES["cabin"]["hanger"][0]
+        pitch = body.pitch
+        world = [body.x + x * np.cos(pitch) + z * np.sin(pitch), body.z - x * np.sin(pitch) + z * np.cos(pitch)]
+        np.testing.assert_allclose(drawn * (1.0, -1.0), world, atol=1e-3)
+        np.testing.assert_allclose(world, state.position, atol=1e-9)  # the hanger hangs from the joint
+
+
+def test_rope_is_whole_and_has_its_kink(recording):
+    path, snapshots = recording
+    times, frames = column(path, "/track/rope", "LineStrips2D:strips")
+    _, colors = column(path, "/track/rope", "LineStrips2D:colors")
+    for row in (0, 200):
+        snapshot = snapshots[round(times[row] * RATE)]
+        lines = [np.array(line) for line in frames[row]]
+        assert len(lines) == len(colors[row]) > 1
+        for one, following in pairwise(lines):
+            np.testing.assert_array_equal(one[-1], following[0])
+        rope = np.vstack([lines[0], *(line[1:] for line in lines[1:])]) * (1.0, -1.0)
+        joint = snapshot.carriages["cabin"].position
+        expected = np.vstack([snapshot.cable.positions, joint])
+        np.testing.assert_allclose(rope, expected[np.argsort(expected[:, 0])], atol=1e-3)
+        assert all(color != other for color, other in pairwise(colors[row]))
+
+
+def test_flushed_frames_survive_without_close(tmp_path):
+    path = tmp_path / "run.rrd"
+    view = RerunView("test ropeway", OUTLINES, path=path, live=False)
+    for index in range(60):
+        view.log(snapshot_at(index / RATE))
+    view.flush()
+    copy = tmp_path / "torn.rrd"
+    copy.write_bytes(path.read_bytes())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it has no footer yet
+        times, _ = column(copy, "/plots/tension", "Scalars:scalars")
+    assert len(times) == 60
+    view.close()
+
+
+def test_close_is_final_and_may_be_repeated(tmp_path):
+    view = RerunView("test ropeway", OUTLINES, path=tmp_path / "run.rrd", live=False)
+    view.log(snapshot_at(0.0))
+    view.close()
+    view.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        view.log(snapshot_at(0.01))
+    assert rr.get_global_data_recording() is None
+
+
+def test_a_view_that_saw_nothing_leaves_a_readable_file(tmp_path):
+    path = tmp_path / "run.rrd"
+    RerunView("test ropeway", {}, path=path, live=False).close()
+    rerun_command("rrd", "verify", path)
+
+
+def test_view_to_nowhere_and_unknown_unit_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="shows nothing"):
+        RerunView("test ropeway", {}, path=None, live=False)
+    with pytest.raises(ValueError, match="lbf"):
+        RerunView("test ropeway", {}, path=tmp_path / "run.rrd", live=False, force_unit="lbf")
+
+
+def test_live_view_listens_on_this_machine_only():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    view = RerunView("test ropeway", OUTLINES, path=None, live=True, live_port=port)
+    try:
+        view.log(snapshot_at(0.0))
+        view.flush()
+        assert view.url == f"rerun+http://127.0.0.1:{port}/proxy"
+        listening = []
+        deadline = time.monotonic() + 10.0
+        while not listening and time.monotonic() < deadline:
+            sockets = psutil.Process().net_connections(kind="tcp")
+            listening = [s.laddr.ip for s in sockets if s.laddr.port == port and s.status == psutil.CONN_LISTEN]
+        assert listening == ["127.0.0.1"]
+    finally:
+        view.close()
+
+
+def test_file_or_port_that_cannot_be_had_is_an_error_at_once(tmp_path):
+    with pytest.raises(OSError, match="No such file"):
+        RerunView("test ropeway", {}, path=tmp_path / "no" / "run.rrd", live=False)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(OSError, match=f"port {port}"):
+            RerunView("test ropeway", {}, path=None, live=True, live_port=port)
+
+
+def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):
+    """The plane is x and z whatever the dimension; a body without outline, a free end and no rope pull do no harm."""
+    path = tmp_path / "run.rrd"
+    view = RerunView("test rope", {}, path=path, live=False)
+    arc = np.linspace(0.0, 4.0, 9)
+    positions = np.column_stack([np.zeros(9), np.full(9, 7.0), -arc])
+    bodies = {"rod": BodyState(0.0, -2.5, 0.0, 0.0, 0.0, 0.0)}
+    carriage = CarriageState(2.0, 0.0, 5.0, np.zeros(3), positions[4], bodies)
+    supports = {"start": SupportState(np.zeros(3))}
+    for index in range(5):
+        cable = CableSamples(arc, positions, np.full(9, 40.0 * index))
+        report = SolverReport(10, 20, 0, 0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            view.log(Snapshot(0.05 * index, {"a/b c": carriage}, supports, cable, report))
+    view.close()
+    _, tensions = column(path, "/plots/tension", "Scalars:scalars")
+    assert tensions[-1] == [160.0, 160.0, 160.0]
+    _, strips = column(path, "/track/rope", "LineStrips2D:strips")
+    np.testing.assert_allclose(strips[0][0][-1], [0.0, 4.0])
+    rerun_command("rrd", "verify", path)
+
+
+def test_outlines_from_pivots():
+    np.testing.assert_array_equal(outline_from_pivots((0, 2), (0, -3)), [(0, 2), (0, 0), (0, -3)])
+    rod = outline_from_pivots((0, 0.5), gyration_radius=np.sqrt(1 / 12))
+    np.testing.assert_allclose(rod, [(0, 0.5), (0, -0.5)])
+    box = outline_from_pivots((0, 4), gyration_radius=1.0)
+    side = np.ptp(box[1:, 0])
+    assert np.ptp(box[1:, 1]) == pytest.approx(side)
+    assert side**2 / 6.0 == pytest.approx(1.0)  # inertia over mass of a square
+
+
+def test_commands_in_one_line():
+    command = Command("force", {"cabin": 1500.0, "other": -2.5})
+    assert describe_command(AppliedCommand(1.0, command, "file")) == "force cabin 1500 N, other -2.5 N (file)"
+
+
+def test_renderer_explains_itself(tmp_path):
+    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=60, check=True)
+    assert "without a screen" in run.stdout
+    missing = [sys.executable, RENDERER, tmp_path / "none.rrd"]
+    run = subprocess.run(missing, capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 1
+    assert "no such recording" in run.stderr
