@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.records import AppliedCommand, CableSamples, Command, CommandKind, Snapshot
+from cable_twin.records import AppliedCommand, CableSamples, Command, CommandError, CommandKind, Snapshot
 
 Time = ros2_jazzy.builtin_interfaces__msg__Time
 Header = ros2_jazzy.std_msgs__msg__Header
@@ -51,6 +51,7 @@ JOINT_STATES = "joint_states"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
 SCENARIO = "scenario"
+JOINT_COMMANDS = "joint_commands"
 APPLIED_COMMANDS = "applied_commands"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
@@ -66,10 +67,6 @@ class Message(Protocol):
     """Any message class of the typestore."""
 
     __msgtype__: ClassVar[str]
-
-
-class CommandError(ValueError):
-    """A joint command that cannot be understood: one line with what was given, what is allowed and the unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +93,7 @@ def topics(carriages: Mapping[str, Sequence[str]], *, clock: bool = False, tf: b
     """
     table = [
         Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
+        Topic(JOINT_COMMANDS, JointState.__msgtype__, depth=50),  # as received
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__),
         Topic(CABLE, PointCloud2.__msgtype__),

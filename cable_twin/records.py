@@ -29,6 +29,10 @@ class Command:
     values: Mapping[str, float]
 
 
+class CommandError(ValueError):
+    """A command that is refused whole: one line with what was given, what is allowed and the unit."""
+
+
 @dataclass(frozen=True, slots=True)
 class AppliedCommand:
     """A command with the simulated time (s) of the step boundary at which it took effect, and who gave it."""

@@ -34,12 +34,17 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
 
     ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
-    the rate of k that a rotation of the element does not make. The tangent is exact in the axial part; of the bending part
-    it keeps what acts on chi (Gauss-Newton), which is all that matters in a cable.
+    the rate of k that a rotation of the element does not make. The tangent is exact in the axial part; of the bending
+    part it keeps what acts on chi (Gauss-Newton), which is all that matters in a cable.
 
     Args:
         cable: parameters.
-        d, a, b: shape, (dim,) m each; `*_dot` their rates in m/s.
+        d: chord (dim,) in m.
+        a: slope at A times length (dim,) in m.
+        b: slope at B times length (dim,) in m.
+        d_dot: rate of d (dim,) in m/s.
+        a_dot: rate of a (dim,) in m/s.
+        b_dot: rate of b (dim,) in m/s.
         rate_factor: ∂velocity/∂coordinate of the integrator, 1/s.
         stiffness_factor: 1, or 0 for no tangent.
 
@@ -139,7 +144,9 @@ def inertia(cable, accelerations, element):
 
 
 @kernel
-def add_element(cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side):
+def add_element(
+    cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side
+):
     """Add one element to the residual and tangent of the nodes at its ends.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.

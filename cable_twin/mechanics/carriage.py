@@ -86,9 +86,7 @@ def condense_chain(carriages, gravity, state, carriage, mass_factor, stiffness_f
             low_x, low_z = 0.0, 0.0
         residual_x = mass * (q_ddot[0] - gravity[0]) - force_x + below_x
         residual_z = mass * (q_ddot[1] - gravity[1]) - force_z + below_z
-        residual_pitch = (
-            inertia * q_ddot[2] - turn_x * force_x - turn_z * force_z + low_x * below_x + low_z * below_z
-        )
+        residual_pitch = inertia * q_ddot[2] - turn_x * force_x - turn_z * force_z + low_x * below_x + low_z * below_z
         # the second derivative of an arm is the arm with its sign changed: turn' = (turn_z, -turn_x)
         geometric = -turn_z * force_x + turn_x * force_z + low_z * below_x - low_x * below_z
         gap_x, gap_z = work.joint_gap[body, 0], work.joint_gap[body, 1]

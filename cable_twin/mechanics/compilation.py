@@ -1,7 +1,7 @@
 """How every kernel of the mechanics is compiled: once, without the interpreter lock, and kept on disk.
 
 No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
-so that a fresh compilation, a cached one and another process agree to the last bit. It costs about a tenth of the speed.
+so that a fresh compilation, a cached one and another process agree to the last bit. It costs a tenth of the speed.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ _CACHE_DIRECTORY = str(cache_directory())
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile `function` on its first call, or load it from the cache."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE_DIRECTORY  # read by numba while it decorates, and only then
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = _CACHE_DIRECTORY  # read by numba while it decorates, and only then
     try:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before

@@ -68,7 +68,20 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     right_side[0] = 0.0
     diagonal[0] = 0.0
     for element in range(cable.element_count):
-        add_element(cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side)
+        add_element(
+            cable,
+            e,
+            e_dot,
+            e_ddot,
+            element,
+            mass_factor,
+            rate_factor,
+            stiffness_factor,
+            diagonal,
+            upper,
+            lower,
+            right_side,
+        )
     for carriage in range(system.carriages.fixed.size):
         condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
         add_joint(system, state, carriage, rate_factor, stiffness_factor, work)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import root
 
 from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve, solve_accelerations
+from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
 from cable_twin.mechanics.parameters import SPEED, FloatArray, System
 from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
@@ -142,6 +142,10 @@ def relax(system, state, good, work, max_relaxations, tolerance):
 def settle(system: System, state: State, work: Workspace) -> None:
     """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest.
 
+    Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
+    exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
+    fraction of a step.
+
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
@@ -164,15 +168,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"allowed are {tolerance:.3g} m"
         )
     for carriage in range(state.drive_mode.size):
-        state.drive_force[carriage] = driven_force(system, state, carriage)
+        held = modes[carriage] == SPEED
+        state.drive_force[carriage] = driven_force(system, state, carriage) if held else 0.0
     state.drive_mode[:] = modes
-
-
-def release(system: System, state: State, work: Workspace) -> None:
-    """Let go: accelerations of eq. 16 with every drive in its own mode, so that the integrator starts consistently."""
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] != SPEED:
-            state.drive_force[carriage] = 0.0
-    solve_accelerations(system, state, work)
-    state.nodal_algorithmic[:] = state.nodal_accelerations
-    state.body_algorithmic[:] = state.body_accelerations

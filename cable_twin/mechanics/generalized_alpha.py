@@ -74,7 +74,7 @@ def correct(c, h, increments, coordinates, velocities, accelerations, algorithmi
 
 @kernel
 def largest_increment(system, work):
-    """Size (m) of the last Newton increment: positions, slopes times element length, sliding coordinates; nan if any."""
+    """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if one is."""
     length = system.cable.element_length
     worst, total = 0.0, 0.0
     for node in range(work.right_side.shape[0]):
@@ -103,9 +103,7 @@ def step(system, state, h, work):
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
             state.sliding_acceleration[carriage] = state.reference[carriage, 2]
 
-    predict(
-        c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic
-    )
+    predict(c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic)
     predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
     predict_sliding(state, h)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
@@ -147,7 +145,7 @@ def step(system, state, h, work):
 
 @kernel
 def predict_sliding(state, h):
-    """Start of the iteration for the sliding coordinates, which have no inertia: extrapolated at constant acceleration."""
+    """Start of the iteration for the sliding coordinates, which have no inertia: at constant acceleration."""
     for carriage in range(state.sliding_coordinate.size):
         if state.drive_mode[carriage] != SPEED:
             a = state.sliding_acceleration[carriage]

@@ -37,7 +37,7 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 
 @kernel
 def support_forces(system, state, work, forces):
-    """Fill `forces` (2, dim) in N: what start and end supports exert on the cable, from the balance of the end nodes."""
+    """Fill `forces` (2, dim) in N: what the supports exert on the cable, from the balance of the end nodes."""
     measure_gaps(system, state, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     for end in range(2):
@@ -72,4 +72,3 @@ def energies(system, state):
         q = state.body_coordinates[body]
         gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
     return kinetic, elastic, gravitational
-

@@ -44,7 +44,7 @@ def interpolate(coordinates, element, weights, like):
 
 @kernel
 def position_on_cable(cable, state, arc_length):
-    """r (dim,) in m at an arc length."""
+    """R (dim,) in m at an arc length."""
     element, x = locate(cable, arc_length)
     return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
 
@@ -54,12 +54,8 @@ def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     element, x = locate(cable, state.sliding_coordinate[carriage])
     s_dot = state.sliding_velocity[carriage]
-    turning = interpolate(
-        state.nodal_velocities, element, shape_functions_x(x, cable.element_length), cable.gravity
-    )
-    bending = interpolate(
-        state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), cable.gravity
-    )
+    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), cable.gravity)
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
 
 
@@ -158,9 +154,7 @@ def driven_force(system, state, carriage):
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
     element, x = locate(cable, s)
-    r_x = interpolate(
-        state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity
-    )
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -197,4 +191,3 @@ def recover_joint(system, state, carriage, work):
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta
     return add_scaled(delta, r_x, moved)
-

@@ -64,14 +64,19 @@ def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
-    nodal = [np.zeros((nodes, 2, dim)) for _ in range(4)]
-    body = [np.zeros((bodies, 3)) for _ in range(4)]
-    sliding = [np.zeros(carriages) for _ in range(3)]
     modes = np.where(system.carriages.fixed, SPEED, FREE).astype(np.int64)
     return State(
-        *nodal,
-        *body,
-        *sliding,
+        nodal_coordinates=np.zeros((nodes, 2, dim)),
+        nodal_velocities=np.zeros((nodes, 2, dim)),
+        nodal_accelerations=np.zeros((nodes, 2, dim)),
+        nodal_algorithmic=np.zeros((nodes, 2, dim)),
+        body_coordinates=np.zeros((bodies, 3)),
+        body_velocities=np.zeros((bodies, 3)),
+        body_accelerations=np.zeros((bodies, 3)),
+        body_algorithmic=np.zeros((bodies, 3)),
+        sliding_coordinate=np.zeros(carriages),
+        sliding_velocity=np.zeros(carriages),
+        sliding_acceleration=np.zeros(carriages),
         multipliers=np.zeros((bodies, 2)),
         drive_force=np.zeros(carriages),
         drive_mode=modes,
@@ -110,7 +115,7 @@ def allocate_workspace(system: System) -> Workspace:
 
 def clone_state(state: State) -> State:
     """Independent copy."""
-    return State(*(array.copy() for array in state))
+    return State._make(array.copy() for array in state)
 
 
 @kernel

@@ -15,7 +15,7 @@ from cable_twin.mechanics.compilation import kernel
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
-_OPTIONS = {"error_model": "numpy"}
+_OPTIONS: Any = {"error_model": "numpy"}
 
 
 @kernel
@@ -248,9 +248,7 @@ def determinant(a):
     """Determinant of a full matrix."""
     if len(a) == 4:
         return a[0] * a[3] - a[1] * a[2]
-    return (
-        a[0] * (a[4] * a[8] - a[5] * a[7]) - a[1] * (a[3] * a[8] - a[5] * a[6]) + a[2] * (a[3] * a[7] - a[4] * a[6])
-    )
+    return a[0] * (a[4] * a[8] - a[5] * a[7]) - a[1] * (a[3] * a[8] - a[5] * a[6]) + a[2] * (a[3] * a[7] - a[4] * a[6])
 
 
 def adjugate(c: float, a: Matrix) -> Matrix:

@@ -1,0 +1,218 @@
+"""The command `replay`: simulate a log again from its own scenario and commands, and compare every sample."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import sys
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+from cable_twin.messages import (
+    CABLE,
+    CABLE_PATH,
+    JOINT_STATES,
+    SECOND,
+    TF,
+    MessageEncoder,
+    decode,
+    topics,
+)
+from cable_twin.recording.mcap_log import Log, LogError, read_log
+from cable_twin.records import CommandError
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+
+AGREE, DIFFER, UNREADABLE = 0, 1, 2  # exit codes
+EPILOG = """\
+exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated
+
+examples:
+  replay cable_twin_logs/2026-01-31_09-30-00
+  replay run.mcap --tolerance 1e-9         for a log of another machine
+"""
+
+
+@dataclass(slots=True)
+class Difference:
+    """Where log and replay part."""
+
+    time: float  # s
+    topic: str
+    place: str
+    logged: Any
+    replayed: Any
+
+    def __str__(self) -> str:
+        return f"at {self.time:.6f} s on {self.topic}, {self.place}: logged {self.logged!r}, replayed {self.replayed!r}"
+
+
+@dataclass(slots=True)
+class Comparison:
+    """What a replay found."""
+
+    samples: Counter[str] = field(default_factory=Counter)
+    differing: Counter[str] = field(default_factory=Counter)
+    first: Difference | None = None
+    largest: float = 0.0  # greatest difference of two numbers
+    commands: int = 0
+    end: float = 0.0  # s
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every sample agreed, and there was one."""
+        return not self.differing and bool(self.samples)
+
+
+def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
+    """Simulate `log` again and compare each message of the twin's motion with what is logged.
+
+    Args:
+        log: what to replay.
+        tolerance: greatest difference of two numbers that counts as agreement; 0 compares to the last bit.
+        progress: shows how far it is.
+
+    Raises:
+        LogError, ScenarioError, EquilibriumError, CommandError, SolverError: the log cannot be simulated.
+    """
+    simulation = Simulation(load_scenario(log.scenario), samples=int(log.metadata["sample_count"]))
+    encoder = MessageEncoder(simulation.carriages, log.epoch_ns)
+    types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
+    compared = [
+        name for name in types if name in (JOINT_STATES, CABLE, CABLE_PATH, TF) or name.startswith("carriages/")
+    ]
+    waiting = deque(log.commands)
+    result = Comparison(commands=len(waiting))
+    task = progress.add_task("replay", total=None, simulated="0.0 s") if progress is not None else None
+    stamp = -1
+    expected: dict[str, bytes] = {}
+    for topic, stamp_ns, data in log.messages(compared):
+        if stamp_ns != stamp:
+            stamp = stamp_ns
+            time = (stamp_ns - log.epoch_ns) / SECOND
+            while waiting and waiting[0].time < time:
+                simulation.advance_to(waiting[0].time)
+                simulation.apply(waiting.popleft().command, "replay")
+            snapshot = simulation.advance_to(time)
+            expected = dict(encoder.frame(snapshot))
+            expected[TF] = b""
+            result.end = time
+            if progress is not None and task is not None:
+                progress.update(task, simulated=f"{time:.1f} s")
+        if topic == TF:
+            expected[TF] = encoder.transforms(simulation.snapshot)
+        result.samples[topic] += 1
+        replayed = expected.get(topic)
+        if replayed == data:
+            continue
+        for difference in _differences(topic, types[topic], stamp_ns - log.epoch_ns, data, replayed):
+            if isinstance(difference.logged, float) and isinstance(difference.replayed, float):
+                size = abs(difference.logged - difference.replayed)
+                if size <= tolerance:
+                    continue
+                result.largest = max(result.largest, size if math.isfinite(size) else math.inf)
+            result.first = result.first or difference
+            result.differing[topic] += 1
+            break
+    return result
+
+
+def _differences(
+    topic: str, message_type: str, time_ns: int, logged: bytes, replayed: bytes | None
+) -> Iterator[Difference]:
+    """Fields in which two messages differ, decoded."""
+    time = time_ns / SECOND
+    if replayed is None:
+        yield Difference(time, topic, "message", "present", "absent")
+        return
+    pairs = zip(_leaves(decode(logged, message_type)), _leaves(decode(replayed, message_type)), strict=False)
+    for (place, a), (other_place, b) in pairs:
+        if place != other_place:
+            yield Difference(time, topic, "layout", place, other_place)
+            return
+        if a != b and not (isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)):
+            yield Difference(time, topic, place, a, b)
+
+
+def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """All plain values of a decoded message with the path to each."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        names = [item.name for item in dataclasses.fields(value)]
+        if "point_step" in names:
+            yield from _points(value)
+            names.remove("data")
+        for name in names:
+            yield from _leaves(getattr(value, name), f"{place}.{name}" if place else name)
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        yield f"{place}.length", len(value)
+        for index, item in enumerate(value):
+            yield from _leaves(item, f"{place}[{index}]")
+    elif isinstance(value, np.generic):
+        yield place, value.item()
+    else:
+        yield place, value
+
+
+def _points(cloud: Any) -> Iterator[tuple[str, float]]:
+    """Values of a PointCloud2 of float32 fields."""
+    points = np.frombuffer(cloud.data, dtype="<f4").reshape(-1, cloud.point_step // 4)
+    for (row, column), number in np.ndenumerate(points):
+        yield f"point {row}, {cloud.fields[column].name}", float(number)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Options of `replay`."""
+    result = argparse.ArgumentParser(
+        prog="replay",
+        description="Simulate a log again from its own scenario and commands, and compare every sample.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    result.add_argument("log", type=Path, help="directory of a run, or its .mcap")
+    result.add_argument(
+        "--tolerance", type=float, default=0.0, help="greatest difference of two numbers; default 0: to the last bit"
+    )
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Replay a log and report; 0 agree, 1 differ, 2 cannot read."""
+    options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    console = Console(stderr=True)
+    columns = (TextColumn("[progress.description]{task.description}"), TextColumn("{task.fields[simulated]}"))
+    try:
+        log = read_log(options.log)
+        with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
+            result = replay(log, tolerance=options.tolerance, progress=progress)
+    except (LogError, ScenarioError, EquilibriumError, CommandError, SolverError) as error:
+        for line in str(error).splitlines():
+            print(f"replay: {line}", file=sys.stderr)
+        return UNREADABLE
+    state = "complete" if log.complete else "cut short"
+    print(
+        f"{log.path}: {state}, cable_twin {log.metadata.get('package_version')}, scenario {log.scenario.get('name')}, "
+        f"{result.end:.2f} s, {result.commands} commands"
+    )
+    for topic, count in sorted(result.samples.items()):
+        print(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
+    if not result.samples:
+        print(f"replay: {log.path}: no frame of the twin in it", file=sys.stderr)
+        return UNREADABLE
+    if result.first is not None:
+        print(f"they part {result.first}")
+        print(f"greatest difference among the first of each message: {result.largest:.3g}")
+        return DIFFER
+    print("every sample agrees" + (" to the last bit" if options.tolerance == 0.0 else f" to {options.tolerance:g}"))
+    return AGREE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

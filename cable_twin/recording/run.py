@@ -1,0 +1,82 @@
+"""One recorded run of a simulation: its directory, its bag, its rerun recording, its thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
+from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.recording.recorder import Recorder
+from cable_twin.simulation import SAMPLES, Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run that is being recorded."""
+
+    directory: Path
+    recorder: Recorder
+    live_url: str | None  # where a rerun viewer finds the live view
+
+
+def start_run(
+    simulation: Simulation,
+    topics: Sequence[Topic],
+    *,
+    record_directory: Path,
+    epoch_ns: int,
+    frame_period: float,
+    rerun: str = "file",
+    namespace: str = NAMESPACE,
+) -> Run:
+    """Open the logs of a run in a new directory named after the time.
+
+    Args:
+        simulation: what is recorded; its scenario is the first message of the bag.
+        topics: what the bag will hold.
+        record_directory: parent of the new directory.
+        epoch_ns: ns since 1970 of simulated time zero.
+        frame_period: s.
+        rerun: "off", "file", or "live" (a file, and a server on 127.0.0.1).
+        namespace: full name of the node in the bag.
+
+    Raises:
+        OSError: when the directory or a file in it cannot be made.
+    """
+    directory = _new_directory(record_directory)
+    scenario = simulation.scenario
+    metadata = run_metadata(scenario=scenario.name, epoch_ns=epoch_ns, frame_period=frame_period, sample_count=SAMPLES)
+    log = McapLog(directory, topics, metadata, namespace=namespace)
+    view = None
+    if rerun != "off":
+        from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+
+        outlines = {
+            carriage: {
+                name: outline_from_pivots(body.upper_pivot, body.lower_pivot)
+                for name, body in parameters.bodies.items()
+            }
+            for carriage, parameters in scenario.carriages.items()
+        }
+        path = directory / f"{directory.name}.rrd"
+        view = RerunView(scenario.name, outlines, path=path, live=rerun == "live")
+    recorder = Recorder(log, view)
+    recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns)
+    return Run(directory, recorder, view.url if view is not None else None)
+
+
+def _new_directory(parent: Path) -> Path:
+    """Make a directory named after the time; a second run within a second waits for the next."""
+    parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        directory = parent / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+        try:
+            directory.mkdir()
+        except FileExistsError:
+            time.sleep(0.2)
+        else:
+            return directory

@@ -1,0 +1,1 @@
+"""The ROS 2 side: the node `sim` and the terminal command `drive`."""

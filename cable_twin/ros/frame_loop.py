@@ -1,0 +1,220 @@
+"""The solver's thread: frames at absolute deadlines, commands at frame boundaries. Knows nothing of rclpy.
+
+A frame is computed ahead and published when its simulated time is due, so that lateness is that of the clock and not
+of the solver. A command takes effect at the boundary after its arrival. No step is ever skipped: a loop that is late
+computes without waiting until it has caught up.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.simulation import Simulation, SolverError
+
+IDLE = 0.005  # s between two looks at the queue while paused
+
+
+@dataclass(slots=True)
+class FrameStatistics:
+    """What the loop did since these were last taken."""
+
+    lateness: list[float] = field(default_factory=list)  # s, of each frame
+    missed: int = 0  # frames later than their period
+    steps: int = 0
+    iterations: int = 0
+    halvings: int = 0
+    constraint_residual: float = 0.0  # m, worst
+    simulated: float = 0.0  # s
+    since: float = field(default_factory=time.monotonic)
+
+    def summary(self) -> dict[str, float]:
+        """Figures by the names they have in the diagnostics."""
+        elapsed = max(time.monotonic() - self.since, 1e-9)
+        lateness = np.array(self.lateness or [0.0]) * 1e3
+        return {
+            "real_time_factor": self.simulated / elapsed,
+            "lateness_median_ms": float(np.median(lateness)),
+            "lateness_p99_ms": float(np.percentile(lateness, 99)),
+            "lateness_max_ms": float(lateness.max()),
+            "frames": len(self.lateness),
+            "missed_frames": self.missed,
+            "newton_iterations_per_step": self.iterations / max(self.steps, 1),
+            "halved_steps": self.halvings,
+            "constraint_residual_m": self.constraint_residual,
+        }
+
+
+class FrameLoop:
+    """Runs a simulation frame by frame in a thread of its own.
+
+    Args:
+        simulation: whose only user this becomes.
+        frame_steps: solver steps in a frame.
+        real_time_factor: simulated seconds a second, 0 for as fast as possible.
+        command_timeout: s of the clock after which a carriage that was told to move is told to stop.
+        on_frame: called with every new snapshot, in the loop's thread.
+        on_applied: called with every command as it takes effect, before the frame that shows it.
+        on_fault: called with a line about what failed.
+        paused: wait for `pause(False)` or `step`.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        frame_steps: int,
+        real_time_factor: float,
+        command_timeout: float,
+        on_frame: Callable[[Snapshot], None],
+        on_applied: Callable[[AppliedCommand], None],
+        on_fault: Callable[[str], None],
+        paused: bool = False,
+    ) -> None:
+        self.command_timeout = command_timeout
+        self.frame_period = frame_steps * simulation.step
+        self.fault = ""  # why the twin stands still, if it does
+        self._simulation = simulation
+        self._factor = real_time_factor
+        self._on_frame, self._on_applied, self._on_fault = on_frame, on_applied, on_fault
+        self._paused = paused
+        self._requests: deque[tuple[Command | None, str, Future[AppliedCommand | None]]] = deque()
+        self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
+        self._statistics = FrameStatistics()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="solver", daemon=True)
+
+    @property
+    def paused(self) -> bool:
+        """Whether simulated time stands still."""
+        return self._paused
+
+    @property
+    def simulated_time(self) -> float:
+        """Simulated time (s) of the newest computed frame."""
+        return self._simulation.snapshot.time
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after the frame in hand; requests that still wait are cancelled."""
+        self._stopping = True
+        if self._thread.is_alive():
+            self._thread.join()
+        while self._requests:
+            self._requests.popleft()[2].cancel()
+
+    def submit(self, command: Command, source: str) -> Future[AppliedCommand | None]:
+        """Hand over a command; the future gives it as applied, or the `CommandError` that refused it."""
+        future: Future[AppliedCommand | None] = Future()
+        self._requests.append((command, source, future))
+        return future
+
+    def pause(self, paused: bool) -> None:
+        """Stop simulated time or let it run."""
+        self._paused = paused
+
+    def step(self) -> Future[AppliedCommand | None]:
+        """Take one frame while paused."""
+        future: Future[AppliedCommand | None] = Future()
+        self._requests.append((None, "step", future))
+        return future
+
+    def take_statistics(self) -> FrameStatistics:
+        """What happened since the last call."""
+        taken, self._statistics = self._statistics, FrameStatistics()
+        return taken
+
+    def _run(self) -> None:
+        self._on_frame(self._simulation.snapshot)
+        anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
+        while not self._stopping:
+            stepping = self._obey()
+            if self._paused and not stepping:
+                anchor = None
+                time.sleep(IDLE)
+                continue
+            if anchor is None:
+                anchor = time.monotonic(), self._simulation.time
+            snapshot = self._advance()
+            if snapshot is not None:
+                if self._factor > 0.0:
+                    self._wait(anchor[0] + (snapshot.time - anchor[1]) / self._factor)
+                self._on_frame(snapshot)
+            for future in stepping:
+                if not future.set_running_or_notify_cancel():
+                    continue
+                future.set_result(None)
+
+    def _advance(self) -> Snapshot | None:
+        """Compute the next frame; a failed step stops simulated time and says so."""
+        before = self._simulation.time
+        try:
+            snapshot = self._simulation.advance_to(before + self.frame_period)
+        except SolverError as error:
+            self.fault = str(error)
+            self._paused = True
+            self._on_fault(f"{error}; the twin is paused, reset it to go on")
+            return None
+        report, statistics = snapshot.solver, self._statistics
+        statistics.steps += report.steps
+        statistics.iterations += report.iterations
+        statistics.halvings += report.halvings
+        statistics.constraint_residual = max(statistics.constraint_residual, report.constraint_residual)
+        statistics.simulated += snapshot.time - before
+        return snapshot
+
+    def _wait(self, due: float) -> None:
+        remaining = due - time.monotonic()
+        if remaining > 0.0:
+            time.sleep(remaining)
+        late = max(time.monotonic() - due, 0.0)
+        self._statistics.lateness.append(late)
+        if late > self.frame_period / self._factor:
+            self._statistics.missed += 1
+
+    def _obey(self) -> Sequence[Future[AppliedCommand | None]]:
+        """Apply what waits; returns the requests for a single frame."""
+        stepping = []
+        while self._requests:
+            command, source, future = self._requests.popleft()
+            if command is None:
+                stepping.append(future)
+                continue
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                applied = self._apply(command, source)
+            except CommandError as error:
+                future.set_exception(error)
+            else:
+                future.set_result(applied)
+        now = time.monotonic()
+        silent = [name for name, deadline in self._deadlines.items() if now > deadline]
+        if silent and not self._paused:
+            self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
+        return stepping
+
+    def _apply(self, command: Command, source: str) -> AppliedCommand:
+        applied = self._simulation.apply(command, source)
+        if command.kind in ("speed", "force"):
+            until = time.monotonic() + self.command_timeout
+            for name, value in command.values.items():
+                if value != 0.0:
+                    self._deadlines[name] = until
+                else:
+                    self._deadlines.pop(name, None)
+        else:
+            self._deadlines.clear()
+            self.fault = ""
+        self._on_applied(applied)
+        return applied

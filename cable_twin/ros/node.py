@@ -1,0 +1,346 @@
+"""The node `cable_twin`: parameters, topics and services around the frame loop."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path as PathMessage
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from cable_twin.messages import (
+    CLOCK,
+    DIAGNOSTICS,
+    JOINT_COMMANDS,
+    SCENARIO,
+    TF,
+    MessageEncoder,
+    applied_command_message,
+    clock_message,
+    command_from_joint_state,
+    decode,
+    diagnostics_message,
+    scenario_message,
+    topics,
+)
+from cable_twin.recording.run import Run, start_run
+from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.simulation import Simulation
+
+try:  # not among the wheels
+    from tf2_msgs.msg import TFMessage
+except ImportError:
+    TFMessage = None
+
+MESSAGE_TYPES = {
+    f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
+    for kind in (DiagnosticArray, PoseStamped, PathMessage, Clock, JointState, PointCloud2, String, TFMessage)
+    if kind is not None
+}
+SERVICE_TIMEOUT = 5.0  # s
+WARNING_PERIOD = 1.0  # s between two warnings of one kind
+
+
+class ParameterError(ValueError):
+    """Parameters that the node cannot start with, a line each."""
+
+
+class TwinNode(Node):
+    """Publishes a simulation in real time and takes its commands.
+
+    Raises:
+        ParameterError: a parameter is out of its range.
+        ScenarioError: the scenario does not load.
+        OSError: the log cannot be made.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("cable_twin")
+        self._settings = self._declare()
+        self._refused = 0
+        self._commands_applied = 0
+        self._warned: dict[str, float] = {}
+        scenario = load_scenario(self._settings["scenario"])
+        self._simulation = self._start_simulation(scenario)
+        self._epoch_ns = time.time_ns()
+        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns)
+        self._frame_steps = self._count_frame_steps()
+        self._topics = topics(
+            self._simulation.carriages, clock=self._settings["publish_clock"], tf=TFMessage is not None
+        )
+        self._raw_publishers = {
+            topic.name: self.create_publisher(
+                MESSAGE_TYPES[topic.type],
+                topic.name if topic.name.startswith("/") else f"~/{topic.name}",
+                QoSProfile(
+                    depth=topic.depth,
+                    reliability=ReliabilityPolicy[topic.reliability.upper()],
+                    durability=DurabilityPolicy[topic.durability.upper()],
+                ),
+            )
+            for topic in self._topics
+            if topic.name != JOINT_COMMANDS
+        }
+        self._run = self._start_recording()
+        self._loop = FrameLoop(
+            self._simulation,
+            frame_steps=self._frame_steps,
+            real_time_factor=self._settings["real_time_factor"],
+            command_timeout=self._settings["command_timeout"],
+            on_frame=self._publish_frame,
+            on_applied=self._record_applied,
+            on_fault=self._report_fault,
+            paused=self._settings["start_paused"],
+        )
+        self._raw_publishers[SCENARIO].publish(scenario_message(scenario.resolved()))
+        self.create_subscription(JointState, f"~/{JOINT_COMMANDS}", self._on_command, 50, raw=True)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/step", self._on_step)
+        self.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
+        self.create_timer(1.0, self._publish_diagnostics)
+        self.add_on_set_parameters_callback(self._on_parameters)
+
+    def start(self) -> None:
+        """Let simulated time run."""
+        self._loop.start()
+        rate = 1.0 / self._loop.frame_period
+        names = ", ".join(self._simulation.carriages)
+        self.get_logger().info(
+            f"'{self._simulation.scenario.name}' runs at {rate:g} Hz; carriages: {names}; "
+            f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
+        )
+
+    def stop(self) -> None:
+        """Stop the loop and close the logs; the node itself is destroyed by its owner."""
+        self._loop.stop()
+        if self._run is not None:
+            self._run.recorder.close()
+            self._report_recording_faults()
+            self.get_logger().info(f"log closed: {self._run.directory}")
+
+    def _declare(self) -> dict[str, Any]:
+        """Declare every parameter of the table and check what was given."""
+        faults = []
+        values: dict[str, Any] = {}
+        for parameter in PARAMETERS:
+            # dynamic, so that 100 may stand for 100.0
+            descriptor = ParameterDescriptor(
+                description=parameter.help, read_only=parameter.name != "command_timeout", dynamic_typing=True
+            )
+            value: Any = self.declare_parameter(parameter.name, parameter.default, descriptor).value
+            if isinstance(parameter.default, float) and isinstance(value, int) and not isinstance(value, bool):
+                value = float(value)
+            if type(value) is not type(parameter.default):
+                kind = type(parameter.default).__name__
+                faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
+            elif fault := parameter.fault(value):
+                faults.append(fault)
+            values[parameter.name] = value
+        if faults:
+            raise ParameterError("\n".join(faults))
+        return values
+
+    def _start_simulation(self, scenario: Scenario) -> Simulation:
+        """Build the simulation, and say so when its kernels must be compiled first."""
+        started = time.monotonic()
+        told = threading.Event()
+
+        def tell() -> None:
+            told.set()
+            self.get_logger().info("compiling the solver's kernels, once on this machine: about half a minute")
+
+        timer = threading.Timer(2.0, tell)
+        timer.start()
+        try:
+            return Simulation(scenario)
+        finally:
+            timer.cancel()
+            if told.is_set():
+                self.get_logger().info(f"kernels compiled in {time.monotonic() - started:.1f} s and kept for next time")
+
+    def _count_frame_steps(self) -> int:
+        period = 1.0 / self._settings["frame_rate"]
+        steps = max(round(period / self._simulation.step), 1)
+        if abs(steps * self._simulation.step - period) > 1e-9:
+            self.get_logger().warning(
+                f"frame_rate {self._settings['frame_rate']:g} Hz is no whole number of solver steps of "
+                f"{self._simulation.step:g} s: {1.0 / (steps * self._simulation.step):g} Hz is used"
+            )
+        return steps
+
+    def _start_recording(self) -> Run | None:
+        if not self._settings["record"]:
+            return None
+        run = start_run(
+            self._simulation,
+            self._topics,
+            record_directory=Path(self._settings["record_directory"]).expanduser(),
+            epoch_ns=self._epoch_ns,
+            frame_period=self._frame_steps * self._simulation.step,
+            rerun=self._settings["rerun"],
+            namespace=self.get_fully_qualified_name(),
+        )
+        live = f"; live view: rerun {run.live_url}" if run.live_url else ""
+        self.get_logger().info(f"log: {run.directory}{live}")
+        return run
+
+    def _publish_frame(self, snapshot: Snapshot) -> None:
+        """Build the messages of a frame once; publish and record the same bytes."""
+        stamp_ns = self._encoder.stamp_ns(snapshot)
+        messages = self._encoder.frame(snapshot)
+        if CLOCK in self._raw_publishers:
+            messages.append((CLOCK, clock_message(stamp_ns)))
+        if TF in self._raw_publishers:
+            messages.append((TF, self._encoder.transforms(snapshot)))
+        for topic, data in messages:
+            self._raw_publishers[topic].publish(data)
+        if self._run is not None:
+            self._run.recorder.record(messages, stamp_ns, snapshot)
+
+    def _record_applied(self, applied: AppliedCommand) -> None:
+        self._commands_applied += 1
+        data = applied_command_message(applied, self._epoch_ns)
+        self._raw_publishers["applied_commands"].publish(data)
+        if self._run is not None:
+            stamp_ns = self._epoch_ns + round(applied.time * 1e9)
+            self._run.recorder.record_command(applied, data, stamp_ns)
+        if applied.source == "command_timeout":
+            names = ", ".join(applied.command.values)
+            self.get_logger().warning(
+                f"no command for {self._loop.command_timeout:g} s: {names} ramps to a stop "
+                f"from {applied.time:.2f} s of simulated time on"
+            )
+
+    def _on_command(self, data: bytes) -> None:
+        """A drive command: record it as it came, then apply it whole or refuse it whole."""
+        if self._run is not None:
+            stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
+            self._run.recorder.record([(JOINT_COMMANDS, data)], stamp_ns)
+        try:
+            message = decode(data, "sensor_msgs/msg/JointState")
+            command = command_from_joint_state(message.name, message.position, message.velocity, message.effort)
+        except CommandError as error:
+            self._refuse(error)
+            return
+        except Exception as error:
+            self._refuse(CommandError(f"not a JointState: {error}"))
+            return
+        self._loop.submit(command, JOINT_COMMANDS).add_done_callback(self._on_obeyed)
+
+    def _on_obeyed(self, future: Any) -> None:
+        if not future.cancelled() and future.exception() is not None:
+            self._refuse(future.exception())
+
+    def _refuse(self, error: BaseException) -> None:
+        self._refused += 1
+        now = time.monotonic()
+        if now - self._warned.get(JOINT_COMMANDS, -WARNING_PERIOD) >= WARNING_PERIOD:
+            self._warned[JOINT_COMMANDS] = now
+            self.get_logger().warning(
+                f"{self.get_fully_qualified_name()}/{JOINT_COMMANDS}: command refused, "
+                f"the last good one stays: {error} ({self._refused} refused so far)"
+            )
+
+    def _serve(self, command: Command, response: Any, done: str) -> Any:
+        try:
+            applied = self._loop.submit(command, "service").result(SERVICE_TIMEOUT)
+        except (CommandError, TimeoutError) as error:
+            response.success, response.message = False, str(error) or f"no answer within {SERVICE_TIMEOUT:g} s"
+        else:
+            when = applied.time if applied is not None else self._loop.simulated_time
+            response.success, response.message = True, f"{done} at {when:.3f} s of simulated time"
+        return response
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._serve(Command("reset", {}), response, "state put back to the start")
+
+    def _on_emergency_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if request.data:
+            return self._serve(Command("emergency_stop", {}), response, "emergency stop")
+        return self._serve(Command("release", {}), response, "emergency stop released")
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._loop.pause(request.data)
+        response.success = True
+        response.message = f"{'paused' if request.data else 'running'} at {self._loop.simulated_time:.3f} s"
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self._loop.paused:
+            response.success, response.message = False, "not paused: call ~/pause with true first"
+            return response
+        try:
+            self._loop.step().result(SERVICE_TIMEOUT)
+        except TimeoutError:
+            response.success, response.message = False, f"no frame within {SERVICE_TIMEOUT:g} s"
+        else:
+            response.success = True
+            response.message = f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
+        return response
+
+    def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        """Only `command_timeout` may change while the twin runs."""
+        table = {parameter.name: parameter for parameter in PARAMETERS}
+        for parameter in parameters:
+            if parameter.name in table and (fault := table[parameter.name].fault(parameter.value)):
+                return SetParametersResult(successful=False, reason=fault)
+        for parameter in parameters:
+            if parameter.name == "command_timeout":
+                self._loop.command_timeout = float(parameter.value)
+        return SetParametersResult(successful=True)
+
+    def _publish_diagnostics(self) -> None:
+        statistics = self._loop.take_statistics().summary()
+        values: dict[str, str] = {key: f"{value:.6g}" for key, value in statistics.items()}
+        values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
+        values["commands_applied"] = str(self._commands_applied)
+        values["commands_refused"] = str(self._refused)
+        values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
+        if self._run is not None:
+            values["log_backlog_frames"] = str(self._run.recorder.backlog)
+            values["log_dropped_frames"] = str(self._run.recorder.dropped)
+        level, message = self._judge(statistics)
+        stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
+        data = diagnostics_message(stamp_ns, level, message, values, name=self.get_name())
+        self._raw_publishers[DIAGNOSTICS].publish(data)
+        if self._run is not None:
+            self._run.recorder.record([(DIAGNOSTICS, data)], stamp_ns)
+            self._report_recording_faults()
+
+    def _report_fault(self, line: str) -> None:
+        self.get_logger().error(line)
+
+    def _judge(self, statistics: Mapping[str, float]) -> tuple[int, str]:
+        """Level and message of the diagnostics."""
+        if self._loop.fault:
+            return 2, self._loop.fault
+        if self._run is not None and not self._run.recorder.recording:
+            return 2, "nothing is recorded any more"
+        if self._simulation.emergency_stopped:
+            return 1, "emergency stop in force"
+        if self._loop.paused:
+            return 0, "paused"
+        if statistics["missed_frames"] > 0:
+            return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
+        return 0, "running"
+
+    def _report_recording_faults(self) -> None:
+        if self._run is not None:
+            while self._run.recorder.faults:
+                self.get_logger().error(self._run.recorder.faults.pop(0))

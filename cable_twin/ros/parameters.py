@@ -1,0 +1,60 @@
+"""The node's parameters: one table for ROS parameters, for the options of `sim` and for their help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+RERUN_MODES = ("off", "file", "live")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter: what it means, its unit and what it may be."""
+
+    name: str
+    default: str | bool | float
+    description: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def help(self) -> str:
+        """Description with unit and range."""
+        text = self.description
+        if self.low is not None:
+            text += f" ({self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''})"
+        elif self.choices:
+            text += f" ({', '.join(self.choices)})"
+        return text
+
+    def fault(self, value: object) -> str | None:
+        """What is wrong with a value, in a line; None when nothing is."""
+        if self.choices and value not in self.choices:
+            return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
+        if self.low is None or self.high is None:
+            return None
+        if not isinstance(value, int | float) or not self.low <= value <= self.high:
+            unit = f" {self.unit}" if self.unit else ""
+            return f"parameter '{self.name}' is {value}; allowed are {self.low:g} to {self.high:g}{unit}"
+        return None
+
+
+PARAMETERS = (
+    Parameter("scenario", "aerial_tramway", "name of a scenario, or path of its YAML file"),
+    Parameter("frame_rate", 100.0, "frames published in a second of simulated time", "Hz", 1.0, 1000.0),
+    Parameter(
+        "real_time_factor", 1.0, "simulated seconds in a second of the clock, 0 as fast as possible", "", 0.0, 1000.0
+    ),
+    Parameter("record", True, "write an MCAP bag, and a rerun recording as `rerun` says"),
+    Parameter("record_directory", "cable_twin_logs", "where each run makes a directory of its own"),
+    Parameter(
+        "rerun", "file", "rerun recording: none, a file beside the bag, or that and a live view", choices=RERUN_MODES
+    ),
+    Parameter(
+        "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
+    ),
+    Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
+    Parameter("publish_clock", False, "publish /clock"),
+)

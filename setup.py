@@ -1,0 +1,14 @@
+"""ament_python package: installs alike with pip and with colcon."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+setup(
+    packages=find_packages(include=["cable_twin", "cable_twin.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/cable_twin"]),
+        ("share/cable_twin", ["package.xml"]),
+        ("share/cable_twin/config", glob("config/*.yaml")),
+    ],
+)
