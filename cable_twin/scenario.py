@@ -1,0 +1,204 @@
+"""Scenario files: read one, say everything that is wrong with it, and build the constants of the mechanics from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from os.path import isfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+
+from cable_twin.scenario_checks import Fault, find_faults, inner_model, show, unknown_key
+from cable_twin.scenario_parameters import build_system
+from cable_twin.scenario_schema import Scenario
+
+__all__ = ["Scenario", "ScenarioError", "build_system", "config_directory", "load_scenario", "scenario_names"]
+
+SUFFIXES = (".yaml", ".yml")
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be run; its text has one line a fault.
+
+    Attributes:
+        faults: the lines: file, key path, what was given, what is allowed, unit.
+    """
+
+    def __init__(self, *faults: str) -> None:
+        super().__init__(*faults)
+        self.faults = faults
+
+    def __str__(self) -> str:
+        return "\n".join(self.faults)
+
+
+def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """Read a scenario.
+
+    Args:
+        source: name of a scenario in the config directory, path of a YAML file, or the content of one.
+        overrides: values by dotted key, as in `{"cable.elements": 48}`; a list is overridden whole.
+
+    Returns:
+        The scenario, with defaults for what it leaves open.
+
+    Raises:
+        ScenarioError: with every fault of the scenario, one line each.
+    """
+    faults: list[Fault] = []
+    if isinstance(source, Mapping):
+        label, name, content = "mapping", "custom", source
+    else:
+        file = _find(source)
+        label, name = str(file), file.stem
+        content, faults = _read(file)
+    overrides = overrides or {}
+    try:
+        data = _plain(content, (), faults)
+        if not isinstance(data, dict):
+            raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
+        for key, value in overrides.items():
+            faults += _override(data, key, _plain(value, tuple(str(key).split(".")), faults))
+    except RecursionError:
+        raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
+    data.setdefault("name", name)
+    scenario, found = find_faults(data)
+    faults += [fault for fault in found if fault not in faults]
+    if scenario is None or faults:
+        raise ScenarioError(*(_line(label, fault, overrides) for fault in faults))
+    return scenario
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios in the config directory, sorted; files of node parameters are not scenarios."""
+    files = (file for suffix in SUFFIXES for file in config_directory().glob(f"*{suffix}"))
+    return sorted(file.stem for file in files if b"ros__parameters" not in file.read_bytes())
+
+
+def config_directory() -> Path:
+    """Where the scenario files are: beside the package in a checkout, else in the share directory of its prefix.
+
+    Raises:
+        ScenarioError: when there is none.
+    """
+    for module in (Path(__file__).absolute(), Path(__file__).resolve()):
+        checkout = module.parent.parent
+        if (checkout / "resource" / "cable_twin").is_file() and (checkout / "config").is_dir():
+            return checkout / "config"
+        for prefix in module.parents:
+            shared = prefix / "share" / "cable_twin" / "config"
+            if shared.is_dir():
+                return shared
+    raise ScenarioError(f"{__file__}: no share/cable_twin/config in any directory above; install cable_twin again")
+
+
+def _find(source: Any) -> Path:
+    """The file that a name or a path means; a name goes before a file of the same name."""
+    if not isinstance(source, str | Path) or not str(source):
+        raise ScenarioError(f"scenario: given {show(source)}; allowed: a name, the path of a YAML file, or a mapping")
+    path = Path(source)
+    if not (isinstance(source, str) and path.name == source and path.suffix not in SUFFIXES):
+        return path
+    names = scenario_names()
+    if source in names:
+        return next(file for suffix in SUFFIXES if (file := config_directory() / f"{source}{suffix}").is_file())
+    if isfile(path):
+        return path
+    raise ScenarioError(
+        f"scenario: given {source!r}, which is neither a scenario nor a file; "
+        f"allowed: {', '.join(names) or '(none installed)'}, or the path of a YAML file"
+    )
+
+
+def _read(file: Path) -> tuple[Any, list[Fault]]:
+    """Content of a YAML 1.2 file, in which 1e6 is a number, and a fault for every key given twice."""
+    try:
+        text = file.expanduser().read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        names = ", ".join(scenario_names())
+        raise ScenarioError(f"{file}: no such file; allowed: a YAML file, or one of {names}") from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{file}: not a text in UTF-8 (byte {error.start}); allowed: a YAML file") from None
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{file}: cannot be read ({reason}); allowed: a YAML file") from None
+    yaml = YAML(typ="safe", pure=True)
+    yaml.allow_duplicate_keys = True  # found below, all of them
+    try:
+        duplicates = list(_duplicate_keys(yaml.compose(text), (), set()))
+        return yaml.load(text), duplicates
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        line = f":{mark.line + 1}" if mark else ""
+        reason = getattr(error, "problem", None) or getattr(error, "context", None) or str(error)
+        raise ScenarioError(f"{file}{line}: not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2") from None
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else error
+        raise ScenarioError(f"{file}: holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
+
+
+def _duplicate_keys(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Fault]:
+    """Every key that a mapping of the file has twice."""
+    if id(node) in seen:
+        return
+    seen.add(id(node))
+    if isinstance(node, SequenceNode):
+        for number, item in enumerate(node.value):
+            yield from _duplicate_keys(item, (*path, number), seen)
+    if isinstance(node, MappingNode):
+        lines: dict[str, int] = {}
+        for key, value in node.value:
+            word, line = str(key.value), key.start_mark.line + 1
+            if word in lines:
+                yield Fault((*path, word), f"given twice, on lines {lines[word]} and {line}; allowed: once")
+            lines.setdefault(word, line)
+            yield from _duplicate_keys(value, (*path, word), seen)
+
+
+def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
+    """An own copy of dicts, lists and scalars, without numpy; keys that are no text are faults."""
+    if isinstance(value, Mapping):
+        strange = [key for key in value if not isinstance(key, str)]
+        faults += [Fault(path, f"given {show(key)} as a key; allowed: keys that are texts") for key in strange]
+        return {key: _plain(item, (*path, key), faults) for key, item in value.items() if isinstance(key, str)}
+    if isinstance(value, list | tuple):
+        return [_plain(item, (*path, number), faults) for number, item in enumerate(value)]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value
+
+
+def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
+    """Set one value by its dotted key; carriages and bodies must be there, other sections are made."""
+    parts = str(key).split(".")
+    node: dict[str, Any] = data
+    container: type | None = None
+    model: type[BaseModel] | None = Scenario
+    for depth, part in enumerate(parts, start=1):
+        known = list(node) if container is dict else list(model.model_fields) if model and container is None else []
+        if part not in known:
+            yield unknown_key(tuple(parts[:depth]), known)
+            return
+        if depth == len(parts):
+            node[part] = value
+            return
+        if container is None and model is not None:
+            container, model = inner_model(model.model_fields[part])
+        else:
+            container = None
+        below = node.setdefault(part, {}) if model is not None and container is not tuple else {}
+        if not isinstance(below, dict):
+            return  # a fault of its own
+        node = below
+
+
+def _line(label: str, fault: Fault, overrides: Mapping[str, Any]) -> str:
+    """One line for one fault."""
+    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in fault.path)
+    overridden = any(key == given or key.startswith(f"{given}.") for given in overrides)
+    return ": ".join(part for part in (f"{label} (override)" if overridden else label, key, fault.text) if part)

@@ -1,0 +1,119 @@
+"""From a scenario to the constants of the mechanics."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+
+from cable_twin.mechanics import parameters
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario_schema import Carriage, Scenario, Support
+
+ELASTIC_MODELS = {"continuum": parameters.CONTINUUM}
+DEFAULT_STROKE = 0.005  # of the cable's length
+USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
+
+
+def build_system(scenario: Scenario) -> parameters.System:
+    """Work out the constants of the mechanics.
+
+    Args:
+        scenario: a scenario from `load_scenario`.
+
+    Returns:
+        Cable, carriages and solver; the bodies are in the order of the file.
+    """
+    cable, solver = scenario.cable, scenario.solver
+    ends = (cable.start, cable.end)
+    return parameters.System(
+        cable=parameters.Cable(
+            element_count=cable.elements,
+            element_length=cable.unstrained_length / cable.elements,
+            unstrained_length=cable.unstrained_length,
+            mass_per_length=cable.mass_per_length,
+            axial_stiffness=cable.axial_stiffness,
+            bending_stiffness=cable.bending_stiffness,
+            damping_time=cable.damping_time,
+            elastic_model=ELASTIC_MODELS[cable.elastic_model],
+            gravity=(0.0, -scenario.gravity),
+            support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
+            support_projector=np.array([_free_part(end) for end in ends]),
+        ),
+        carriages=_build_carriages(scenario),
+        solver=parameters.Solver(
+            step=solver.step,
+            spectral_radius=solver.spectral_radius,
+            tolerance=solver.tolerance,
+            max_iterations=solver.max_iterations,
+            max_halvings=solver.max_halvings,
+        ),
+    )
+
+
+def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
+    """Length (m) of the end stops of a carriage: as given, or 0.5 % of the cable's length."""
+    given = carriage.end_stop.stroke
+    return DEFAULT_STROKE * scenario.cable.unstrained_length if given is None else given
+
+
+def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, float]:
+    """Stroke (m), stiffness (N/m) and damping (s/m) of the end stops of a carriage.
+
+    What is not given follows from the reference speed v: the drive's limit, or sqrt(g L) / 2 without one. The
+    stiffness stops the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well,
+    which counts only for slow drives; the damping is 0.5 / v.
+    """
+    stop = carriage.end_stop
+    stroke = stop_stroke(scenario, carriage)
+    speed = carriage.drive.limits.speed
+    if speed is None:
+        speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
+    mass = sum(body.mass for body in carriage.bodies.values())
+    used = USED_STROKE * stroke
+    stiffness = mass * max(speed**2 / used**2, scenario.gravity / used) if stop.stiffness is None else stop.stiffness
+    damping = 0.5 / speed if stop.damping is None else stop.damping
+    return stroke, stiffness, damping
+
+
+def _free_part(end: Support) -> FloatArray:
+    """Projectors (2, dim²) of r and r_x of an end node onto what its support leaves free."""
+    identity = np.eye(2)
+    position, slope = identity, identity
+    if end.support != "free":
+        position = np.zeros((2, 2))
+    if end.support == "clamped":
+        direction = np.array(end.direction, dtype=np.float64)
+        direction /= np.linalg.norm(direction)
+        slope = np.outer(direction, direction)  # the strain is free, the turn is not
+    return np.array([position.ravel(), slope.ravel()])
+
+
+def _build_carriages(scenario: Scenario) -> parameters.Carriages:
+    carriages = list(scenario.carriages.values())
+    bodies = [body for carriage in carriages for body in carriage.bodies.values()]
+    limits = [carriage.drive.limits for carriage in carriages]
+    stops = _array([end_stop(scenario, carriage) for carriage in carriages], 3)
+    return parameters.Carriages(
+        body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
+        mass=_array([body.mass for body in bodies]),
+        inertia=_array([body.inertia for body in bodies]),
+        upper_pivot=_array([body.upper_pivot for body in bodies], 2),
+        lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
+        fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
+        rolling_friction=_array([carriage.friction.rolling for carriage in carriages]),
+        viscous_friction=_array([carriage.friction.viscous for carriage in carriages]),
+        speed_limit=_array([inf if limit.speed is None else limit.speed for limit in limits]),
+        acceleration_limit=_array([limit.acceleration for limit in limits]),
+        emergency_deceleration=_array([limit.emergency_deceleration for limit in limits]),
+        jerk_limit=_array([inf if limit.jerk is None else limit.jerk for limit in limits]),
+        force_limit=_array([inf if limit.force is None else limit.force for limit in limits]),
+        stop_stroke=stops[:, 0].copy(),
+        stop_stiffness=stops[:, 1].copy(),
+        stop_damping=stops[:, 2].copy(),
+    )
+
+
+def _array(values: list, columns: int = 0) -> FloatArray:
+    """Floats of shape (n,), or (n, columns) even where n is 0."""
+    return np.array(values, dtype=np.float64).reshape((-1, columns) if columns else -1)

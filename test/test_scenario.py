@@ -1,0 +1,515 @@
+"""Scenario files: what they give, and that everything wrong with one is said, in one line each and at once."""
+
+import json
+import pickle
+import subprocess
+import sys
+from contextlib import suppress
+from math import asinh, hypot, inf, nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.optimize import root
+
+import cable_twin.scenario as module
+from cable_twin.scenario import (
+    Scenario,
+    ScenarioError,
+    build_system,
+    config_directory,
+    load_scenario,
+    scenario_names,
+)
+from cable_twin.scenario_schema import Section
+
+SEED = load_scenario("seed_example")
+TRAMWAY = load_scenario("aerial_tramway")
+
+
+def faults_of(source, overrides=None):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(source, overrides)
+    error = caught.value
+    assert str(error).splitlines() == list(error.faults)
+    assert error.__cause__ is None
+    assert error.__context__ is None or error.__suppress_context__, "the traceback would show pydantic or YAML"
+    return error.faults
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def keys_of(data, at=()):
+    """Every dotted key of a resolved scenario."""
+    for key, value in data.items():
+        yield ".".join((*at, key))
+        if isinstance(value, dict):
+            yield from keys_of(value, (*at, key))
+
+
+# What is there
+
+
+def test_names_are_the_scenario_files_and_not_those_of_node_parameters(tmp_path, monkeypatch):
+    assert {"aerial_tramway", "seed_example"} <= set(scenario_names())
+    assert config_directory() == Path(__file__).resolve().parents[1] / "config"
+    write(tmp_path / "mine.yml", "description: mine")
+    write(tmp_path / "node.yaml", "/**:\n  ros__parameters: {frame_rate: 50.0}\n")
+    monkeypatch.setattr(module, "config_directory", lambda: tmp_path)
+    assert scenario_names() == ["mine"]
+
+
+def test_config_directory_of_an_installed_package_is_in_the_share_of_its_prefix(tmp_path, monkeypatch):
+    package = tmp_path / "lib" / "python3.12" / "site-packages" / "cable_twin"
+    package.mkdir(parents=True)
+    (package.parent / "config").mkdir()  # of somebody else
+    monkeypatch.setattr(module, "__file__", str(package / "scenario.py"))
+    with pytest.raises(ScenarioError, match="share/cable_twin/config"):
+        config_directory()
+    shared = tmp_path / "share" / "cable_twin" / "config"
+    shared.mkdir(parents=True)
+    assert config_directory() == shared
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_resolved_scenario_reads_back_the_same(name, tmp_path):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    resolved = scenario.resolved()
+    assert load_scenario(resolved) == scenario
+    assert load_scenario(json.loads(json.dumps(resolved))) == scenario
+    text = scenario.to_yaml()
+    read = load_scenario(write(tmp_path / "other.yaml", text))
+    assert read == scenario
+    for carriage, same in zip(read.carriages.values(), scenario.carriages.values(), strict=True):
+        assert list(carriage.bodies) == list(same.bodies)
+    assert "1.0e-06" in text, "YAML 1.1 reads 1e-06 as a text"
+
+
+def test_name_is_that_of_the_file_or_custom(tmp_path):
+    content = {key: value for key, value in SEED.resolved().items() if key != "name"}
+    assert load_scenario(content).name == "custom"
+    assert load_scenario(write(tmp_path / "my_rope.yaml", json.dumps(content))).name == "my_rope"
+    assert load_scenario(content, {"name": "given"}).name == "given"
+
+
+def test_a_scenario_does_not_change_and_has_units_everywhere():
+    with pytest.raises(ValidationError):
+        SEED.gravity = 0.0
+    for section in Section.__subclasses__():
+        for name, field in section.model_fields.items():
+            assert field.description, f"{section.__name__}.{name}"
+            if "float" in str(field.annotation) or "int" in str(field.annotation):
+                assert field.json_schema_extra["unit"], f"{section.__name__}.{name}"
+
+
+def test_defaults_are_those_of_the_contract():
+    content = {
+        "cable": {
+            "unstrained_length": 10,
+            "mass_per_length": 1,
+            "axial_stiffness": 1000000,
+            "bending_stiffness": 0,
+            "elements": 4,
+            "start": {"position": [0, 0]},
+            "end": {"position": [9, 0]},
+        }
+    }
+    scenario = load_scenario(content)
+    assert isinstance(scenario.cable.unstrained_length, float)
+    assert scenario.gravity == 9.81
+    assert scenario.cable.damping_time == 0.0
+    assert scenario.carriages == {}
+    assert scenario.solver.model_dump() == {
+        "integrator": "generalized_alpha",
+        "step": 0.001,
+        "spectral_radius": 0.7,
+        "tolerance": 1e-6,
+        "max_iterations": 12,
+        "max_halvings": 6,
+    }
+    system = build_system(scenario)
+    assert system.carriages.body_offset.tolist() == [0]
+    assert system.carriages.upper_pivot.shape == (0, 2)
+    assert system.carriages.stop_stroke.shape == (0,)
+    drive = SEED.carriages["carriage"].drive
+    assert drive.mode == "free"
+    assert drive.limits.model_dump() == {
+        "speed": None,
+        "acceleration": 0.5,
+        "jerk": None,
+        "force": None,
+        "emergency_deceleration": 1.5,
+    }
+
+
+def test_overrides_reach_sections_that_the_file_leaves_out_and_leave_the_source_alone():
+    content = SEED.resolved()
+    del content["carriages"]["carriage"]["drive"]
+    before = json.dumps(content)
+    scenario = load_scenario(
+        content,
+        {
+            "cable.elements": np.int64(48),
+            "cable.end.position": np.array([3.5, 0.1]),
+            "carriages.carriage.drive.limits.speed": np.float64(2.0),
+            "carriages.carriage.drive.mode": "speed",
+        },
+    )
+    assert json.dumps(content) == before
+    assert scenario.cable.elements == 48
+    assert scenario.cable.end.position == (3.5, 0.1)
+    assert scenario.carriages["carriage"].drive.limits.speed == 2.0
+    assert type(scenario.carriages["carriage"].drive.limits.speed) is float
+    assert load_scenario(scenario.resolved()) == scenario
+
+
+# The shipped scenarios
+
+
+def test_seed_example_has_the_printed_values():
+    system = build_system(SEED)
+    cable, carriages = system.cable, system.carriages
+    assert cable.axial_stiffness == pytest.approx(200e9 * 7.068e-6, rel=1e-12)
+    assert cable.bending_stiffness == pytest.approx(200e9 * 7.952e-12, rel=1e-12)
+    assert cable.mass_per_length * cable.unstrained_length == pytest.approx(0.148, rel=1e-12)
+    assert (cable.element_count, cable.element_length) == (24, pytest.approx(4.02 / 24))
+    assert cable.gravity == (0.0, -9.81)
+    assert cable.support_position.tolist() == [[0.0, 0.0], [3.6, 0.0]]
+    assert carriages.mass.tolist() == [2.67, 2.67]
+    assert carriages.inertia.tolist() == [0.2242, 0.2242]
+    assert SEED.carriages["carriage"].arc_length == 3.2
+    assert system.solver.step == 0.001
+
+
+def test_tension_of_the_tramway_at_its_upper_end_is_that_of_two_elastic_catenaries():
+    cable, carriage = TRAMWAY.cable, TRAMWAY.carriages["cabin"]
+    weight, stiffness = cable.mass_per_length * TRAMWAY.gravity, cable.axial_stiffness
+    load = sum(body.mass for body in carriage.bodies.values()) * TRAMWAY.gravity
+    assert load == pytest.approx(12_000 * 9.81)
+
+    def reach(level, lower, length):
+        upper = lower + weight * length
+        along = level * length / stiffness + level / weight * (asinh(upper / level) - asinh(lower / level))
+        rise = (upper**2 - lower**2) / (2 * stiffness * weight) + (hypot(level, upper) - hypot(level, lower)) / weight
+        return np.array([along, rise])
+
+    def miss(forces):
+        level, lower = forces * 1e6
+        beyond = lower + weight * carriage.arc_length + load
+        near = reach(level, lower, carriage.arc_length)
+        return near + reach(level, beyond, cable.unstrained_length - carriage.arc_length) - cable.end.position
+
+    level, lower = root(miss, [0.9, 0.1], tol=1e-12).x * 1e6
+    assert np.abs(miss(np.array([level, lower]) / 1e6)).max() < 1e-6
+    assert hypot(level, lower) == pytest.approx(0.968e6, rel=1e-3)  # as the file says
+    assert hypot(level, lower + weight * cable.unstrained_length + load) == pytest.approx(1.047e6, rel=1e-3)
+
+
+# Constants of the mechanics
+
+
+def test_supports_become_projectors_onto_what_they_leave_free():
+    data = SEED.resolved()
+    data["cable"]["start"] |= {"support": "clamped", "direction": [3.0, 4.0]}
+    data["cable"]["end"] |= {"support": "free"}
+    cable = build_system(Scenario.model_validate(data)).cable  # not through load_scenario, which refuses both for now
+    (start_position, start_slope), (end_position, end_slope) = cable.support_projector.reshape(2, 2, 2, 2)
+    assert not start_position.any()
+    np.testing.assert_allclose(start_slope, [[0.36, 0.48], [0.48, 0.64]])
+    np.testing.assert_array_equal(end_position, np.eye(2))
+    np.testing.assert_array_equal(end_slope, np.eye(2))
+    assert np.isnan(cable.support_position).tolist() == [[False, False], [True, True]]
+    pinned = build_system(SEED).cable.support_projector.reshape(2, 2, 2, 2)
+    assert not pinned[:, 0].any()
+    np.testing.assert_array_equal(pinned[:, 1], [np.eye(2)] * 2)
+
+
+def test_bodies_keep_the_order_of_the_file_and_limits_left_out_are_infinite():
+    data = SEED.resolved()
+    data["carriages"]["another"] = TRAMWAY.resolved()["carriages"]["cabin"] | {"arc_length": 1.0, "joint": "fixed"}
+    carriages = build_system(load_scenario(data)).carriages
+    assert carriages.body_offset.tolist() == [0, 2, 5]
+    assert carriages.mass.tolist() == [2.67, 2.67, 1500.0, 1000.0, 9500.0]
+    assert carriages.lower_pivot.tolist() == [[0.0, -0.5], [0.0, 0.0], [0.0, -0.2], [0.0, -2.5], [0.0, 0.0]]
+    assert carriages.fixed.tolist() == [False, True]
+    assert carriages.speed_limit.tolist() == [inf, 10.0]
+    assert carriages.jerk_limit.tolist() == [inf, 0.2]
+    assert carriages.force_limit.tolist() == [inf, 150e3]
+    assert carriages.acceleration_limit.tolist() == [0.5, 0.3]
+    assert carriages.emergency_deceleration.tolist() == [1.5, 1.2]
+    assert carriages.rolling_friction.tolist() == [0.0, 0.005]
+
+
+@pytest.mark.parametrize("scenario", [SEED, TRAMWAY])
+def test_an_end_stop_left_open_stops_the_carriage_within_its_stroke(scenario):
+    carriages = build_system(scenario).carriages
+    length = scenario.cable.unstrained_length
+    limit = carriages.speed_limit[0]
+    speed = sqrt(9.81 * length) / 2 if limit == inf else limit
+    stroke, stiffness = carriages.stop_stroke[0], carriages.stop_stiffness[0]
+    assert stroke == pytest.approx(0.005 * length)
+    assert stiffness * (0.6 * stroke) ** 2 == pytest.approx(carriages.mass.sum() * speed**2)
+    assert carriages.stop_damping[0] == pytest.approx(0.5 / speed)
+
+
+def test_an_end_stop_holds_the_weight_of_a_slow_carriage_and_keeps_what_is_given():
+    key = "carriages.cabin.drive.limits.speed"
+    carriages = build_system(load_scenario("aerial_tramway", {key: 0.1})).carriages
+    assert carriages.stop_stiffness[0] * 0.6 * carriages.stop_stroke[0] == pytest.approx(12_000 * 9.81)
+    given = {"stroke": 2.0, "stiffness": 5e5, "damping": 0.0}
+    carriages = build_system(load_scenario("aerial_tramway", {"carriages.cabin.end_stop": given})).carriages
+    assert (carriages.stop_stroke[0], carriages.stop_stiffness[0], carriages.stop_damping[0]) == (2.0, 5e5, 0.0)
+    weightless = build_system(load_scenario("seed_example", {"gravity": 0})).carriages
+    assert weightless.stop_stiffness[0] > 0.0
+    assert np.isfinite(weightless.stop_damping[0])
+
+
+# Faults
+
+FAULTS = [
+    ("gravity", -1, "given -1; allowed: a finite number at least 0, in m/s^2"),
+    ("gravity", True, "given True; allowed: a finite number"),
+    ("gravity", nan, "given nan; allowed: a finite number"),
+    ("gravity", 10**400, "allowed: a finite number"),
+    ("cable.axial_stiffness", inf, "given inf; allowed: a finite number above 0, in N"),
+    ("cable.mass_per_length", "0.1", "given '0.1'; allowed: a finite number above 0, in kg/m"),
+    ("cable.unstrained_length", None, "given null; allowed: a finite number above 0, in m"),
+    ("cable.elements", 0, "given 0; allowed: a whole number at least 1 and at most 100000"),
+    ("cable.elements", 100_001, "given 100001"),
+    ("cable.elements", 24.0, "given 24.0; allowed: a whole number"),
+    ("cable.elastic_model", "continium", "allowed: one of continuum, element_frame"),
+    ("cable.start", [0.0, 0.0], "given [0.0, 0.0]; allowed: a mapping"),
+    ("cable.start.position", [0.0, nan], "given [0.0, nan]; allowed: a list of 2 finite numbers, in m"),
+    ("cable.start.position", [0.0], "given [0.0]; allowed: a list of 2 finite numbers"),
+    ("cable.start.direction", [1.0, 0.0], "where support is pinned; allowed: only where clamped"),
+    ("cable.end.position", [0.0, 0.0], "the place of the start; allowed: another place"),
+    (
+        "cable.unstrained_length",
+        3.3,
+        "needs a strain of 9.09 % and a tension of 1.29e+05 N; allowed: at least 3.42857 m",
+    ),
+    ("carriages.carriage.arc_length", 0.0, "given 0.0; allowed: 0.0201 to 3.9999 m"),
+    ("carriages.carriage.arc_length", 4.01, "given 4.01; allowed: 0.0201 to 3.9999 m"),
+    (
+        "carriages.carriage.end_stop.stroke",
+        2.5,
+        "given 2.5 at both ends of a cable of 4.02 m; allowed: less than 2.01 m",
+    ),
+    ("carriages.carriage.bodies", {}, "given an empty mapping; allowed: a mapping with a length of at least 1"),
+    ("carriages.carriage.bodies.rb1.lower_pivot", None, "nothing given, but another body hangs there"),
+    ("carriages.carriage.bodies.rb2.inertia", 0, "given 0; allowed: a finite number above 0, in kg m^2"),
+    ("carriages.carriage.drive.limits.speed", 0, "given 0; allowed: a finite number above 0, in m/s, or null"),
+    ("carriages.carriage.friction.rolling", -0.1, "given -0.1; allowed: a finite number at least 0"),
+    ("solver.spectral_radius", 1.1, "given 1.1; allowed: a finite number at least 0 and at most 1"),
+    ("solver.max_halvings", -1, "given -1; allowed: a whole number at least 0"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "text"), FAULTS)
+def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
+    (fault,) = faults_of("seed_example", {key: value})
+    assert fault.startswith(f"{config_directory() / 'seed_example.yaml'} (override): {key}: ")
+    assert text in fault
+
+
+NOT_YET = [
+    ({"cable.elastic_model": "element_frame"}, "cable.elastic_model", "continuum"),
+    ({"cable.initial_shape": "straight"}, "cable.initial_shape", "equilibrium"),
+    ({"cable.loads": [{"arc_length": 1, "force": [0, 1]}]}, "cable.loads", "none"),
+    ({"cable.start.support": "clamped", "cable.start.direction": [1, 0]}, "cable.start.support", "pinned"),
+    ({"cable.end.support": "free"}, "cable.end.support", "pinned"),
+    ({"solver.integrator": "runge_kutta"}, "solver.integrator", "generalized_alpha"),
+]
+
+
+@pytest.mark.parametrize(("overrides", "key", "available"), NOT_YET)
+def test_what_this_release_cannot_run_is_refused_and_nothing_else_is_wrong_with_it(overrides, key, available):
+    (fault,) = faults_of("seed_example", overrides)
+    assert f"{key}: " in fault
+    assert fault.endswith(f"not available in this release; allowed: {available}")
+
+
+def test_supports_and_loads_that_contradict():
+    faults = faults_of(
+        "seed_example",
+        {
+            "cable.start.support": "free",
+            "cable.end.support": "free",
+            "cable.loads": [{"arc_length": 5.0}, {"arc_length": 1.0, "moment": 2.0}],
+        },
+    )
+    assert any("cable.end.support: given 'free' at both ends; allowed: pinned or clamped" in fault for fault in faults)
+    assert any("cable.loads.0.arc_length: given 5.0; allowed: 0 to 4.02 m" in fault for fault in faults)
+    assert any("cable.loads.1.moment: given 2.0 within the cable" in fault for fault in faults)
+    faults = faults_of("seed_example", {"cable.start.support": "clamped"})
+    assert any("cable.start.direction: nothing given, but a clamped end needs it" in fault for fault in faults)
+    faults = faults_of("seed_example", {"cable.start.support": "clamped", "cable.start.direction": [0, 0]})
+    assert any("allowed: a direction, not both numbers zero" in fault for fault in faults)
+
+
+def test_unknown_keys_name_the_nearest_one():
+    data = SEED.resolved()
+    data["cable"]["elemnts"] = 3
+    data["carriages"]["carriage"]["colour"] = "red"
+    del data["cable"]["axial_stiffness"]
+    faults = faults_of(
+        data, {"cable.damping_tme": 0.1, "carriages.carriag.arc_length": 1, "cable.loads.0.force": [0, 1]}
+    )
+    assert dict(fault.split(": ", 2)[1:] for fault in faults) == {
+        "cable.damping_tme": "this key does not exist; did you mean 'damping_time'?",
+        "carriages.carriag": "this key does not exist; did you mean 'carriage'?",
+        "cable.loads.0": "this key does not exist; nothing can be set below this",
+        "cable.axial_stiffness": "nothing given, but it is needed; allowed: a finite number above 0, in N",
+        "cable.elemnts": "this key does not exist; did you mean 'elements'?",
+        "carriages.carriage.colour": "this key does not exist; "
+        "allowed: arc_length, joint, drive, friction, end_stop, bodies",
+    }
+
+
+@pytest.mark.parametrize("name", ["2nd", "a b", "_x", "a.b", "käbin", "cabin\n", ""])
+def test_names_are_names_in_ros(name):
+    data = SEED.resolved()
+    carriage = data["carriages"].pop("carriage")
+    data["carriages"][name] = carriage
+    (fault,) = faults_of(data)
+    assert f"given the name {name!r}; allowed: a letter" in fault
+    data["carriages"] = {"carriage": carriage | {"bodies": {name: carriage["bodies"]["rb2"]}}}
+    (fault,) = faults_of(data)
+    assert f"given the name {name!r}; allowed: a letter" in fault
+
+
+def test_all_faults_come_at_once_even_those_between_values():
+    faults = faults_of(
+        "seed_example",
+        {
+            "gravity": "strong",
+            "cable.unstrained_length": 3.0,
+            "cable.damping_time": -1,
+            "cable.elemnts": 12,
+            "carriages.carriage.arc_length": 5.0,
+            "carriages.carriage.bodies.rb1.mass": nan,
+            "carriages.carriage.bodies.rb1.lower_pivot": None,
+            "solver.integrator": "runge_kutta",
+        },
+    )
+    keys = {fault.split(": ")[1] for fault in faults}
+    assert len(faults) == 8
+    assert keys == {
+        "gravity",
+        "cable.unstrained_length",
+        "cable.damping_time",
+        "cable.elemnts",
+        "carriages.carriage.arc_length",
+        "carriages.carriage.bodies.rb1.mass",
+        "carriages.carriage.bodies.rb1.lower_pivot",
+        "solver.integrator",
+    }
+
+
+@pytest.mark.parametrize("key", sorted(keys_of(SEED.resolved())))
+def test_no_junk_anywhere_gives_anything_but_faults(key):
+    data = SEED.resolved()
+    refused = 0
+    for junk in (None, True, -1, 1e300, nan, "", "junk", [], [1, "2"], {}, {"a": {}}, {1: 2}, b"x", {0, 3}, object()):
+        with suppress(ScenarioError):
+            assert isinstance(load_scenario(data, {key: junk}), Scenario)
+            continue
+        refused += 1
+    assert refused > 8
+
+
+@pytest.mark.parametrize("source", [5, None, "", b"seed_example"])
+def test_a_source_of_another_kind_is_a_fault(source):
+    assert "allowed: a name, the path of a YAML file, or a mapping" in faults_of(source)[0]
+
+
+def test_a_mapping_that_holds_itself_is_a_fault():
+    data = SEED.resolved()
+    data["cable"]["start"] = data
+    assert "nested too deeply" in faults_of(data)[0]
+
+
+def test_unknown_names_and_missing_files_name_the_known_ones(tmp_path):
+    for source in ("seed_exmple", "missing.yaml", tmp_path / "missing.yaml"):
+        (fault,) = faults_of(source)
+        assert str(source) in fault
+        assert "aerial_tramway, seed_example" in fault
+    assert "cannot be read" in faults_of(tmp_path)[0]
+
+
+# YAML
+
+
+def test_numbers_without_a_point_and_with_an_exponent_are_numbers(tmp_path):
+    text = SEED.to_yaml().replace("axial_stiffness: 1413600.0", "axial_stiffness: 1e6")
+    assert load_scenario(write(tmp_path / "a.yaml", text)).cable.axial_stiffness == 1e6
+    assert load_scenario(str(write(tmp_path / "a.yaml", text))).cable.axial_stiffness == 1e6
+
+
+def test_sections_shared_by_an_anchor_are_overridden_one_by_one(tmp_path):
+    text = SEED.to_yaml().replace("  start:\n    position", "  start: &s\n    position", 1)
+    text = text[: text.index("  end:")] + "  end: *s\n" + text[text.index("  loads:") :]
+    scenario = load_scenario(write(tmp_path / "a.yaml", text), {"cable.end.position": [3.6, 0.0]})
+    assert (scenario.cable.start.position, scenario.cable.end.position) == ((0.0, 0.0), (3.6, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"cable:\n  elements: [1, 2\nsolver: {}\n", ":3: not YAML ("),
+        (b"cable: {}\n\tsolver: {}\n", ":2: not YAML ("),
+        (b"cable: !!python/object:os.system {}\n", ":1: not YAML ("),
+        (b"a: 1\n---\nb: 2\n", ":2: not YAML ("),
+        (b"a: \x00\n", ": not YAML ("),
+        (b"a: \xff\n", ": not a text in UTF-8"),
+        (b"", ": given null; allowed: a mapping"),
+        (b"- cable\n", ": given ['cable']; allowed: a mapping"),
+        (b"just text", ": given 'just text'; allowed: a mapping"),
+        (b"gravity: " + b"9" * 5000, ": holds a value that cannot be read"),
+        (b"gravity: 2020-13-45", ": holds a value that cannot be read"),
+        (b"[" * 5000, ": holds a value that cannot be read (nested too deeply)"),
+    ],
+)
+def test_what_is_no_scenario_is_said_with_its_line(content, text, tmp_path):
+    path = tmp_path / "broken.yaml"
+    path.write_bytes(content)
+    (fault,) = faults_of(path)
+    assert fault.startswith(f"{path}{text}")
+
+
+def test_keys_given_twice_are_faults_beside_the_others(tmp_path):
+    text = SEED.to_yaml() + "gravity: 9.81\n"
+    text = text.replace("  elements: 24\n", "  elements: 24\n  elements: 48\n").replace("step: 0.001", "step: 0.0")
+    path = write(tmp_path / "twice.yaml", text)
+    lines = text.splitlines()
+    elements = lines.index("  elements: 24") + 1
+    assert faults_of(path) == (
+        f"{path}: cable.elements: given twice, on lines {elements} and {elements + 1}; allowed: once",
+        f"{path}: gravity: given twice, on lines 3 and {len(lines)}; allowed: once",
+        f"{path}: solver.step: given 0.0; allowed: a finite number above 0, in s",
+    )
+
+
+# The house
+
+
+def test_an_error_survives_pickling():
+    error = pickle.loads(pickle.dumps(ScenarioError("one", "two")))
+    assert error.faults == ("one", "two")
+    assert str(error) == "one\ntwo"
+
+
+def test_loading_needs_neither_ros_nor_recorders():
+    code = (
+        "import sys\n"
+        "for name in ('rclpy', 'mcap', 'rerun', 'rosbags'): sys.modules[name] = None\n"
+        "from cable_twin.scenario import build_system, load_scenario\n"
+        "build_system(load_scenario('seed_example'))\n"
+    )
+    root_directory = Path(__file__).resolve().parents[1]
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=root_directory)
