@@ -71,6 +71,7 @@ def test_topics_hold_everything_a_frame_gives_and_nothing_twice():
     assert len({topic.name for topic in table}) == len(table)
     assert set(frame_at(0.0)) == {topic.name for topic in table} - {
         "scenario",
+        "joint_commands",
         "applied_commands",
         "/diagnostics",
         "/clock",
@@ -245,6 +246,7 @@ def every_message() -> dict[str, bytes]:
     return {
         **dict(encoder.frame(make_snapshot(0.5))),
         "scenario": scenario_message({"description": "ü"}),
+        "joint_commands": applied_command_message(applied, EPOCH),
         "applied_commands": applied_command_message(applied, EPOCH),
         "/diagnostics": diagnostics_message(EPOCH, 1, "late", {"lag (s)": "0.2", "missed frames": "3"}),
         "/clock": clock_message(EPOCH),

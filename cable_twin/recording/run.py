@@ -7,11 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
+from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
+
+if TYPE_CHECKING:
+    from cable_twin.recording.rerun_view import RerunView
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,28 +50,36 @@ def start_run(
         namespace: full name of the node in the bag.
 
     Raises:
-        OSError: when the directory or a file in it cannot be made.
+        OSError: when the directory or the bag in it cannot be made. A rerun recording that cannot be opened is a fault
+            of the recorder, and the bag goes on.
     """
     directory = _new_directory(record_directory)
     scenario = simulation.scenario
     metadata = run_metadata(scenario=scenario.name, epoch_ns=epoch_ns, frame_period=frame_period, sample_count=SAMPLES)
     log = McapLog(directory, topics, metadata, namespace=namespace)
-    view = None
+    view, fault = None, None
     if rerun != "off":
-        from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
-
-        outlines = {
-            carriage: {
-                name: outline_from_pivots(body.upper_pivot, body.lower_pivot)
-                for name, body in parameters.bodies.items()
-            }
-            for carriage, parameters in scenario.carriages.items()
-        }
-        path = directory / f"{directory.name}.rrd"
-        view = RerunView(scenario.name, outlines, path=path, live=rerun == "live")
+        try:
+            view = _open_view(scenario, directory / f"{directory.name}.rrd", live=rerun == "live")
+        except Exception as error:  # rerun has no class of its own; the bag is worth having without it
+            fault = f"recording: no rerun recording: {' '.join(str(error).split())}"
     recorder = Recorder(log, view)
+    if fault is not None:
+        recorder.faults.append(fault)
     recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns)
     return Run(directory, recorder, view.url if view is not None else None)
+
+
+def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
+    from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+
+    outlines = {
+        carriage: {
+            name: outline_from_pivots(body.upper_pivot, body.lower_pivot) for name, body in parameters.bodies.items()
+        }
+        for carriage, parameters in scenario.carriages.items()
+    }
+    return RerunView(scenario.name, outlines, path=path, live=live)
 
 
 def _new_directory(parent: Path) -> Path:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
-import signal
 import sys
-import threading
 import time
 from collections.abc import Sequence
 from typing import Any
 
-from cable_twin.ros.sim import INSTALL_HINT
+from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
 
 RATE = 20.0  # Hz, well inside the node's command time-out
 DISCOVERY = 10.0  # s to find the twin
+ANSWER = 2.0  # s within which the twin has to apply a command
+TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
 EPILOG = """\
 Commands are repeated until Ctrl-C or the end of --duration; the twin is then told to stop, and after silence it stops
 by itself.
@@ -26,14 +27,9 @@ examples:
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> OneLineParser:
     """Options of `drive`."""
-    result = argparse.ArgumentParser(
-        prog="drive",
-        description="Drive a carriage of a running twin from the terminal.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    result = OneLineParser("drive", "Drive a carriage of a running twin from the terminal.", EPILOG)
     result.add_argument("name", help="carriage to drive, such as cabin")
     what = result.add_mutually_exclusive_group(required=True)
     what.add_argument("--speed", type=_number, help="m/s along the cable", metavar="M/S")
@@ -47,101 +43,175 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Drive; 0 after the end, 1 when no twin answers or it has no such carriage."""
+    """Drive; 0 after the end, 1 when no twin answers, it has no such carriage, or it refuses."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    ending = Ending()
     try:
-        import rclpy  # noqa: PLC0415 - the message below stands for the traceback
+        import rclpy  # noqa: PLC0415 - the hint stands for the traceback
+        import sensor_msgs.msg  # noqa: F401, PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
-    except ImportError:
-        print(INSTALL_HINT.format(command="drive"), file=sys.stderr)
+    except ImportError as error:
+        print_hint("drive", error)
         return 1
-    ending = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
-    rclpy.init(args=["drive"], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("cable_twin_drive")
+    except KeyboardInterrupt:
+        return 0
+    ending.interrupting = False
     try:
-        return _drive(node, options, ending)
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-
-
-def _drive(node: Any, options: argparse.Namespace, ending: threading.Event) -> int:
-    import rclpy  # noqa: PLC0415
-    from sensor_msgs.msg import JointState  # noqa: PLC0415
-
-    topic = f"{options.node.rstrip('/')}/joint_commands"
-    publisher = node.create_publisher(JointState, topic, 10)
-    latest: dict[str, tuple[float, float, float]] = {}
-
-    def on_states(message: JointState) -> None:
-        for name, *state in zip(message.name, message.position, message.velocity, message.effort, strict=True):
-            latest[name] = (state[0], state[1], state[2])
-
-    node.create_subscription(JointState, f"{options.node.rstrip('/')}/joint_states", on_states, 10)
-    deadline = time.monotonic() + DISCOVERY
-    while not (publisher.get_subscription_count() and latest):
-        rclpy.spin_once(node, timeout_sec=0.05)
-        if ending.is_set():
-            return 0
-        if time.monotonic() > deadline:
-            print(
-                f"drive: no twin listens on {topic} after {DISCOVERY:g} s: is `sim` running, "
-                "with the same ROS_DOMAIN_ID?",
-                file=sys.stderr,
-            )
-            return 1
-    if options.name not in latest:
-        known = ", ".join(name for name in latest if "/" not in name) or "none"
-        print(f"drive: the twin has no carriage '{options.name}'; it has: {known}", file=sys.stderr)
+        rclpy.init(args=["drive"], signal_handler_options=SignalHandlerOptions.NO)
+        driver = _Driver(rclpy.create_node("cable_twin_drive"), options, ending)
+    except Exception as error:
+        print(f"drive: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
+    try:
+        fault = driver.find_twin() or driver.run()
+    finally:
+        driver.close()
+        rclpy.try_shutdown()
+    if fault is None:
+        return 0
+    print(f"drive: {fault}", file=sys.stderr)
+    return 1
 
-    quantity, unit, value = ("speed", "m/s", options.speed)
-    if options.force is not None:
-        quantity, unit, value = ("force", "N", options.force)
 
-    def send(share: float) -> None:
-        message = JointState(name=[options.name])
-        message.header.stamp = node.get_clock().now().to_msg()
-        if quantity == "speed":
-            message.velocity = [value * share]
-        else:
-            message.effort = [value * share]
-        publisher.publish(message)
+class _Driver:
+    """Sends commands to one carriage and watches what the twin makes of them."""
 
-    started = time.monotonic()
-    next_command = started
-    next_line = started
-    while not ending.is_set():
-        now = time.monotonic()
-        if options.duration is not None and now - started >= options.duration:
-            break
-        if now >= next_command:
-            share = 1.0 if options.ramp == 0.0 else min((now - started) / options.ramp, 1.0)
-            send(share)
-            next_command += 1.0 / RATE
-            if now >= next_line:
-                arc_length, speed, force = latest[options.name]
-                print(
-                    f"\r{now - started:7.1f} s  commanded {value * share:+9.2f} {unit}  {options.name}: "
-                    f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN  ",
-                    end="",
-                    flush=True,
+    def __init__(self, node: Any, options: argparse.Namespace, ending: Ending) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
+        from sensor_msgs.msg import JointState  # noqa: PLC0415
+        from std_msgs.msg import String  # noqa: PLC0415
+
+        self._node, self._options, self._ending = node, options, ending
+        self._message_type = JointState
+        self._states: dict[str, tuple[float, float, float]] = {}  # arc length (m), speed (m/s), drive force (N)
+        self._heard = False  # any joint states
+        self._scenario: dict[str, Any] | None = None
+        self._answered = math.inf  # s of the clock
+        twin = options.node.rstrip("/")
+        self._topic = f"{twin}/joint_commands"
+        self._publisher = node.create_publisher(JointState, self._topic, 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
+        node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 10)
+        node.create_subscription(JointState, f"{twin}/applied_commands", self._on_applied, 50)
+
+    def close(self) -> None:
+        self._node.destroy_node()
+
+    def find_twin(self) -> str | None:
+        """Wait for the twin and check the command against its scenario; returns what is wrong."""
+        deadline = time.monotonic() + DISCOVERY
+        while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
+            self._spin(0.05)
+            if self._ending.is_set():
+                return None
+            if time.monotonic() > deadline:
+                if self._scenario is not None:
+                    return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
+                return (
+                    f"no twin listens on {self._topic} after {DISCOVERY:g} s: is `sim` running, "
+                    "with the same ROS_DOMAIN_ID?"
                 )
-                next_line += 0.25
-        rclpy.spin_once(node, timeout_sec=max(min(next_command - time.monotonic(), 0.05), 0.0))
-    send(0.0)
-    rclpy.spin_once(node, timeout_sec=0.1)  # let the last command leave
-    print()
-    return 0
+        carriages = self._scenario["carriages"]
+        name = self._options.name
+        if name not in carriages:
+            return f"the twin has no carriage '{name}'; it has: {', '.join(carriages) or 'none'}"
+        quantity, unit, value = self._command
+        limit = carriages[name].get("drive", {}).get("limits", {}).get(quantity)
+        if limit is not None and abs(value) > limit:
+            return f"{quantity} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
+        return None
+
+    def run(self) -> str | None:
+        """Send until the end; returns what went wrong."""
+        options = self._options
+        _, unit, value = self._command
+        terminal = sys.stdout.isatty()
+        started = time.monotonic()
+        next_command = next_line = started
+        self._answered = started
+        fault = None
+        while not self._ending.is_set():
+            now = time.monotonic()
+            if options.duration is not None and now - started >= options.duration:
+                break
+            if now - self._answered > ANSWER:
+                fault = (
+                    f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop "
+                    "in force? It names every refusal in its own terminal"
+                )
+                break
+            if now >= next_command:
+                share = 1.0 if options.ramp == 0.0 else min((now - started) / options.ramp, 1.0)
+                self._send(value * share)
+                next_command = max(next_command + 1.0 / RATE, now)
+                if now >= next_line:
+                    self._print_state(now - started, f"{value * share:+9.2f} {unit}", terminal)
+                    next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
+            self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
+        self._stop()
+        if terminal:
+            print()
+        return fault
+
+    @property
+    def _command(self) -> tuple[str, str, float]:
+        """Quantity, unit and value."""
+        if self._options.force is not None:
+            return "force", "N", self._options.force
+        return "speed", "m/s", self._options.speed
+
+    def _send(self, value: float) -> None:
+        message = self._message_type(name=[self._options.name])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        if self._options.force is not None:
+            message.effort = [value]
+        else:
+            message.velocity = [value]
+        self._publisher.publish(message)
+
+    def _stop(self) -> None:
+        """Tell the twin to stop; a force of zero would let the carriage roll down."""
+        from rclpy.duration import Duration  # noqa: PLC0415
+
+        self._publisher.publish(self._message_type(name=[self._options.name], velocity=[0.0]))
+        self._publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+    def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
+        name = self._options.name
+        arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
+        line = (
+            f"{elapsed:7.1f} s  commanded {commanded}  {name}: "
+            f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN"
+        )
+        print(f"\r{line}  " if terminal else line, end="" if terminal else "\n", flush=True)
+
+    def _spin(self, seconds: float) -> None:
+        import rclpy  # noqa: PLC0415
+
+        rclpy.spin_once(self._node, timeout_sec=seconds)
+
+    def _on_states(self, message: Any) -> None:
+        self._heard = True
+        for name, *state in zip(message.name, message.position, message.velocity, message.effort, strict=True):
+            self._states[name] = (state[0], state[1], state[2])
+
+    def _on_scenario(self, message: Any) -> None:
+        self._scenario = json.loads(message.data)
+
+    def _on_applied(self, message: Any) -> None:
+        if self._options.name in message.name and message.header.frame_id.endswith(":joint_commands"):
+            self._answered = time.monotonic()
 
 
 def _number(text: str) -> float:
     """Finite number."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} given, a finite number is needed")
+        raise argparse.ArgumentTypeError(f"{text!r} given, a finite number is needed")
     return value
 
 

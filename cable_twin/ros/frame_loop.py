@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -81,6 +82,7 @@ class FrameLoop:
         self.command_timeout = command_timeout
         self.frame_period = frame_steps * simulation.step
         self.fault = ""  # why the twin stands still, if it does
+        self.failed = False  # by a fault of the program; the thread has ended
         self._simulation = simulation
         self._factor = real_time_factor
         self._on_frame, self._on_applied, self._on_fault = on_frame, on_applied, on_fault
@@ -88,8 +90,8 @@ class FrameLoop:
         self._requests: deque[tuple[Command | None, str, Future[AppliedCommand | None]]] = deque()
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._statistics = FrameStatistics()
-        self._stopping = False
-        self._thread = threading.Thread(target=self._run, name="solver", daemon=True)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._guard, name="solver", daemon=True)
 
     @property
     def paused(self) -> bool:
@@ -107,7 +109,7 @@ class FrameLoop:
 
     def stop(self) -> None:
         """End the thread after the frame in hand; requests that still wait are cancelled."""
-        self._stopping = True
+        self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
         while self._requests:
@@ -134,14 +136,23 @@ class FrameLoop:
         taken, self._statistics = self._statistics, FrameStatistics()
         return taken
 
+    def _guard(self) -> None:
+        """Tell what ends the thread, which would else die in silence while the node lives on."""
+        try:
+            self._run()
+        except Exception as error:
+            self.fault = f"fault of the program: {error!r}"
+            self._on_fault("".join(traceback.format_exception(error)).rstrip())
+            self.failed = True
+
     def _run(self) -> None:
         self._on_frame(self._simulation.snapshot)
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
-        while not self._stopping:
+        while not self._stopping.is_set():
             stepping = self._obey()
             if self._paused and not stepping:
                 anchor = None
-                time.sleep(IDLE)
+                self._stopping.wait(IDLE)
                 continue
             if anchor is None:
                 anchor = time.monotonic(), self._simulation.time
@@ -149,6 +160,8 @@ class FrameLoop:
             if snapshot is not None:
                 if self._factor > 0.0:
                     self._wait(anchor[0] + (snapshot.time - anchor[1]) / self._factor)
+                    if self._stopping.is_set():
+                        break  # this frame is not due yet
                 self._on_frame(snapshot)
             for future in stepping:
                 if not future.set_running_or_notify_cancel():
@@ -176,7 +189,7 @@ class FrameLoop:
     def _wait(self, due: float) -> None:
         remaining = due - time.monotonic()
         if remaining > 0.0:
-            time.sleep(remaining)
+            self._stopping.wait(remaining)
         late = max(time.monotonic() - due, 0.0)
         self._statistics.lateness.append(late)
         if late > self.frame_period / self._factor:
@@ -209,12 +222,14 @@ class FrameLoop:
         if command.kind in ("speed", "force"):
             until = time.monotonic() + self.command_timeout
             for name, value in command.values.items():
-                if value != 0.0:
+                if value != 0.0 or command.kind == "force":  # without force it rolls on
                     self._deadlines[name] = until
                 else:
                     self._deadlines.pop(name, None)
         else:
             self._deadlines.clear()
-            self.fault = ""
+            if command.kind == "reset" and self.fault:
+                self.fault = ""
+                self._paused = False
         self._on_applied(applied)
         return applied

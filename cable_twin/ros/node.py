@@ -5,13 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import CancelledError
+from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PathMessage
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -38,7 +40,7 @@ from cable_twin.messages import (
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.ros.parameters import PARAMETERS, Parameter
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -53,6 +55,9 @@ MESSAGE_TYPES = {
     if kind is not None
 }
 SERVICE_TIMEOUT = 5.0  # s
+NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
+ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
+BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
@@ -63,10 +68,12 @@ class ParameterError(ValueError):
 class TwinNode(Node):
     """Publishes a simulation in real time and takes its commands.
 
+    Nothing is opened on the disk before `start`, so that an interrupt before it leaves nothing behind.
+
     Raises:
         ParameterError: a parameter is out of its range.
         ScenarioError: the scenario does not load.
-        OSError: the log cannot be made.
+        EquilibriumError: the cable of the scenario finds no rest.
     """
 
     def __init__(self) -> None:
@@ -74,9 +81,11 @@ class TwinNode(Node):
         self._settings = self._declare()
         self._refused = 0
         self._commands_applied = 0
-        self._warned: dict[str, float] = {}
+        self._warned = -WARNING_PERIOD  # s, when a refused command was last named
+        self._run: Run | None = None
+        self._recording_fault = ""
         scenario = load_scenario(self._settings["scenario"])
-        self._simulation = self._start_simulation(scenario)
+        self._simulation = self._build_simulation(scenario)
         self._epoch_ns = time.time_ns()
         self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns)
         self._frame_steps = self._count_frame_steps()
@@ -96,7 +105,6 @@ class TwinNode(Node):
             for topic in self._topics
             if topic.name != JOINT_COMMANDS
         }
-        self._run = self._start_recording()
         self._loop = FrameLoop(
             self._simulation,
             frame_steps=self._frame_steps,
@@ -107,7 +115,6 @@ class TwinNode(Node):
             on_fault=self._report_fault,
             paused=self._settings["start_paused"],
         )
-        self._raw_publishers[SCENARIO].publish(scenario_message(scenario.resolved()))
         self.create_subscription(JointState, f"~/{JOINT_COMMANDS}", self._on_command, 50, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(SetBool, "~/pause", self._on_pause)
@@ -116,8 +123,16 @@ class TwinNode(Node):
         self.create_timer(1.0, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._on_parameters)
 
+    @property
+    def failed(self) -> bool:
+        """Whether the frame loop has ended by a fault of the program."""
+        return self._loop.failed
+
     def start(self) -> None:
-        """Let simulated time run."""
+        """Open the logs and let simulated time run; a log that cannot be opened is told, and the twin goes on."""
+        if self._settings["record"]:
+            self._start_recording()
+        self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
         names = ", ".join(self._simulation.carriages)
@@ -138,12 +153,14 @@ class TwinNode(Node):
         """Declare every parameter of the table and check what was given."""
         faults = []
         values: dict[str, Any] = {}
+        names = [parameter.name for parameter in PARAMETERS]
+        for name in self._parameter_overrides:
+            if name not in names and not name.startswith(ROS_PARAMETERS):
+                self.get_logger().warning(f"unknown parameter '{name}' is ignored; known: {', '.join(names)}")
         for parameter in PARAMETERS:
             # dynamic, so that 100 may stand for 100.0
-            descriptor = ParameterDescriptor(
-                description=parameter.help, read_only=parameter.name != "command_timeout", dynamic_typing=True
-            )
-            value: Any = self.declare_parameter(parameter.name, parameter.default, descriptor).value
+            undescribed = ParameterDescriptor(dynamic_typing=True)
+            value: Any = self.declare_parameter(parameter.name, parameter.default, undescribed).value
             if isinstance(parameter.default, float) and isinstance(value, int) and not isinstance(value, bool):
                 value = float(value)
             if type(value) is not type(parameter.default):
@@ -151,12 +168,14 @@ class TwinNode(Node):
                 faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
             elif fault := parameter.fault(value):
                 faults.append(fault)
+            else:
+                self.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
             values[parameter.name] = value
         if faults:
             raise ParameterError("\n".join(faults))
         return values
 
-    def _start_simulation(self, scenario: Scenario) -> Simulation:
+    def _build_simulation(self, scenario: Scenario) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
         started = time.monotonic()
         told = threading.Event()
@@ -184,21 +203,26 @@ class TwinNode(Node):
             )
         return steps
 
-    def _start_recording(self) -> Run | None:
-        if not self._settings["record"]:
-            return None
-        run = start_run(
-            self._simulation,
-            self._topics,
-            record_directory=Path(self._settings["record_directory"]).expanduser(),
-            epoch_ns=self._epoch_ns,
-            frame_period=self._frame_steps * self._simulation.step,
-            rerun=self._settings["rerun"],
-            namespace=self.get_fully_qualified_name(),
-        )
-        live = f"; live view: rerun {run.live_url}" if run.live_url else ""
-        self.get_logger().info(f"log: {run.directory}{live}")
-        return run
+    def _start_recording(self) -> None:
+        directory = Path(self._settings["record_directory"])
+        try:
+            self._run = start_run(
+                self._simulation,
+                self._topics,
+                record_directory=directory.expanduser(),
+                epoch_ns=self._epoch_ns,
+                frame_period=self._frame_steps * self._simulation.step,
+                rerun=self._settings["rerun"],
+                namespace=self.get_fully_qualified_name(),
+            )
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            reason = getattr(error, "strerror", None) or error
+            self._recording_fault = f"nothing is recorded: record_directory '{directory}': {reason}"
+            self.get_logger().error(self._recording_fault)
+            return
+        live = f"; live view: rerun {self._run.live_url}" if self._run.live_url else ""
+        self.get_logger().info(f"log: {self._run.directory}{live}")
+        self._report_recording_faults()
 
     def _publish_frame(self, snapshot: Snapshot) -> None:
         """Build the messages of a frame once; publish and record the same bytes."""
@@ -212,6 +236,8 @@ class TwinNode(Node):
             self._raw_publishers[topic].publish(data)
         if self._run is not None:
             self._run.recorder.record(messages, stamp_ns, snapshot)
+            while self._settings["real_time_factor"] == 0.0 and self._run.recorder.backlog > BACKLOG:
+                time.sleep(0.01)  # as fast as possible is not faster than the disk
 
     def _record_applied(self, applied: AppliedCommand) -> None:
         self._commands_applied += 1
@@ -250,8 +276,8 @@ class TwinNode(Node):
     def _refuse(self, error: BaseException) -> None:
         self._refused += 1
         now = time.monotonic()
-        if now - self._warned.get(JOINT_COMMANDS, -WARNING_PERIOD) >= WARNING_PERIOD:
-            self._warned[JOINT_COMMANDS] = now
+        if now - self._warned >= WARNING_PERIOD:
+            self._warned = now
             self.get_logger().warning(
                 f"{self.get_fully_qualified_name()}/{JOINT_COMMANDS}: command refused, "
                 f"the last good one stays: {error} ({self._refused} refused so far)"
@@ -260,8 +286,8 @@ class TwinNode(Node):
     def _serve(self, command: Command, response: Any, done: str) -> Any:
         try:
             applied = self._loop.submit(command, "service").result(SERVICE_TIMEOUT)
-        except (CommandError, TimeoutError) as error:
-            response.success, response.message = False, str(error) or f"no answer within {SERVICE_TIMEOUT:g} s"
+        except (CommandError, FutureTimeoutError, CancelledError) as error:
+            response.success, response.message = False, str(error) or NO_ANSWER
         else:
             when = applied.time if applied is not None else self._loop.simulated_time
             response.success, response.message = True, f"{done} at {when:.3f} s of simulated time"
@@ -276,9 +302,13 @@ class TwinNode(Node):
         return self._serve(Command("release", {}), response, "emergency stop released")
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._loop.fault and not request.data:
+            response.success, response.message = False, f"{self._loop.fault}; call ~/reset first"
+            return response
         self._loop.pause(request.data)
         response.success = True
-        response.message = f"{'paused' if request.data else 'running'} at {self._loop.simulated_time:.3f} s"
+        state = "paused" if request.data else "running"
+        response.message = f"{state} at {self._loop.simulated_time:.3f} s of simulated time"
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -287,11 +317,11 @@ class TwinNode(Node):
             return response
         try:
             self._loop.step().result(SERVICE_TIMEOUT)
-        except TimeoutError:
-            response.success, response.message = False, f"no frame within {SERVICE_TIMEOUT:g} s"
+        except (FutureTimeoutError, CancelledError):
+            response.success, response.message = False, NO_ANSWER
         else:
-            response.success = True
-            response.message = f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
+            response.success = not self._loop.fault
+            response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
         return response
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
@@ -330,8 +360,10 @@ class TwinNode(Node):
         """Level and message of the diagnostics."""
         if self._loop.fault:
             return 2, self._loop.fault
-        if self._run is not None and not self._run.recorder.recording:
-            return 2, "nothing is recorded any more"
+        if self._recording_fault:
+            return 2, self._recording_fault
+        if self._run is not None and self._run.recorder.dropped:
+            return 2, f"{self._run.recorder.dropped} frames are missing in the log: the disk is too slow"
         if self._simulation.emergency_stopped:
             return 1, "emergency stop in force"
         if self._loop.paused:
@@ -343,4 +375,18 @@ class TwinNode(Node):
     def _report_recording_faults(self) -> None:
         if self._run is not None:
             while self._run.recorder.faults:
-                self.get_logger().error(self._run.recorder.faults.pop(0))
+                self._recording_fault = self._run.recorder.faults.pop(0)
+                self.get_logger().error(self._recording_fault)
+
+
+def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """What other nodes are told about a parameter."""
+    descriptor = ParameterDescriptor(
+        description=parameter.help,
+        additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",
+        read_only=parameter.name != "command_timeout",
+        dynamic_typing=True,
+    )
+    if parameter.low is not None and parameter.high is not None:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
+    return descriptor

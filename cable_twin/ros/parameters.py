@@ -20,6 +20,11 @@ class Parameter:
     choices: tuple[str, ...] = ()
 
     @property
+    def placeholder(self) -> str:
+        """What stands for the value in a usage line: its unit, or its kind."""
+        return self.unit.upper() or {bool: "{true,false}", str: "TEXT", float: "NUMBER"}[type(self.default)]
+
+    @property
     def help(self) -> str:
         """Description with unit and range."""
         text = self.description
@@ -35,9 +40,10 @@ class Parameter:
             return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
         if self.low is None or self.high is None:
             return None
-        if not isinstance(value, int | float) or not self.low <= value <= self.high:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not self.low <= value <= self.high:  # type: ignore[operator]
             unit = f" {self.unit}" if self.unit else ""
-            return f"parameter '{self.name}' is {value}; allowed are {self.low:g} to {self.high:g}{unit}"
+            return f"parameter '{self.name}' is {value!r}; allowed are {self.low:g} to {self.high:g}{unit}"
         return None
 
 

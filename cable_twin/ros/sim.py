@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
-import signal
+import gc
+import json
+import re
 import sys
-import threading
 from collections.abc import Sequence
 
+from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
 from cable_twin.ros.parameters import PARAMETERS
-
-INSTALL_HINT = (
-    "{command} needs rclpy, which this Python does not have: install the ROS 2 wheels with\n"
-    "    pip install 'cable_twin[ros]'      (in a clone: pip install '.[ros]')\n"
-    "or source a ROS 2 workspace first: source /opt/ros/jazzy/setup.sh"
-)
 
 EPILOG = """\
 Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and parameter files work as well.
@@ -23,25 +18,24 @@ examples:
   sim                                    the default scenario in real time
   sim --scenario seed_example            the example of the paper
   sim --rerun live                       watch it: rerun rerun+http://127.0.0.1:9876/proxy
+  drive cabin --speed 5                  in another terminal: let the cabin go
 """
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> OneLineParser:
     """Options of `sim`: one for each parameter of the node."""
-    result = argparse.ArgumentParser(
-        prog="sim",
-        description="The live twin of a ropeway: a ROS 2 node that solves it in real time and logs it.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    result = OneLineParser(
+        "sim", "The live twin of a ropeway: a ROS 2 node that solves it in real time and logs it.", EPILOG
     )
     for parameter in PARAMETERS:
-        option = f"--{parameter.name.replace('_', '-')}"
-        text = f"{parameter.help}; default: {str(parameter.default).lower()}"
-        if isinstance(parameter.default, bool):
-            result.add_argument(option, dest=parameter.name, choices=("true", "false"), help=text)
-        else:
-            kind = type(parameter.default)
-            result.add_argument(option, dest=parameter.name, type=kind, help=text, metavar=kind.__name__.upper())
+        result.add_argument(
+            f"--{parameter.name.replace('_', '-')}",
+            dest=parameter.name,
+            type=float if isinstance(parameter.default, float) else str,
+            choices=("true", "false") if isinstance(parameter.default, bool) else None,
+            metavar=parameter.placeholder,
+            help=f"{parameter.help}; default: {_text(parameter.default)}",
+        )
     return result
 
 
@@ -50,57 +44,79 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
     split = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
     given = vars(parser().parse_args(list(argv[:split])))
     arguments = ["--ros-args"]
-    for name, value in given.items():
+    for parameter in PARAMETERS:
+        value = given[parameter.name]
         if value is not None:
-            # a string in quotes, or YAML would read a path like 1e3 as a number
-            quoted = f'"{value}"' if isinstance(value, str) and value not in ("true", "false") else str(value)
-            arguments += ["-p", f"{name}:={quoted}"]
+            # a text in quotes, or YAML would read a path like 1e3 as a number
+            quoted = json.dumps(value, ensure_ascii=False) if isinstance(parameter.default, str) else value
+            arguments += ["-p", f"{parameter.name}:={quoted}"]
     return arguments + list(argv[split + 1 :])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM; 0 after a clean end, 1 when it could not start."""
+    """Run the node until SIGINT or SIGTERM; 0 after a clean end, 1 when it could not start or failed."""
     arguments = ros_arguments(sys.argv[1:] if argv is None else argv)
+    ending = Ending()
     try:
-        import rclpy  # noqa: PLC0415 - the message below stands for the traceback
+        return _run(arguments, ending)
+    except KeyboardInterrupt:
+        print("sim: stopped before it had started", file=sys.stderr)
+        return 0
+
+
+def _run(arguments: Sequence[str], ending: Ending) -> int:
+    try:
+        import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
-    except ImportError:
-        print(INSTALL_HINT.format(command="sim"), file=sys.stderr)
+
+        from cable_twin.ros.node import ParameterError, TwinNode  # noqa: PLC0415
+    except ImportError as error:
+        print_hint("sim", error)
         return 1
-    from cable_twin.ros.node import ParameterError, TwinNode  # noqa: PLC0415
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
     from cable_twin.simulation import EquilibriumError  # noqa: PLC0415
 
-    # a flag of our own: rclpy's handlers would end the context before the logs are closed, and `ros2 launch` sends
-    # SIGINT twice
-    ending = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
     try:
         rclpy.init(args=["sim", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        print(f"sim: {str(error).splitlines()[0]}", file=sys.stderr)
+        print(f"sim: {_rcl_fault(error)}", file=sys.stderr)
         return 1
     try:
         node = TwinNode()
-    except (ParameterError, ScenarioError, EquilibriumError, OSError) as error:
+    except (ParameterError, ScenarioError, EquilibriumError) as error:
         for line in str(error).splitlines():
             print(f"sim: {line}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
+    ending.interrupting = False
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    node.start()
     try:
-        while not ending.is_set():
+        node.start()
+        gc.collect()
+        gc.freeze()  # what stays to the end need not be looked through between two frames
+        while not ending.is_set() and not node.failed:
             executor.spin_once(timeout_sec=0.2)
     finally:
         node.stop()
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return 1 if node.failed else 0
+
+
+def _rcl_fault(error: Exception) -> str:
+    """What rcl did not like about the arguments, without the place in its source."""
+    text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
+    if "unknown" in type(error).__name__.lower():
+        return f"unknown ROS arguments {text}"
+    return text
+
+
+def _text(default: object) -> str:
+    """A default as it is typed on the command line."""
+    return f"{default:g}" if isinstance(default, float) else str(default).lower()
 
 
 if __name__ == "__main__":

@@ -1,0 +1,61 @@
+"""What the commands `sim` and `drive` share: options that answer in one line, signals, the hint without ROS 2."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from typing import NoReturn
+
+INSTALL_HINT = (
+    "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"
+    "    pip install 'cable_twin[ros]'      (in a clone: pip install '.[ros]')\n"
+    "or source a ROS 2 workspace first: source /opt/ros/jazzy/setup.sh"
+)
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says in one line what is wrong with an option, not below a screen of usage."""
+
+    def __init__(self, prog: str, description: str, epilog: str) -> None:
+        super().__init__(
+            prog=prog,
+            description=description,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Print the line and end with 1."""
+        print(f"{self.prog}: {message}; all options: {self.prog} --help", file=sys.stderr)
+        sys.exit(1)
+
+
+class Ending:
+    """SIGINT and SIGTERM, once or often, as a flag; while `interrupting` they raise KeyboardInterrupt instead.
+
+    rclpy's own handlers would end the context before the logs are closed, and `ros2 launch` sends SIGINT twice.
+    """
+
+    def __init__(self) -> None:
+        self.interrupting = True  # nothing is open yet that wants to be closed
+        self._flag = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def is_set(self) -> bool:
+        """Whether a signal has come."""
+        return self._flag.is_set()
+
+    def _on_signal(self, *_: object) -> None:
+        self._flag.set()
+        if self.interrupting:
+            self.interrupting = False  # a second one would interrupt the farewell
+            raise KeyboardInterrupt
+
+
+def print_hint(command: str, error: ImportError) -> None:
+    """Say what to install."""
+    print(INSTALL_HINT.format(command=command, reason=error), file=sys.stderr)
