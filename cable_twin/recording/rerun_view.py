@@ -29,6 +29,7 @@ from cable_twin.records import AppliedCommand, CarriageState, FloatArray, Snapsh
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
 LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
+FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
@@ -197,13 +198,15 @@ class RerunView:
 
         Raises:
             RuntimeError: When the view is closed.
-            OSError: When the file cannot be written any more, a full disk for instance.
+            OSError: When the file cannot be written any more, a full disk for instance; the view is closed then.
         """
         stream = self._open()
         self._send()
         try:
-            stream.flush()
+            # Without a limit rerun waits for good once its writer has given up.
+            stream.flush(timeout_sec=FLUSH_TIMEOUT)
         except RuntimeError as error:
+            self._abandon(stream)
             raise OSError(f"the rerun recording cannot be written: {error}") from error
 
     def close(self) -> None:
@@ -214,11 +217,15 @@ class RerunView:
         """
         if self._stream is None:
             return
-        try:
-            self.flush()
-        finally:
-            self._stream.disconnect()
-            self._stream = None
+        self.flush()
+        self._stream.disconnect()
+        self._stream = None
+
+    def _abandon(self, stream: rr.RecordingStream) -> None:
+        """Close the view but not its stream: for a writer that is gone, rerun would wait for good, at exit too."""
+        self._stream = None
+        _ABANDONED.append(stream)
+        rr.unregister_shutdown()
 
     def _open(self) -> rr.RecordingStream:
         """Return the stream, or raise if the view is closed."""
@@ -519,6 +526,13 @@ class RerunView:
         )
 
 
+class _Stream(rr.RecordingStream):
+    """A stream that ends when it is disconnected, and does not wait for its writer when it is deleted."""
+
+    def __del__(self) -> None:
+        """Do nothing."""
+
+
 class _Plot:
     """The lines of one entity in a plot."""
 
@@ -583,7 +597,7 @@ def describe_command(applied: AppliedCommand) -> str:
 
 def _open_stream(title: str, path: Path | None, live: bool, live_port: int, footer: bool) -> rr.RecordingStream:
     """Return a stream of its own into a file, a server on the local interface, or both."""
-    stream = rr.RecordingStream(APPLICATION)
+    stream = _Stream(APPLICATION)
     # One timeline only: wall-clock times would be those of the batches.
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
@@ -688,6 +702,7 @@ def _color_table() -> NDArray[np.uint32]:
     return red << 24 | green << 16 | blue << 8 | np.uint32(255)
 
 
+_ABANDONED: list[rr.RecordingStream] = []
 _COLOR_TABLE = _color_table()
 _DOWNWARDS = np.array([1.0, -1.0])
 _DEGREES = 180.0 / np.pi

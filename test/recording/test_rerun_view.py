@@ -280,6 +280,37 @@ def test_file_or_port_that_cannot_be_had_is_an_error_at_once(tmp_path):
             RerunView("test ropeway", {}, path=None, live=True, live_port=port)
 
 
+FULL_DISK = """
+import resource, signal, sys
+from pathlib import Path
+sys.path[:0] = {path!r}
+import cable_twin.recording.rerun_view as drawing
+from test_rerun_view import OUTLINES, snapshot_at
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+drawing.FLUSH_TIMEOUT = 0.5
+view = drawing.RerunView("test ropeway", OUTLINES, path=Path({file!r}), live=False)
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+try:
+    for index in range(500):
+        view.log(snapshot_at(index / 100))
+        if index % 50 == 49:
+            view.flush()
+except OSError as error:
+    print("refused:", error)
+view.close()
+"""
+
+
+@pytest.mark.parametrize("attempt", range(3))
+def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
+    """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
+    paths = [str(Path(__file__).parent), str(RENDERER.parents[1])]
+    script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "refused: the rerun recording cannot be written" in run.stdout
+
+
 def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):
     """The plane is x and z whatever the dimension; a body without outline, a free end and no rope pull do no harm."""
     path = tmp_path / "run.rrd"
