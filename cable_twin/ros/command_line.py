@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -34,13 +35,14 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 class Ending:
-    """SIGINT and SIGTERM, once or often, as a flag; while `interrupting` they raise KeyboardInterrupt instead.
+    """SIGINT and SIGTERM, once or often, as a flag; while `starting` they end the process at once.
 
     rclpy's own handlers would end the context before the logs are closed, and `ros2 launch` sends SIGINT twice.
     """
 
-    def __init__(self) -> None:
-        self.interrupting = True  # nothing is open yet that wants to be closed
+    def __init__(self, command: str) -> None:
+        self.starting = True  # nothing is open yet that wants to be closed
+        self._command = command
         self._flag = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
@@ -51,9 +53,10 @@ class Ending:
 
     def _on_signal(self, *_: object) -> None:
         self._flag.set()
-        if self.interrupting:
-            self.interrupting = False  # a second one would interrupt the farewell
-            raise KeyboardInterrupt
+        if self.starting:
+            # no exception: the compiler crashes where one passes through its callbacks
+            os.write(sys.stderr.fileno(), f"{self._command}: ended before it had started\n".encode())
+            os._exit(0)
 
 
 def print_hint(command: str, error: ImportError) -> None:

@@ -45,7 +45,7 @@ def parser() -> OneLineParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Drive; 0 after the end, 1 when no twin answers, it has no such carriage, or it refuses."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
-    ending = Ending()
+    ending = Ending("drive")
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         import sensor_msgs.msg  # noqa: F401, PLC0415
@@ -53,9 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImportError as error:
         print_hint("drive", error)
         return 1
-    except KeyboardInterrupt:
-        return 0
-    ending.interrupting = False
+    ending.starting = False
     try:
         rclpy.init(args=["drive"], signal_handler_options=SignalHandlerOptions.NO)
         driver = _Driver(rclpy.create_node("cable_twin_drive"), options, ending)

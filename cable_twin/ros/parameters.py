@@ -62,5 +62,5 @@ PARAMETERS = (
         "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
     ),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
-    Parameter("publish_clock", False, "publish /clock"),
+    Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),
 )

@@ -56,15 +56,7 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; 0 after a clean end, 1 when it could not start or failed."""
     arguments = ros_arguments(sys.argv[1:] if argv is None else argv)
-    ending = Ending()
-    try:
-        return _run(arguments, ending)
-    except KeyboardInterrupt:
-        print("sim: stopped before it had started", file=sys.stderr)
-        return 0
-
-
-def _run(arguments: Sequence[str], ending: Ending) -> int:
+    ending = Ending("sim")
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
@@ -89,7 +81,7 @@ def _run(arguments: Sequence[str], ending: Ending) -> int:
             print(f"sim: {line}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
-    ending.interrupting = False
+    ending.starting = False
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import os
+
+import pytest
+from twin_process import TwinProcess
+
+# before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _ros_log_directory(tmp_path_factory):
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+
+
+@pytest.fixture
+def processes(tmp_path):
+    """Start commands of the package that are gone after the test, however it ends."""
+    started = []
+
+    def start(*arguments, **options):
+        started.append(TwinProcess(tmp_path, *arguments, **options))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+
+
+@pytest.fixture
+def participants():
+    """Make nodes in the domains of twins."""
+    from ros_participant import Participant  # noqa: PLC0415 - not where rclpy is missing
+
+    made = []
+
+    def make(domain, **options):
+        made.append(Participant(domain, **options))
+        return made[-1]
+
+    yield make
+    for participant in made:
+        participant.close()

@@ -1,0 +1,253 @@
+"""The node as its users meet it: a process of its own, talked to from another one over DDS."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from itertools import pairwise
+
+import pytest
+from twin_process import TwinProcess, gaps, stamps, write_quick_scenario
+
+from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.scenario import load_scenario
+
+pytest.importorskip("rclpy")
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_participant import Participant
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+FRAME = 10_000_000  # ns
+MOVING = {"name": ["cabin"], "velocity": [2.0]}
+BAD_COMMANDS = {
+    "cabin' is nan": {"name": ["cabin"], "velocity": [math.nan]},
+    "'cabin' is inf": {"name": ["cabin"], "effort": [math.inf]},
+    "unknown carriage 'gondola'; known: cabin": {"name": ["gondola"], "velocity": [1.0]},
+    "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
+    "speed of 'cabin' is 10.5 m/s; allowed are -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
+    "force of 'cabin' is -1e+06 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
+    "both velocity and effort": {"name": ["cabin"], "velocity": [1.0], "effort": [1.0]},
+    "neither velocity nor effort": {"name": ["cabin"]},
+    "positions are not taken": {"name": ["cabin"], "position": [100.0], "velocity": [1.0]},
+    "more than once": {"name": ["cabin", "cabin"], "velocity": [1.0, 1.0]},
+    "without names": {"velocity": [1.0]},
+    "unknown carriage 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
+}
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """One twin with all its logs for the whole module, and a participant that collects its topics."""
+    directory = tmp_path_factory.mktemp("running")
+    process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--publish-clock", "true")
+    participant = Participant(process.domain)
+    for topic, kind in (("cable", PointCloud2), ("carriages/cabin/pose", PoseStamped), ("cable_path", Path)):
+        participant.subscribe(topic, kind)
+    participant.subscribe("/clock", Clock, QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT))
+    participant.subscribe_standard()
+    participant.until(lambda: participant.received["/diagnostics"])
+    yield process, participant
+    participant.close()
+    process.kill()
+
+
+@pytest.fixture
+def twin(running):
+    """The twin at rest at its start, and still there afterwards."""
+    process, participant = running
+    assert participant.call("emergency_stop", SetBool, data=False).success
+    assert participant.call("pause", SetBool, data=False).success
+    assert participant.call("reset", Trigger).success
+    participant.spin(0.1)
+    for messages in participant.received.values():
+        del messages[:-1]
+    yield participant
+    assert process.process.poll() is None, process.output
+
+
+def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
+    started = time.monotonic()
+    twin.spin(3.0)
+    elapsed = time.monotonic() - started
+    for topic in ("joint_states", "cable", "carriages/cabin/pose"):
+        messages = twin.received[topic]
+        assert len(messages) / elapsed == pytest.approx(100.0, rel=0.1), topic
+        steps = gaps(messages)
+        assert min(steps) > 0
+        assert steps.count(FRAME) >= 0.95 * len(steps), topic
+        assert all(step % FRAME == 0 for step in steps)
+        assert {message.header.frame_id for message in messages} == {"map"}
+    assert len(twin.received["cable_path"]) / elapsed == pytest.approx(10.0, rel=0.2)
+    assert len(twin.received["/clock"]) / elapsed == pytest.approx(100.0, rel=0.2)
+    level, message, values = twin.next_diagnostics()
+    assert float(values["real_time_factor"]) == pytest.approx(1.0, abs=0.2)
+    assert values["log_dropped_frames"] == "0"
+    assert level in (0, 1), message  # a warning where this machine was late
+
+
+def test_joint_states_name_carriages_and_bodies(twin):
+    state = twin.received["joint_states"][-1]
+    assert state.name == ["cabin", "cabin/running_carriage", "cabin/hanger", "cabin/cabin"]
+    assert state.position[0] == pytest.approx(60.0, abs=0.1)
+    assert state.effort[0] > 1e3  # the drive holds the cabin on the slope
+
+
+def test_command_moves_the_cabin_and_silence_stops_it(running, twin):
+    process, _ = running
+    before = process.output.count("ramps to a stop")
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="commanded speed")
+    assert twin.arc_length > 60.5
+    silent = time.monotonic()
+    twin.until(lambda: twin.speed == 0.0, what="stop after silence")
+    assert time.monotonic() - silent > 0.4  # not before the time-out
+    stopping = [
+        message for message in twin.received["applied_commands"] if "command_timeout" in message.header.frame_id
+    ]
+    assert [message.velocity.tolist() for message in stopping] == [[0.0]]
+    assert process.output.count("no command for 0.5 s: cabin ramps to a stop") == before + 1
+    speeds = [message.velocity[0] for message in twin.received["joint_states"]]
+    fastest = max(abs(after - before) for before, after in pairwise(speeds))
+    assert fastest <= 4.0 * 0.1  # a ramp at the drive's 4 m/s^2, not a jump, even where frames were missed
+
+
+def test_force_that_falls_silent_is_stopped_too(twin):
+    with twin.stream(name=["cabin"], effort=[0.0]):
+        twin.until(lambda: twin.speed < -0.5, what="roll down without drive force")
+    twin.until(lambda: twin.speed == 0.0, what="stop after silence")
+
+
+def test_bad_commands_are_refused_counted_and_named(running, twin):
+    process, _ = running
+    refused = int(twin.next_diagnostics()[2]["commands_refused"])
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="commanded speed")
+        twin.received["joint_states"].clear()
+        for reason, fields in BAD_COMMANDS.items():
+            length = len(process.output)
+            twin.publish(**fields)
+            twin.until(lambda length=length, reason=reason: reason in process.output[length:], what=reason)
+            warning = next(line for line in process.output[length:].splitlines() if reason in line)
+            assert warning.startswith("[WARN]")
+            assert "/cable_twin/joint_commands: command refused, the last good one stays" in warning
+            twin.spin(1.05)  # beyond the throttle
+        length = len(process.output)
+        twin.publisher.publish(b"\x00\x01\x00\x00\xff\xff\xff\xff\xff\xff")
+        twin.until(lambda: "not a JointState" in process.output[length:])
+        for _ in range(20):
+            twin.publish(name=["cabin"], velocity=[math.nan])
+        values = twin.next_diagnostics()[2]
+        assert int(values["commands_refused"]) == refused + len(BAD_COMMANDS) + 1 + 20
+        assert process.output[length:].count("command refused") <= 3  # throttled to one a second
+    speeds = [message.velocity[0] for message in twin.received["joint_states"]]
+    assert speeds == pytest.approx([2.0] * len(speeds), abs=1e-6)
+    assert "Traceback" not in process.output
+
+
+def test_reset_puts_the_state_back_and_never_the_time(twin):
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.arc_length > 61.0)
+    answer = twin.call("reset", Trigger)
+    assert answer.success
+    assert "of simulated time" in answer.message
+    twin.until(lambda: twin.arc_length == pytest.approx(60.0, abs=1e-3), what="start")
+    twin.spin(0.3)
+    assert twin.speed == pytest.approx(0.0, abs=1e-3)  # the reset takes the command back as well
+    assert min(gaps(twin.received["joint_states"])) > 0
+    assert min(gaps(twin.received["cable"])) > 0
+
+
+def test_pause_and_step(twin):
+    refusal = twin.call("step", Trigger)
+    assert not refusal.success
+    assert "not paused" in refusal.message
+    assert twin.call("pause", SetBool, data=True).success
+    twin.spin(0.3)
+    count = len(twin.received["joint_states"])
+    twin.spin(0.5)
+    assert len(twin.received["joint_states"]) == count
+    for _ in range(3):
+        assert twin.call("step", Trigger).success
+    twin.until(lambda: len(twin.received["joint_states"]) == count + 3)
+    assert gaps(twin.received["joint_states"])[-3:] == [FRAME] * 3
+    assert twin.next_diagnostics()[1] == "paused"
+    assert twin.call("pause", SetBool, data=False).success
+    twin.until(lambda: len(twin.received["joint_states"]) > count + 20)
+    assert gaps(twin.received["joint_states"])[count + 3 - 1 :][:5] == [FRAME] * 5  # does not run after the time paused
+
+
+def test_emergency_stop_refuses_commands_until_released(running, twin):
+    process, _ = running
+    length = len(process.output)
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6))
+        assert twin.call("emergency_stop", SetBool, data=True).success
+        twin.until(lambda: twin.speed == 0.0, what="emergency stop against commands")
+        twin.spin(0.3)
+        assert twin.speed == 0.0
+        level, message, values = twin.next_diagnostics()
+        assert (level, message, values["emergency_stop"]) == (1, "emergency stop in force", "true")
+        assert "release it before the next command" in process.output[length:]
+        assert twin.call("emergency_stop", SetBool, data=False).success
+        twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="motion after the release")
+
+
+def test_scenario_is_there_for_a_late_joiner(running, twin):
+    process, _ = running
+    late = Participant(process.domain)
+    try:
+        late.subscribe("scenario", String, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        (message,) = late.until(lambda: late.received["scenario"])
+    finally:
+        late.close()
+    scenario = load_scenario(json.loads(message.data))
+    expected = load_scenario(str(process.directory / "quick.yaml"))
+    assert scenario.resolved() == expected.resolved()
+
+
+def test_parameters_are_described_with_unit_and_range(twin):
+    names = [parameter.name for parameter in PARAMETERS]
+    descriptors = twin.call("describe_parameters", DescribeParameters, names=names).descriptors
+    assert [descriptor.name for descriptor in descriptors] == names
+    for descriptor, parameter in zip(descriptors, PARAMETERS, strict=True):
+        assert len(descriptor.description) > 15
+        assert descriptor.read_only == (parameter.name != "command_timeout")
+        assert parameter.unit in descriptor.description
+        if isinstance(parameter.default, float):
+            (bounds,) = descriptor.floating_point_range
+            assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
+            assert f"({parameter.low:g} to {parameter.high:g}" in descriptor.description
+    assert descriptors[names.index("rerun")].additional_constraints == "one of: off, file, live"
+
+
+def test_only_the_command_timeout_may_change_and_within_its_range(twin):
+    def give(name: str, value: float) -> tuple[bool, str]:
+        parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+        (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
+        return result.successful, result.reason
+
+    assert not give("frame_rate", 50.0)[0]
+    successful, reason = give("command_timeout", 0.001)
+    assert not successful
+    assert "command_timeout" in reason
+    assert "0.02" in reason
+    assert give("command_timeout", 2.0)[0]
+    try:
+        twin.publish(**MOVING)
+        twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="speed by a single command")
+    finally:
+        assert give("command_timeout", 0.5)[0]
+
+
+def test_time_has_never_gone_back(running):
+    """Looks at the same collected topics as the tests before it, with all their resets."""
+    _, participant = running
+    assert stamps(participant.received["joint_states"]) == sorted(stamps(participant.received["joint_states"]))

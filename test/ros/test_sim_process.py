@@ -1,0 +1,287 @@
+"""How `sim` starts and ends: parameters, scenarios, signals, disks that refuse, kills; and what is left on the disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
+from twin_process import (
+    COMPILING,
+    environment,
+    run_module,
+    stamps,
+    write_quick_scenario,
+)
+
+from cable_twin.recording.mcap_log import read_log
+from cable_twin.scenario import config_directory
+
+pytest.importorskip("rclpy")
+from std_srvs.srv import SetBool, Trigger
+
+FRAME = 10_000_000  # ns
+RERUN = str(Path(sys.executable).with_name("rerun"))
+
+
+def check_logs(run: Path) -> int:
+    """Open a finished run with other people's readers; returns the number of joint states in it."""
+    (bag,) = run.glob("*.mcap")
+    (recording,) = run.glob("*.rrd")
+    with AnyReader([run]) as reader:
+        connections = [item for item in reader.connections if item.topic == "/cable_twin/joint_states"]
+        decoded = [reader.deserialize(data, item.msgtype) for item, _, data in reader.messages(connections)]
+    taken = stamps(decoded)
+    assert [after - before for before, after in pairwise(taken)] == [FRAME] * (len(taken) - 1)
+    with bag.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    topics = {channel.topic: identifier for identifier, channel in summary.channels.items()}
+    assert summary.statistics.channel_message_counts[topics["/cable_twin/joint_states"]] == len(decoded)
+    assert summary.statistics.channel_message_counts[topics["/cable_twin/scenario"]] == 1
+    metadata = YAML(typ="safe").load(run / "metadata.yaml")["rosbag2_bagfile_information"]
+    assert metadata["message_count"] == summary.statistics.message_count
+    for command in (["mcap", "check", bag], ["rrd", "verify", recording]):
+        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=60, check=False)
+        assert result.returncode == 0, result.stdout + result.stderr
+    assert read_log(run).complete
+    return len(decoded)
+
+
+@pytest.mark.parametrize(
+    "signals",
+    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
+    ids=lambda signals: "-".join(number.name for number in signals),
+)
+def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    participant.until(lambda: len(participant.received["joint_states"]) > 50)
+    for number in signals:
+        sim.send(number)
+        time.sleep(0.05)
+    assert sim.wait() == 0, sim.output
+    assert "log closed" in sim.output
+    assert "Traceback" not in sim.output
+    frames = check_logs(sim.run_directory)
+    assert frames >= len(participant.received["joint_states"])
+
+
+def test_killed_run_is_readable_and_replays(processes, participants, tmp_path):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    with participant.stream(name=["cabin"], velocity=[3.0]):
+        participant.until(lambda: participant.arc_length > 64.0)
+    sim.send(signal.SIGKILL)
+    sim.wait()
+    participant.spin(0.2)
+    published = stamps(participant.received["joint_states"])[-1]
+    log = read_log(sim.run_directory)
+    assert not log.complete
+    recorded = max(stamp for _, stamp, _ in log.messages(["joint_states"]))
+    assert published - recorded < 1_500_000_000  # less than a second, and what a busy machine adds
+    assert len(log.commands) > 10
+    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "cut short" in result.stdout
+
+
+def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
+    (tmp_path / "occupied").write_text("not a directory")
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record-directory", "occupied")
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    assert "[ERROR]" in sim.output
+    assert "nothing is recorded: record_directory 'occupied': File exists" in sim.output
+    level, message, _ = participant.next_diagnostics()
+    assert (level, message) == (2, "nothing is recorded: record_directory 'occupied': File exists")
+    with participant.stream(name=["cabin"], velocity=[1.0]):
+        participant.until(lambda: participant.speed == pytest.approx(1.0, abs=1e-6))
+    assert sim.end() == 0
+    assert "Traceback" not in sim.output
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full")
+def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
+    # a limit on the size of files is the full disk that needs no privileges
+    code = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
+        "from cable_twin.ros.sim import main; sys.exit(main(sys.argv[1:]))"
+    )
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), code=code)
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
+    assert "recording: log stopped" in participant.diagnostics[1] or "view stopped" in participant.diagnostics[1]
+    sim.wait_for("recording: log stopped")
+    count = len(participant.received["joint_states"])
+    participant.until(lambda: len(participant.received["joint_states"]) > count + 50)
+    assert sim.end() == 0
+    assert "Traceback" not in sim.output
+    assert sum(1 for _ in read_log(sim.run_directory).messages(["joint_states"])) > 10
+
+
+def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants, tmp_path):
+    sim = processes("--scenario", "seed_example", "--rerun", "off")
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    participant.publish(name=["carriage"], effort=[1e9])
+    participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
+    assert "the last Newton increment was" in participant.diagnostics[1]
+    assert "reset it to go on" in sim.output
+    refusal = participant.call("pause", SetBool, data=False)
+    assert not refusal.success
+    assert "~/reset first" in refusal.message
+    assert participant.call("reset", Trigger).success
+    count = len(participant.received["joint_states"])
+    participant.until(lambda: len(participant.received["joint_states"]) > count + 20, what="frames after the reset")
+    assert sim.end() == 0
+    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
+    arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "off"]
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments)
+    participant = participants(sim.domain)
+    participant.subscribe_standard(paused=True)
+    count = len(participant.received["joint_states"])  # the frame at the start, where it was heard
+    assert participant.call("step", Trigger).success
+    participant.until(lambda: len(participant.received["joint_states"]) == count + 1)
+    assert participant.call("pause", SetBool, data=False).success
+    participant.spin(2.0)
+    assert sim.end() == 0
+    taken = [stamp for _, stamp, _ in read_log(sim.run_directory).messages(["joint_states"])]
+    assert len(taken) > 400  # in two seconds; in real time 200
+    assert [after - before for before, after in pairwise(taken)] == [FRAME] * (len(taken) - 1)
+
+
+def test_interrupt_ends_the_compilation(processes, tmp_path):
+    sim = processes(extra={"NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")})
+    sim.wait_for("compiling the solver's kernels, once on this machine")
+    sim.send(signal.SIGINT)
+    sim.send(signal.SIGINT)
+    assert sim.wait(10.0) == 0
+    assert sim.output.endswith("sim: ended before it had started\n")
+    assert "Traceback" not in sim.output
+    assert not (tmp_path / "cable_twin_logs").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
+        (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
+        (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
+        (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
+        (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
+        (["--scenario", "gondola"], "sim: scenario: given 'gondola', which is neither a scenario nor a file; allowed"),
+        (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
+        (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
+        (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
+        (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
+    ],
+    ids=lambda value: "_".join(value) if isinstance(value, list) else "",
+)
+def test_bad_parameters_are_named_in_a_line(tmp_path, arguments, said):
+    result = run_module("ros.sim", *arguments, directory=tmp_path)
+    assert result.returncode == 1
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(said)
+    assert not (tmp_path / "cable_twin_logs").exists()
+
+
+def test_several_bad_parameters_have_a_line_each(tmp_path):
+    result = run_module("ros.sim", "--frame-rate", "0", "--command-timeout", "0", directory=tmp_path)
+    assert result.returncode == 1
+    assert len(result.stderr.splitlines()) == 2
+
+
+def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
+    path = write_quick_scenario(tmp_path)
+    yaml = YAML()
+    content = yaml.load(path)
+    content["gravity"] = "strong"
+    content["cable"]["elemnts"] = 3
+    content["carriages"]["cabin"]["arc_length"] = 1e6
+    yaml.dump(content, path)
+    result = run_module("ros.sim", "--scenario", str(path), directory=tmp_path)
+    assert result.returncode == 1
+    lines = result.stderr.splitlines()
+    assert len(lines) == 3
+    assert all(line.startswith(f"sim: {path}: ") for line in lines)
+    for key in ("gravity", "cable.elemnts", "carriages.cabin.arc_length"):
+        assert any(f": {key}: " in line for line in lines), key
+
+
+def test_unknown_ros_parameter_is_named_and_ignored(processes):
+    sim = processes("--rerun", "off", "--ros-args", "-p", "frame_rat:=50", "-p", "use_sim_time:=false")
+    sim.wait_for("runs at 100 Hz")
+    assert "unknown parameter 'frame_rat' is ignored; known: scenario, frame_rate" in sim.output
+    assert "use_sim_time" not in sim.output
+    assert sim.end() == 0
+
+
+def test_another_name_and_an_uneven_rate(processes, participants):
+    sim = processes("--frame-rate", "30", "--ros-args", "-r", "__node:=tram", "-r", "__ns:=/site")
+    participant = participants(sim.domain, node="/site/tram")
+    participant.subscribe_standard()
+    assert "frame_rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in sim.output
+    participant.publish(name=["cabin"], velocity=[1.0])
+    participant.until(lambda: participant.received["applied_commands"])
+    assert sim.end() == 0
+    log = read_log(sim.run_directory)
+    assert log.metadata["namespace"] == "/site/tram"
+    assert len(log.commands) >= 1
+
+
+@pytest.mark.parametrize("command", ["sim", "drive"])
+def test_without_ros_it_says_what_to_install(tmp_path, command):
+    code = f"import sys; sys.modules['rclpy'] = None; from cable_twin.ros.{command} import main; sys.exit(main())"
+    arguments = ["cabin", "--speed", "1"] if command == "drive" else []
+    result = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=tmp_path,
+        env=environment(tmp_path, 0),
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=False,
+    )
+    assert result.returncode == 1
+    assert result.stderr.startswith(f"{command} needs ROS 2, which this Python does not have")
+    assert "pip install 'cable_twin[ros]'" in result.stderr
+    assert "source /opt/ros/" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("command", ["ros.sim", "ros.drive", "offline.replay"])
+def test_help_has_examples(tmp_path, command):
+    result = run_module(command, "--help", directory=tmp_path)
+    assert result.returncode == 0
+    assert "examples:" in result.stdout
+
+
+def test_scenario_of_the_working_directory_and_numbers_as_names(tmp_path, processes, participants):
+    """A path that YAML would read as a number is still a path."""
+    shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
+    sim = processes("--scenario", "1e3", "--rerun", "off")
+    sim.wait_for("'1e3' runs at 100 Hz; carriages: carriage")
+    assert sim.end() == 0
+    assert json.loads(json.dumps(read_log(sim.run_directory).scenario))["name"] == "1e3"
+    assert os.listdir(tmp_path / "cable_twin_logs")

@@ -1,0 +1,124 @@
+"""A node of the test's own process that talks to a twin in another one."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from twin_process import COMPILING, PATIENCE
+
+from cable_twin.messages import decode
+
+
+class Participant:
+    """A node of the test's own process in the domain of a twin."""
+
+    def __init__(self, domain: int, node: str = "/cable_twin") -> None:
+        self.twin = node
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("test_participant", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.received: dict[str, list[Any]] = defaultdict(list)  # decoded messages by relative topic
+        self._clients: dict[str, Any] = {}
+        self._publisher: Any = None
+        self._streaming: Any = None
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def subscribe(self, topic: str, kind: type, qos: Any = 100) -> None:
+        """Collect a topic of the twin; raw, as decoding by rosbags costs a test less than rclpy's."""
+        name = topic if topic.startswith("/") else f"{self.twin}/{topic}"
+        type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+        self.node.create_subscription(
+            kind, name, lambda data: self.received[topic].append(decode(data, type_name)), qos, raw=True
+        )
+
+    def subscribe_standard(self, *, paused: bool = False) -> None:
+        """Collect what most tests look at, and wait for the first frame where time runs."""
+        self.subscribe("joint_states", JointState)
+        self.subscribe("applied_commands", JointState)
+        self.subscribe("/diagnostics", DiagnosticArray)
+        if paused:
+            self.until(lambda: self.received["/diagnostics"], COMPILING, "/diagnostics")
+        else:
+            self.until(lambda: self.received["joint_states"], COMPILING, "joint_states")
+
+    def spin(self, seconds: float) -> None:
+        """Take messages for a while."""
+        deadline = time.monotonic() + seconds
+        while (remaining := deadline - time.monotonic()) > 0.0:
+            self.executor.spin_once(timeout_sec=min(remaining, 0.05))
+
+    def until(self, condition: Callable[[], Any], timeout: float = PATIENCE, what: str = "") -> Any:
+        """Take messages until a condition holds; returns what it gave."""
+        deadline = time.monotonic() + timeout
+        while not (value := condition()):
+            assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    @property
+    def publisher(self) -> Any:
+        """Publisher of commands, matched with the twin."""
+        if self._publisher is None:
+            self._publisher = self.node.create_publisher(JointState, f"{self.twin}/joint_commands", 50)
+            self.until(self._publisher.get_subscription_count, what="a twin that listens")
+        return self._publisher
+
+    def publish(self, **fields: Any) -> None:
+        """Publish one command."""
+        self.publisher.publish(JointState(**fields))
+
+    @contextmanager
+    def stream(self, **fields: Any) -> Iterator[None]:
+        """Repeat a command at 20 Hz while messages are taken."""
+        self.publish(**fields)
+        timer = self.node.create_timer(0.05, lambda: self.publish(**fields))
+        try:
+            yield
+        finally:
+            self.node.destroy_timer(timer)
+
+    def call(self, service: str, kind: type, **fields: Any) -> Any:
+        """Call a service of the twin."""
+        request = kind.Request(**fields)
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, f"{self.twin}/{service}")
+        client = self._clients[service]
+        self.until(client.service_is_ready, what=service)
+        future = client.call_async(request)
+        return self.until(lambda: future.done() and future.result(), what=f"answer of {service}")
+
+    @property
+    def speed(self) -> float:
+        """Speed (m/s) of the first carriage in the newest joint states."""
+        return float(self.received["joint_states"][-1].velocity[0])
+
+    @property
+    def arc_length(self) -> float:
+        """Arc length (m) of the first carriage in the newest joint states."""
+        return float(self.received["joint_states"][-1].position[0])
+
+    @property
+    def diagnostics(self) -> tuple[int, str, dict[str, str]]:
+        """Level, message and values of the newest diagnostics."""
+        status = self.received["/diagnostics"][-1].status[0]
+        return int(status.level), status.message, {pair.key: pair.value for pair in status.values}
+
+    def next_diagnostics(self) -> tuple[int, str, dict[str, str]]:
+        """Wait for the second report from now on: the first one may be of before."""
+        count = len(self.received["/diagnostics"])
+        self.until(lambda: len(self.received["/diagnostics"]) >= count + 2, what="/diagnostics")
+        return self.diagnostics

@@ -1,0 +1,108 @@
+"""The picture of the README's architecture section: which module may import which."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cable_twin
+
+PACKAGE = Path(cable_twin.__file__).resolve().parent
+OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "zstandard")
+
+# what each part may import of the package besides itself; the longest name that fits a module is its part
+SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
+BELOW_RECORDING = ("messages", "records", "simulation", "mechanics", *SCENARIO)
+ALLOWED = {
+    "mechanics": (),
+    "records": (),
+    **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
+    "simulation": ("mechanics", "records", *SCENARIO),
+    "messages": ("records",),
+    "recording": ("messages", "records", "simulation", *SCENARIO),
+    "ros": ("recording", *BELOW_RECORDING),
+    "offline": ("recording", *BELOW_RECORDING),
+}
+
+
+def modules() -> dict[str, Path]:
+    """All modules by name within the package."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if name:
+            found[name] = path
+    return found
+
+
+def imports(name: str, path: Path) -> set[str]:
+    """Modules of the package that a module imports anywhere, also within functions and for type checks."""
+    known = modules()
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: relative import, which this test does not follow"
+            module = node.module or ""
+            for alias in node.names:
+                inner = f"{module}.{alias.name}"
+                found.add(inner if inner.removeprefix("cable_twin.") in known else module)
+    return {item.removeprefix("cable_twin.") for item in found if item.startswith("cable_twin.")}
+
+
+def is_within(module: str, part: str) -> bool:
+    return module == part or module.startswith(f"{part}.")
+
+
+@pytest.mark.parametrize("name", sorted(modules()))
+def test_imports_point_down(name):
+    part = name.split(".")[0]
+    assert part in ALLOWED, f"{name} has no place in the picture"
+    wrong = {
+        module
+        for module in imports(name, modules()[name])
+        if not any(is_within(module, allowed) for allowed in (part, *ALLOWED[part]))
+    }
+    assert not wrong
+
+
+def test_scenario_does_not_lean_on_itself_upwards():
+    """The parts of scenario.py stand below it."""
+    for name in SCENARIO[1:]:
+        assert "scenario" not in imports(name, modules()[name])
+
+
+def loaded_with(*names: str) -> set[str]:
+    """Top-level packages in a fresh interpreter that has imported some modules of this one."""
+    code = f"import sys; import {', '.join(names)}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=PACKAGE.parent,
+        timeout=60,
+    )
+    return set(result.stdout.split())
+
+
+def test_mechanics_imports_where_nothing_else_exists():
+    names = [f"cable_twin.{name}" for name in modules() if is_within(name, "mechanics")]
+    assert len(names) > 5
+    assert not loaded_with(*names) & set(OUTSIDE)
+
+
+def test_simulation_imports_without_ros_and_logs():
+    loaded = loaded_with("cable_twin.simulation", "cable_twin.scenario")
+    assert not loaded & {"rclpy", "mcap", "rerun", "rosbags"}
+
+
+def test_recording_and_offline_import_without_ros():
+    names = [f"cable_twin.{name}" for name in modules() if name.split(".")[0] in ("recording", "offline")]
+    assert "rclpy" not in loaded_with(*names)

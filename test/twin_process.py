@@ -1,0 +1,158 @@
+"""Real processes of the package for tests: `sim` and others, in a ROS domain of their own."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+import cable_twin
+from cable_twin.messages import SECOND
+from cable_twin.scenario import config_directory
+
+COMPILING = 180.0  # s within which a fresh machine has compiled the kernels
+PATIENCE = 20.0  # s for anything else; a machine that builds something beside may stall for seconds
+PACKAGE_PARENT = Path(cable_twin.__file__).resolve().parents[1]
+_locks: list[Any] = []
+
+
+def allocate_domain() -> int:
+    """Take a ROS domain that no other test on this machine uses, until this process ends."""
+    for domain in range(20, 100):
+        lock = (Path(tempfile.gettempdir()) / f"cable_twin_test_domain_{domain}.lock").open("a")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        _locks.append(lock)
+        return domain
+    raise RuntimeError("no free ROS domain between 20 and 99")
+
+
+def environment(directory: Path, domain: int) -> dict[str, str]:
+    """Environment of a process: the package under test, its own domain, nothing written outside `directory`."""
+    paths = [str(PACKAGE_PARENT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(paths),
+        "PYTHONUNBUFFERED": "1",
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(directory / "ros_log"),
+    }
+
+
+def write_quick_scenario(directory: Path) -> Path:
+    """A ropeway whose drive reaches its speed in a second or two, and that costs little to solve."""
+    yaml = YAML()
+    content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
+    content["cable"]["elements"] = 20
+    content["carriages"]["cabin"]["drive"]["limits"].update(acceleration=4.0, jerk=40.0)
+    path = directory / "quick.yaml"
+    with path.open("w", encoding="utf-8") as stream:
+        yaml.dump(content, stream)
+    return path
+
+
+def wait_until(condition: Callable[[], Any], timeout: float = PATIENCE, what: str = "") -> Any:
+    """Poll; returns what the condition gave, or fails."""
+    deadline = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
+        time.sleep(0.02)
+    return value
+
+
+class TwinProcess:
+    """A command of the package as a process of its own."""
+
+    def __init__(
+        self,
+        directory: Path,
+        *arguments: str,
+        module: str = "sim",
+        domain: int | None = None,
+        code: str | None = None,
+        extra: Mapping[str, str] | None = None,
+    ) -> None:
+        self.directory = directory
+        self.domain = allocate_domain() if domain is None else domain
+        self.output_path = directory / f"{module}_{time.monotonic_ns()}.txt"
+        with self.output_path.open("w") as output:
+            self.process = subprocess.Popen(
+                [sys.executable, *(["-c", code] if code else ["-m", f"cable_twin.ros.{module}"]), *arguments],
+                cwd=directory,
+                env={**environment(directory, self.domain), **(extra or {})},
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+
+    @property
+    def output(self) -> str:
+        """All that it has printed."""
+        return self.output_path.read_text()
+
+    @property
+    def run_directory(self) -> Path:
+        """Where it has recorded; there must be one run."""
+        (run,) = (self.directory / "cable_twin_logs").iterdir()
+        return run
+
+    def wait_for(self, text: str, timeout: float = COMPILING) -> None:
+        """Wait until it has printed a text."""
+        wait_until(lambda: text in self.output or self.process.poll() is not None, timeout, text)
+        assert text in self.output, self.output
+
+    def send(self, number: int) -> None:
+        """Send a signal."""
+        self.process.send_signal(number)
+
+    def wait(self, timeout: float = PATIENCE) -> int:
+        """Exit code."""
+        return self.process.wait(timeout)
+
+    def end(self) -> int:
+        """Ask it to end, as Ctrl-C does."""
+        self.send(signal.SIGINT)
+        return self.wait()
+
+    def kill(self) -> None:
+        """Make sure that it is gone."""
+        with suppress(ProcessLookupError):
+            self.process.kill()
+        self.process.wait()
+
+
+def stamps(messages: list[Any]) -> list[int]:
+    """Stamps in nanoseconds."""
+    return [message.header.stamp.sec * SECOND + message.header.stamp.nanosec for message in messages]
+
+
+def gaps(messages: list[Any]) -> list[int]:
+    """Nanoseconds from stamp to stamp."""
+    return [after - before for before, after in pairwise(stamps(messages))]
+
+
+def run_module(module: str, *arguments: str, directory: Path, extra: Mapping[str, str] | None = None) -> Any:
+    """Run a command of the package to its end."""
+    return subprocess.run(
+        [sys.executable, "-m", f"cable_twin.{module}", *arguments],
+        cwd=directory,
+        env={**environment(directory, allocate_domain()), **(extra or {})},
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=False,
+    )
