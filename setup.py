@@ -5,6 +5,7 @@ from glob import glob
 from setuptools import find_packages, setup
 
 setup(
+    python_requires=">=3.10",  # in setup.cfg it becomes an object that colcon cannot read
     packages=find_packages(include=["cable_twin", "cable_twin.*"]),
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/cable_twin"]),
