@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -84,17 +84,17 @@ class TwinProcess:
         *arguments: str,
         module: str = "sim",
         domain: int | None = None,
-        code: str | None = None,
-        extra: Mapping[str, str] | None = None,
+        command: Sequence[str] | None = None,
+        variables: Mapping[str, str] | None = None,
     ) -> None:
         self.directory = directory
         self.domain = allocate_domain() if domain is None else domain
         self.output_path = directory / f"{module}_{time.monotonic_ns()}.txt"
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
-                [sys.executable, *(["-c", code] if code else ["-m", f"cable_twin.ros.{module}"]), *arguments],
+                [*(command or [sys.executable, "-m", f"cable_twin.ros.{module}"]), *arguments],
                 cwd=directory,
-                env={**environment(directory, self.domain), **(extra or {})},
+                env=environment(directory, self.domain) if variables is None else variables,
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
@@ -145,12 +145,12 @@ def gaps(messages: list[Any]) -> list[int]:
     return [after - before for before, after in pairwise(stamps(messages))]
 
 
-def run_module(module: str, *arguments: str, directory: Path, extra: Mapping[str, str] | None = None) -> Any:
+def run_module(module: str, *arguments: str, directory: Path) -> Any:
     """Run a command of the package to its end."""
     return subprocess.run(
         [sys.executable, "-m", f"cable_twin.{module}", *arguments],
         cwd=directory,
-        env={**environment(directory, allocate_domain()), **(extra or {})},
+        env=environment(directory, allocate_domain()),
         capture_output=True,
         text=True,
         timeout=COMPILING,

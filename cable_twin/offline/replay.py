@@ -26,12 +26,12 @@ from cable_twin.messages import (
     decode,
     topics,
 )
-from cable_twin.recording.mcap_log import Log, LogError, read_log
+from cable_twin.recording.mcap_log import UNREADABLE, Log, LogError, read_log
 from cable_twin.records import CommandError
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 
-AGREE, DIFFER, UNREADABLE = 0, 1, 2  # exit codes
+AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 EPILOG = """\
 exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated
 
@@ -133,7 +133,11 @@ def _differences(
     if replayed is None:
         yield Difference(time, topic, "message", "present", "absent")
         return
-    pairs = zip(_leaves(decode(logged, message_type)), _leaves(decode(replayed, message_type)), strict=False)
+    try:
+        message = decode(logged, message_type)
+    except UNREADABLE as error:
+        raise LogError(f"{topic} at {time:.6f} s is unreadable: {' '.join(str(error).split())}") from error
+    pairs = zip(_leaves(message), _leaves(decode(replayed, message_type)), strict=False)
     for (place, a), (other_place, b) in pairs:
         if place != other_place:
             yield Difference(time, topic, "layout", place, other_place)
@@ -178,9 +182,24 @@ def parser() -> argparse.ArgumentParser:
     )
     result.add_argument("log", type=Path, help="directory of a run, or its .mcap")
     result.add_argument(
-        "--tolerance", type=float, default=0.0, help="greatest difference of two numbers; default 0: to the last bit"
+        "--tolerance",
+        type=_tolerance,
+        default=0.0,
+        metavar="NUMBER",
+        help="greatest difference of two numbers, each in its own unit; default 0: to the last bit",
     )
     return result
+
+
+def _tolerance(text: str) -> float:
+    """Number that is zero or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not value >= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} given, a number of zero or more is needed")
+    return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -190,12 +209,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     columns = (TextColumn("[progress.description]{task.description}"), TextColumn("{task.fields[simulated]}"))
     try:
         log = read_log(options.log)
-        with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as progress:
+        # a file gets nothing of it, not even the empty line in the end
+        visible = console.is_terminal
+        with Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=not visible) as progress:
             result = replay(log, tolerance=options.tolerance, progress=progress)
     except (LogError, ScenarioError, EquilibriumError, CommandError, SolverError) as error:
         for line in str(error).splitlines():
-            print(f"replay: {line}", file=sys.stderr)
-        return UNREADABLE
+            named = line if line.startswith(str(options.log)) else f"{options.log}: {line}"
+            print(f"replay: {named}", file=sys.stderr)
+        return CANNOT
+    if not result.samples:
+        print(f"replay: {log.path}: no frame of the twin in it", file=sys.stderr)
+        return CANNOT
     state = "complete" if log.complete else "cut short"
     print(
         f"{log.path}: {state}, cable_twin {log.metadata.get('package_version')}, scenario {log.scenario.get('name')}, "
@@ -203,9 +228,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     for topic, count in sorted(result.samples.items()):
         print(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
-    if not result.samples:
-        print(f"replay: {log.path}: no frame of the twin in it", file=sys.stderr)
-        return UNREADABLE
     if result.first is not None:
         print(f"they part {result.first}")
         print(f"greatest difference among the first of each message: {result.largest:.3g}")

@@ -27,6 +27,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC, CompressionType, Writer
+from rosbags.serde.errors import SerdeError
 from ruamel.yaml import YAML
 
 from cable_twin.messages import (
@@ -47,7 +48,7 @@ METADATA_NAME = "cable_twin"
 FLUSH_PERIOD = 0.5  # s of wall time that a killed process loses at most
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
 INFINITE = {"sec": 9223372036, "nsec": 854775807}  # how rosbag2 writes a duration without end
-UNREADABLE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
+UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
 
 
 class LogError(ValueError):

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from twin_process import (
     COMPILING,
+    allocate_domain,
     environment,
     run_module,
     stamps,
@@ -122,7 +123,7 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants
         "resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
         "from cable_twin.ros.sim import main; sys.exit(main(sys.argv[1:]))"
     )
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), code=code)
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), command=[sys.executable, "-c", code])
     participant = participants(sim.domain)
     participant.subscribe_standard()
     participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
@@ -171,7 +172,9 @@ def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, 
 
 
 def test_interrupt_ends_the_compilation(processes, tmp_path):
-    sim = processes(extra={"NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")})
+    domain = allocate_domain()
+    variables = {**environment(tmp_path, domain), "NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")}
+    sim = processes(domain=domain, variables=variables)
     sim.wait_for("compiling the solver's kernels, once on this machine")
     sim.send(signal.SIGINT)
     sim.send(signal.SIGINT)

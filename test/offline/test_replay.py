@@ -1,0 +1,274 @@
+"""`replay`: a log holds what is needed to simulate it again to the last bit, and a changed one is found out."""
+
+from __future__ import annotations
+
+import re
+import time
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from twin_process import run_module, write_quick_scenario
+
+from cable_twin.messages import (
+    SCENARIO,
+    MessageEncoder,
+    applied_command_message,
+    decode,
+    serialize,
+    topics,
+)
+from cable_twin.offline.replay import main
+from cable_twin.recording.mcap_log import read_log
+from cable_twin.recording.run import start_run
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EPOCH = 1_700_000_000_123_456_789  # ns
+FRAME_STEPS = 2  # of 5 ms
+KINDS = ("speed", "force", "emergency_stop", "release", "reset")
+
+
+def record(directory: Path, seconds: float, *, seed: int) -> Path:
+    """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
+    simulation = Simulation(load_scenario(write_quick_scenario(directory)))
+    table = topics(simulation.carriages)
+    period = FRAME_STEPS * simulation.step
+    run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=period, rerun="off")
+    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    random = np.random.default_rng(seed)
+
+    def put_frame() -> None:
+        stamp_ns = encoder.stamp_ns(simulation.snapshot)
+        run.recorder.record(encoder.frame(simulation.snapshot), stamp_ns, simulation.snapshot)
+
+    put_frame()
+    for frame in range(round(seconds / period)):
+        if random.random() < 0.1:
+            kind = random.choice(KINDS, p=[0.5, 0.3, 0.05, 0.1, 0.05])
+            value = float(random.uniform(-8.0, 8.0) if kind == "speed" else random.uniform(0.0, 4e4))
+            with suppress(CommandError):  # while the emergency stop is in force
+                applied = simulation.apply(Command(kind, {"cabin": value} if kind in ("speed", "force") else {}))
+                data = applied_command_message(applied, EPOCH)
+                run.recorder.record_command(applied, data, EPOCH + round(applied.time * 1e9))
+        simulation.advance_to((frame + 1) * period)
+        put_frame()
+    run.recorder.close()
+    assert not run.recorder.faults
+    assert run.recorder.dropped == 0
+    return run.directory
+
+
+def alter(source: Path, target: Path, change) -> None:
+    """Copy a bag by mcap's own writer; `change` gives what stands for topic, stamp and data, None for nothing."""
+    with source.open("rb") as stream, target.open("wb") as output:
+        reader = make_reader(stream)
+        writer = Writer(output)
+        writer.start("ros2", "test")
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
+            data = change(channel.topic.removeprefix("/cable_twin/"), message.log_time, message.data)
+            if data is not None:
+                writer.add_message(channels[channel.id], message.log_time, data, message.publish_time, message.sequence)
+        writer.finish()
+
+
+def bag(run: Path) -> Path:
+    (file,) = run.glob("*.mcap")
+    return file
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A run of 30 s with commands of every kind."""
+    return record(tmp_path_factory.mktemp("recorded"), 30.0, seed=1)
+
+
+def test_thirty_seconds_of_varied_commands_agree_to_the_last_bit(recorded, tmp_path):
+    log = read_log(recorded)
+    assert {applied.command.kind for applied in log.commands} == set(KINDS)
+    assert len(log.commands) > 150
+    result = run_module("offline.replay", str(recorded), directory=tmp_path)  # another process
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.splitlines()[-1] == "every sample agrees to the last bit"
+    assert re.search(r"joint_states +3001 samples, +0 differ", result.stdout)
+    assert re.search(r"cable +3001 samples, +0 differ", result.stdout)
+    assert f"30.00 s, {len(log.commands)} commands" in result.stdout
+    assert result.stderr == ""
+
+
+def test_replay_is_faster_than_the_run(recorded):
+    started = time.monotonic()
+    assert main([str(recorded)]) == 0
+    assert time.monotonic() - started < 30.0
+
+
+@pytest.mark.parametrize("chosen", [5, 50])
+def test_altered_command_is_found_with_time_and_topic(recorded, tmp_path, capsys, chosen):
+    speeds = [applied for applied in read_log(recorded).commands if applied.command.kind == "speed"]
+    applied = speeds[chosen]
+    original = applied_command_message(applied, EPOCH)
+    other = Command("speed", {"cabin": -applied.command.values["cabin"]})
+    replacement = applied_command_message(type(applied)(applied.time, other, applied.source), EPOCH)
+    target = tmp_path / "altered.mcap"
+    alter(bag(recorded), target, lambda topic, _, data: replacement if data == original else data)
+    assert main([str(target)]) == 1
+    output = capsys.readouterr().out
+    match = re.search(r"^they part at ([\d.]+) s on (\S+), (.+): logged (\S+), replayed (\S+)$", output, re.MULTILINE)
+    assert match, output
+    assert applied.time < float(match[1]) < applied.time + 0.1
+    assert match[2] in ("joint_states", "cable") or match[2].startswith("carriages/cabin/")
+    assert float(match[4]) != float(match[5])
+    assert "every sample agrees" not in output
+
+
+def test_left_out_command_is_found(recorded, tmp_path, capsys):
+    target = tmp_path / "altered.mcap"
+    first = applied_command_message(read_log(recorded).commands[0], EPOCH)
+    alter(bag(recorded), target, lambda topic, _, data: None if data == first else data)
+    assert main([str(target)]) == 1
+    assert "they part at" in capsys.readouterr().out
+
+
+def test_single_altered_sample_is_found_to_the_last_bit(recorded, tmp_path, capsys):
+    target = tmp_path / "altered.mcap"
+
+    def change(topic, stamp_ns, data):
+        if topic == "joint_states" and stamp_ns == EPOCH + 12_340_000_000:
+            message = decode(data, "sensor_msgs/msg/JointState")
+            message.position = message.position.copy()
+            message.position[0] = np.nextafter(message.position[0], np.inf)
+            return serialize(message)
+        return data
+
+    alter(bag(recorded), target, change)
+    assert main([str(target)]) == 1
+    output = capsys.readouterr().out
+    assert "they part at 12.340000 s on joint_states, position[0]: logged " in output
+    assert re.search(r"joint_states +3001 samples, +1 differ", output)
+    assert main([str(target), "--tolerance", "1e-9"]) == 0
+    assert "every sample agrees to 1e-09" in capsys.readouterr().out
+
+
+def test_unaltered_copy_agrees(recorded, tmp_path):
+    target = tmp_path / "copy.mcap"
+    alter(bag(recorded), target, lambda topic, _, data: data)
+    assert main([str(target)]) == 0
+
+
+def test_truncated_bag_replays_as_far_as_it_goes(recorded, tmp_path, capsys):
+    content = bag(recorded).read_bytes()
+    target = tmp_path / "cut.mcap"
+    target.write_bytes(content[: len(content) * 2 // 3])
+    assert main([str(target)]) == 0
+    output = capsys.readouterr().out
+    assert "cut short" in output
+    assert int(re.search(r"joint_states +(\d+) samples", output)[1]) > 1000
+
+
+@pytest.mark.skipif(find_spec("rclpy") is None, reason="needs rclpy")
+def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    random = np.random.default_rng(7)
+    for number in range(40):
+        value = {"velocity": [float(random.uniform(-8.0, 8.0))]}
+        if number % 3 == 2:
+            value = {"effort": [float(random.uniform(0.0, 4e4))]}
+        participant.publish(name=["cabin"], **value)
+        participant.spin(float(random.uniform(0.01, 0.2)))
+    participant.spin(1.0)  # the time-out stops it
+    assert sim.end() == 0
+    log = read_log(sim.run_directory)
+    sources = {applied.source for applied in log.commands}
+    assert sources == {"joint_commands", "command_timeout"}
+    assert len(log.commands) >= 41
+    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "every sample agrees to the last bit" in result.stdout
+
+
+def foreign_bag(path: Path) -> Path:
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "somebody else")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        writer.add_message(writer.register_channel("/chatter", "cdr", schema), 0, b"\x00\x01\x00\x00", 0)
+        writer.finish()
+    return path
+
+
+def text_file(path: Path) -> Path:
+    path.write_text("not a bag")
+    return path
+
+
+def empty_file(path: Path) -> Path:
+    path.touch()
+    return path
+
+
+def empty_directory(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda path: path, "no such file or directory"),
+        (foreign_bag, "not a bag made by cable_twin"),
+        (text_file, "not a bag"),
+        (empty_file, "not a bag"),
+        (empty_directory, "not a log: 0 .mcap files in it, one is expected"),
+    ],
+    ids=["missing", "foreign", "text", "empty", "directory"],
+)
+def test_what_is_no_log_is_named_in_a_line(tmp_path, make, said):
+    path = make(tmp_path / "thing.mcap")
+    result = run_module("offline.replay", str(path), directory=tmp_path)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"replay: {path}: ")
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda topic, _, data: data if topic == SCENARIO else None, "no frame of the twin in it"),
+        (lambda topic, _, data: None if topic == SCENARIO else data, "no scenario in it"),
+        (lambda topic, _, data: None, "empty: no message was written"),
+        (lambda topic, _, data: data[:-30] if topic == SCENARIO else data, "scenario is unreadable"),
+        (lambda topic, _, data: data[:20] if topic == "applied_commands" else data, "is unreadable"),
+        (lambda topic, _, data: data[:40] if topic == "joint_states" else data, "is unreadable"),
+    ],
+    ids=["no_frames", "no_scenario", "no_messages", "broken_scenario", "broken_command", "broken_sample"],
+)
+def test_log_that_lacks_what_a_replay_needs_is_named_in_a_line(recorded, tmp_path, capsys, change, said):
+    target = tmp_path / "altered.mcap"
+    alter(bag(recorded), target, change)
+    assert main([str(target)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"replay: {target}: ")
+    assert said in line
+
+
+@pytest.mark.parametrize("value", ["-1", "nan", "much"])
+def test_bad_tolerance_is_refused(tmp_path, value):
+    result = run_module("offline.replay", "run.mcap", "--tolerance", value, directory=tmp_path)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+    assert "--tolerance" in result.stderr

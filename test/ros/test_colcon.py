@@ -1,0 +1,101 @@
+"""The package in a ROS 2 workspace: built by colcon, started from where `ros2 run` looks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from twin_process import TwinProcess, allocate_domain, environment
+
+pytest.importorskip("rclpy")
+from ros_participant import Participant
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "docs")
+
+pytestmark = pytest.mark.skipif(find_spec("colcon_core") is None, reason="needs colcon-common-extensions")
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A workspace with a copy of the checkout, built."""
+    directory = tmp_path_factory.mktemp("workspace")
+    shutil.copytree(ROOT, directory / "src" / "cable_twin", ignore=shutil.ignore_patterns(*GENERATED))
+    variables = environment(directory, allocate_domain())
+    del variables["PYTHONPATH"]  # the checkout must not stand in for what is installed
+    # colcon takes the interpreter that runs it; its scripts lie beside
+    variables["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), variables["PATH"]])
+    variables["COLCON_HOME"] = str(directory / "colcon_home")
+    result = subprocess.run(
+        [sys.executable, "-m", "colcon", "build"],
+        cwd=directory,
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return directory, variables
+
+
+def test_executables_are_where_ros2_run_looks(workspace):
+    directory, _ = workspace
+    prefix = directory / "install" / "cable_twin"
+    executables = {path.name for path in (prefix / "lib" / "cable_twin").iterdir()}
+    assert {"sim", "drive", "replay"} <= executables
+    assert all(os.access(path, os.X_OK) for path in (prefix / "lib" / "cable_twin").iterdir())
+    assert (prefix / "share" / "ament_index" / "resource_index" / "packages" / "cable_twin").is_file()
+    assert (prefix / "share" / "cable_twin" / "package.xml").is_file()
+    shipped = {path.name for path in (prefix / "share" / "cable_twin" / "config").glob("*.yaml")}
+    assert shipped == {path.name for path in (ROOT / "config").glob("*.yaml")}
+
+
+def test_node_runs_from_the_workspace(workspace, tmp_path):
+    directory, variables = workspace
+    domain = allocate_domain()
+    script = (
+        f". {directory}/install/setup.sh && exec $COLCON_PREFIX_PATH/cable_twin/lib/cable_twin/sim "
+        "--scenario seed_example --frame-rate 10 --rerun off"
+    )
+    # interpreted kernels, as compiling them once more for another place would take half a minute
+    extra = {**variables, "ROS_DOMAIN_ID": str(domain), "NUMBA_DISABLE_JIT": "1"}
+    process = TwinProcess(tmp_path, domain=domain, command=["sh", "-c", script], variables=extra)
+    try:
+        participant = Participant(domain)
+        try:
+            participant.subscribe_standard()
+            participant.until(lambda: len(participant.received["joint_states"]) >= 2)
+            state = participant.received["joint_states"][-1]
+        finally:
+            participant.close()
+        assert state.name == ["carriage", "carriage/rb1", "carriage/rb2"]
+        assert process.end() == 0
+        assert "'seed_example' runs at 10 Hz" in process.output
+        assert len(list(process.run_directory.glob("*.mcap"))) == 1
+    finally:
+        process.kill()
+
+
+def test_scenarios_are_found_in_the_installed_package(workspace, tmp_path):
+    directory, variables = workspace
+    code = "import cable_twin, cable_twin.scenario as s; print(cable_twin.__file__, s.config_directory())"
+    result = subprocess.run(
+        ["sh", "-c", f'. {directory}/install/setup.sh && exec {sys.executable} -c "{code}"'],
+        cwd=tmp_path,
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    module, config = result.stdout.split()
+    prefix = directory / "install" / "cable_twin"
+    assert Path(module).is_relative_to(prefix)
+    assert Path(config) == prefix / "share" / "cable_twin" / "config"

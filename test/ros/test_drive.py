@@ -1,0 +1,138 @@
+"""`drive` as its users meet it: beside a running twin, without one, and where the twin refuses."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from twin_process import TwinProcess, run_module, write_quick_scenario
+
+pytest.importorskip("rclpy")
+from ros_participant import Participant
+from std_srvs.srv import SetBool, Trigger
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """One twin without logs for the whole module, and a participant."""
+    directory = tmp_path_factory.mktemp("driven")
+    process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--record", "false")
+    participant = Participant(process.domain)
+    participant.subscribe_standard()
+    yield process, participant
+    participant.close()
+    process.kill()
+
+
+@pytest.fixture
+def twin(running):
+    """The twin at rest at its start."""
+    _, participant = running
+    assert participant.call("emergency_stop", SetBool, data=False).success
+    assert participant.call("reset", Trigger).success
+    participant.spin(0.1)
+    for messages in participant.received.values():
+        messages.clear()
+    participant.until(lambda: participant.received["joint_states"])
+    return participant
+
+
+@pytest.fixture
+def drive(running, processes):
+    """Start `drive` beside the twin."""
+    return lambda *arguments: processes(*arguments, module="drive", domain=running[0].domain)
+
+
+def finish(participant: Participant, process: TwinProcess) -> int:
+    """Take messages until it has ended."""
+    participant.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
+    return process.wait()
+
+
+def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
+    process = drive("cabin", "--speed", "3", "--ramp", "1", "--duration", "3")
+    assert finish(twin, process) == 0, process.output
+    commands = [
+        message for message in twin.received["applied_commands"] if message.header.frame_id.startswith("speed:")
+    ]
+    speeds = [message.velocity[0] for message in commands]
+    assert speeds == [*sorted(speeds[:-1]), 0.0]  # up the ramp, and zero in the end
+    assert max(speeds) == 3.0
+    assert len(speeds) > 40  # 20 Hz
+    assert any(0.5 < speed < 2.5 for speed in speeds)
+    assert max(message.velocity[0] for message in twin.received["joint_states"]) == pytest.approx(3.0, abs=1e-3)
+    twin.until(lambda: twin.speed == 0.0, what="stop")
+    assert not [message for message in twin.received["applied_commands"] if "timeout" in message.header.frame_id]
+    line = process.output.splitlines()[-1]
+    assert "commanded     +3.00 m/s  cabin:" in line
+    assert line.rstrip().endswith("kN")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
+    process = drive("cabin", "--force", "40000")
+    twin.until(lambda: twin.received["applied_commands"] and twin.speed > 0.3, what="motion by force")
+    process.send(number)
+    assert finish(twin, process) == 0
+    twin.until(lambda: twin.speed == 0.0, what="stop")
+    assert twin.received["applied_commands"][-1].velocity.tolist() == [0.0]
+    assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["gondola", "--speed", "1"], "drive: the twin has no carriage 'gondola'; it has: cabin"),
+        (["cabin", "--speed", "11"], "drive: speed of 'cabin' is 11 m/s; allowed are -10 to 10 m/s"),
+        (["cabin", "--force", "-2e5"], "drive: force of 'cabin' is -200000 N; allowed are -150000 to 150000 N"),
+    ],
+    ids=["carriage", "speed", "force"],
+)
+def test_what_the_scenario_excludes_is_named_at_once(twin, drive, arguments, said):
+    process = drive(*arguments)
+    assert finish(twin, process) == 1
+    assert process.output.strip() == said
+    assert not twin.received["applied_commands"]
+
+
+def test_refusals_of_the_twin_end_it(twin, drive):
+    process = drive("cabin", "--speed", "2")
+    twin.until(lambda: twin.received["applied_commands"])
+    assert twin.call("emergency_stop", SetBool, data=True).success
+    assert finish(twin, process) == 1
+    assert "the twin has applied no command for 2 s: is it still there, or is its emergency stop in force?" in (
+        process.output
+    )
+
+
+def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants, tmp_path):
+    alone = processes("cabin", "--speed", "1", module="drive")
+    paused = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--start-paused", "true")
+    participant = participants(paused.domain)
+    participant.subscribe_standard(paused=True)
+    waiting = processes("cabin", "--speed", "1", module="drive", domain=paused.domain)
+    assert alone.wait() == 1
+    assert alone.output.strip() == (
+        "drive: no twin listens on /cable_twin/joint_commands after 10 s: is `sim` running, "
+        "with the same ROS_DOMAIN_ID?"
+    )
+    assert waiting.wait() == 1
+    assert waiting.output.strip() == (
+        "drive: the twin on /cable_twin/joint_commands does not move on: is it paused, and ~/pause wants a false?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["cabin"], "one of the arguments --speed --force is required"),
+        (["cabin", "--speed", "1", "--force", "1"], "argument --force: not allowed with argument --speed"),
+        (["cabin", "--speed", "nan"], "argument --speed: 'nan' given, a finite number is needed"),
+        (["cabin", "--speed", "fast"], "argument --speed: 'fast' given, a finite number is needed"),
+        (["cabin", "--speed", "1", "--ramp", "-1"], "argument --ramp: -1 s given, zero or more is needed"),
+    ],
+)
+def test_bad_options_are_named_in_a_line(tmp_path, arguments, said):
+    result = run_module("ros.drive", *arguments, directory=tmp_path)
+    assert result.returncode == 1
+    assert result.stderr == f"drive: {said}; all options: drive --help\n"
