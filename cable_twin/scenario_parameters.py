@@ -85,7 +85,7 @@ def _free_part(end: Support) -> FloatArray:
     if end.support == "clamped":
         direction = np.array(end.direction, dtype=np.float64)
         direction /= np.linalg.norm(direction)
-        slope = np.outer(direction, direction)  # the strain is free, the turn is not
+        slope = direction[:, None] * direction  # the strain is free, the turn is not
     return np.array([position.ravel(), slope.ravel()])
 
 

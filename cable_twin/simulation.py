@@ -65,7 +65,7 @@ class Simulation:
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
-        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples)
+        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
         self._arc_lengths.setflags(write=False)
         self._means = np.empty(self.system.cable.element_count)
         advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if that is still to do

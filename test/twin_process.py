@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,12 @@ def allocate_domain() -> int:
         _locks.append(lock)
         return domain
     raise RuntimeError("no free ROS domain between 20 and 99")
+
+
+@cache
+def _common_domain() -> int:
+    """Domain of commands that talk to nobody."""
+    return allocate_domain()
 
 
 def environment(directory: Path, domain: int) -> dict[str, str]:
@@ -150,7 +157,7 @@ def run_module(module: str, *arguments: str, directory: Path) -> Any:
     return subprocess.run(
         [sys.executable, "-m", f"cable_twin.{module}", *arguments],
         cwd=directory,
-        env=environment(directory, allocate_domain()),
+        env=environment(directory, _common_domain()),
         capture_output=True,
         text=True,
         timeout=COMPILING,

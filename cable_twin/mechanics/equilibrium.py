@@ -150,7 +150,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable = system.cable
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1)
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
     positions, slopes = catenary(system, arc_lengths)
     for array in state[:-1]:
         if array is not state.sliding_coordinate and array is not state.drive_mode:
