@@ -57,15 +57,16 @@ def start_run(
     scenario = simulation.scenario
     metadata = run_metadata(scenario=scenario.name, epoch_ns=epoch_ns, frame_period=frame_period, sample_count=SAMPLES)
     log = McapLog(directory, topics, metadata, namespace=namespace)
-    view, fault = None, None
-    if rerun != "off":
+    view, faults = None, []
+    for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = _open_view(scenario, directory / f"{directory.name}.rrd", live=rerun == "live")
+            view = _open_view(scenario, directory / f"{directory.name}.rrd", live=live)
+            break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
-            fault = f"recording: no rerun recording: {' '.join(str(error).split())}"
+            missing = "live view, a file only" if live else "rerun recording"
+            faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
     recorder = Recorder(log, view)
-    if fault is not None:
-        recorder.faults.append(fault)
+    recorder.faults += faults
     recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns)
     return Run(directory, recorder, view.url if view is not None else None)
 

@@ -132,6 +132,8 @@ class TwinNode(Node):
         """Open the logs and let simulated time run; a log that cannot be opened is told, and the twin goes on."""
         if self._settings["record"]:
             self._start_recording()
+        elif self._settings["rerun"] == "live":
+            self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
         self._loop.start()
         rate = 1.0 / self._loop.frame_period

@@ -6,9 +6,11 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -115,7 +117,20 @@ def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(processes
     assert "Traceback" not in sim.output
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full")
+def test_live_view_without_its_port_is_a_file(processes, tmp_path):
+    with socket.socket() as occupied:
+        with suppress(OSError):  # somebody else has it already
+            occupied.bind(("127.0.0.1", 9876))
+            occupied.listen()
+        sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "live")
+        sim.wait_for("runs at 100 Hz")
+        assert "[ERROR]" in sim.output
+        assert "no live view, a file only: the live view cannot use port 9876 of 127.0.0.1" in sim.output
+        time.sleep(1.0)
+        assert sim.end() == 0
+        check_logs(sim.run_directory)
+
+
 def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
     # a limit on the size of files is the full disk that needs no privileges
     code = (
