@@ -38,7 +38,7 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 @kernel
 def support_forces(system, state, work, forces):
     """Fill `forces` (2, dim) in N: what the supports exert on the cable, from the balance of the end nodes."""
-    measure_gaps(system, state, work)
+    measure_gaps(system, state, work, True)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     for end in range(2):
         for i in range(forces.shape[1]):

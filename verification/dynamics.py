@@ -1,0 +1,1 @@
+"""Cases in motion: swings, waves, energy, friction, drives."""
