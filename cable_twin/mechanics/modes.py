@@ -43,12 +43,11 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     if not 1 <= count <= unknowns:
         raise ValueError(f"{count} natural frequencies asked for; this cable has 1 to {unknowns}")
     bodies = _body_directions(system, state)
-    identity = csc_array(coo_array((np.ones(pitches), (np.arange(pitches),) * 2), shape=(pitches, pitches)))
-    basis = _block_diagonal(free, identity)
+    basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
 
     inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
     mass = _block_diagonal(_cable_mass(system), csc_array((pitches, pitches)))
-    mass = mass + bodies.T @ coo_array((inertias, (np.arange(inertias.size),) * 2)).tocsc() @ bodies
+    mass = mass + bodies.T @ _diagonal(inertias) @ bodies
     stiffness = _block_diagonal(_cable_stiffness(system, state), _pitch_stiffness(system, state))
     mass, stiffness = basis.T @ mass @ basis, basis.T @ stiffness @ basis
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
@@ -67,6 +66,11 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     )
     largest[largest == 0.0] = 1.0
     return np.sqrt(np.maximum(squared[order], 0.0)) / (2.0 * np.pi), shapes / largest[:, :, None, None]
+
+
+def _diagonal(values: FloatArray) -> csc_array:
+    """Diagonal matrix, which may have no rows."""
+    return coo_array((values, (np.arange(values.size),) * 2), shape=(values.size,) * 2).tocsc()
 
 
 def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
@@ -195,4 +199,4 @@ def _pitch_stiffness(system: System, state: State) -> csc_array:
             for above in range(chain.start, body + 1):
                 _, _, x, z = _arm(system, state, body, above)
                 stiffness[above] -= carriages.mass[body] * (gravity[0] * x + gravity[-1] * z)
-    return coo_array((stiffness, (np.arange(stiffness.size),) * 2)).tocsc()
+    return _diagonal(stiffness)
