@@ -212,6 +212,8 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
         y_b = add_scaled(-c_b * weight, chi, y_b)
         z_d, z_a, z_b = z_d - c_d * weight * along_i, z_a - c_a * weight * along_i, z_b - c_b * weight * along_i
         k_ii = add_scaled(-1.0, symmetric(0.0, weight, bent), k_ii)
+        by_turning = weight * along_i * along_i
+        k_ii = add_scaled(1.0, symmetric(by_turning, -by_turning, i), k_ii)
 
     # ∂i/∂d = P / |d| with P = 1 - i iᵀ
     turning = add_scaled(-dot(on_i, i), i, on_i)
