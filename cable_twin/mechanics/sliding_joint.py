@@ -168,7 +168,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     else:
         f_t = state.drive_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
-        along = add_scaled(-norm * friction_by_normal / max(normal, 1e-12), normal_force, r_x)
+        by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
+        along = add_scaled(-norm * by_direction, normal_force, r_x)
+        across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
         d_along = apply_impedance(impedance, along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
