@@ -144,6 +144,9 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
 
     Returns:
         Positions (nodes, dim) in m and slopes (nodes, dim).
+
+    Raises:
+        EquilibriumError: when the cable has neither a clamp nor weight.
     """
     cable = system.cable
     arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1)
@@ -151,7 +154,12 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
     direction = cable.support_direction[held]
     if not np.all(np.isfinite(direction)):
         down = np.array(cable.gravity)
-        direction = down / np.linalg.norm(down) * (1.0 if held == 0 else -1.0)
+        strength = float(np.linalg.norm(down))
+        if strength == 0.0:
+            raise EquilibriumError(
+                "without gravity, a cable on one pin is at rest in any direction: it has to be given"
+            )
+        direction = down / strength * (1.0 if held == 0 else -1.0)
     from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)
     return cable.support_position[held] + np.outer(from_held, direction), np.tile(direction, (arc_lengths.size, 1))
 
@@ -182,7 +190,9 @@ def settle(system: System, state: State, work: Workspace) -> None:
     arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1)
     both_held = bool(np.all(np.isfinite(cable.support_position)))
     positions, slopes = catenary(system, arc_lengths) if both_held else hanging(system)
-    for end, direction in ((0, cable.support_direction[0]), (-1, cable.support_direction[1])):
+    for end, place, direction in zip((0, -1), cable.support_position, cable.support_direction, strict=True):
+        if np.all(np.isfinite(place)):
+            positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
     for array in state[:-1]:
