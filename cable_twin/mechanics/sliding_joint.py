@@ -18,7 +18,8 @@ from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load
 @kernel
 def locate(cable, arc_length):
     """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
-    element = min(max(int(arc_length / cable.element_length), 0), cable.element_count - 1)
+    place = arc_length / cable.element_length
+    element = int(min(place, cable.element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
     return element, arc_length - element * cable.element_length
 
 

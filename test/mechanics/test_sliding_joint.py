@@ -42,6 +42,12 @@ def test_arc_length_belongs_to_an_element(arc_length, element, local):
     assert x == pytest.approx(local, abs=1e-15)
 
 
+@pytest.mark.parametrize(("arc_length", "element"), [(float("nan"), 0), (float("inf"), 2), (-float("inf"), 0)])
+def test_what_is_no_arc_length_still_names_an_element(arc_length, element):
+    """So that a broken state is found by the solver and not by an index out of range."""
+    assert locate(make_system().cable, arc_length)[0] == element
+
+
 def test_cable_passes_through_its_nodes_smoothly():
     """r and r_x are continuous at a node: differences of r across it to 1e-9."""
     system, state, _ = one_joint()
