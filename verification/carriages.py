@@ -181,7 +181,7 @@ def fixed_joint() -> Iterator[Result]:
     yield Result("arc length", "m", 5.0, snapshot.carriages["car"].arc_length, 0.0)
 
 
-@case("slack rope", "none: it must go on", needs_jit=True)
+@case("rope goes slack and taut again", "none: it must go on", needs_jit=True)
 def slack_rope() -> Iterator[Result]:
     """A level span thrown up at 6 m/s goes slack, falls and snaps taut, with a carriage on it."""
     simulation = light_rope({"car": particle(0.2, 1.5)}, elements=48)

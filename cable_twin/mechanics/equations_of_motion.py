@@ -117,7 +117,7 @@ def add_loads(cable, state, stiffness_factor, work):
 
 @kernel
 def hold_supports(cable, work):
-    """Take out of the equations of both end nodes what their supports hold; keep what was there as the reaction.
+    """Take out of the equations of both end nodes what their supports hold.
 
     With P the projector onto what is free, row and column of the node become P K P + (1 - P).
     """
@@ -131,7 +131,6 @@ def hold_supports(cable, work):
         for i in range(2):
             free_i = load(cable.support_projector[end, i], square)
             right = load(work.right_side[node, i], like)
-            store(scale(-1.0, right), work.support_residual[end, i])
             store(apply(free_i, right), work.right_side[node, i])
             for j in range(2):
                 free_j = load(cable.support_projector[end, j], square)

@@ -18,6 +18,7 @@ from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import measure_gaps, solve_accelerations
 from cable_twin.mechanics.generalized_alpha import Outcome, worst_element
 from cable_twin.mechanics.parameters import SPEED, FloatArray, System
+from cable_twin.mechanics.readout import energies
 from cable_twin.mechanics.shape_functions import MASS
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
@@ -174,7 +175,7 @@ def advance_explicitly(system, state, start, total, work, steps):
     """Take `steps` whole steps; the counterpart of `generalized_alpha.advance`, with the same outcome.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
-    is the drift of the constraints (m). A step whose state is not finite is taken back and ends the call.
+    is the drift of the constraints (m). A step after which the energy is not finite is taken back and ends the call.
     """
     worst_gap, nodes = 0.0, 0
     for done in range(steps):
@@ -195,7 +196,8 @@ def advance_explicitly(system, state, start, total, work, steps):
                     copy_state(state, total)
                     copy_state(total, start)
         gap = measure_gaps(system, state, work, False)
-        if not healthy or not isfinite(gap) or not isfinite(state.nodal_coordinates.sum()):
+        kinetic, elastic, gravitational = energies(system, state)
+        if not healthy or not isfinite(gap) or not isfinite(kinetic + elastic + gravitational):
             copy_state(start, state)
             return Outcome(False, done, 0, nodes, worst_gap, gap, worst_element(work))
         worst_gap = max(worst_gap, gap)

@@ -47,7 +47,6 @@ class Workspace(NamedTuple):
     upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
     lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
     right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
-    support_residual: FloatArray  # (2, 2, dim) residual rows of start and end before the supports take them
     joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
     body_residual: FloatArray  # (bodies, 3)
     body_increment: FloatArray  # (bodies, 3)
@@ -102,7 +101,6 @@ def allocate_workspace(system: System) -> Workspace:
         upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
         lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
         right_side=np.zeros((nodes, 2, dim)),
-        support_residual=np.zeros((2, 2, dim)),
         joint_gap=np.zeros((bodies, 2)),
         body_residual=np.zeros((bodies, 3)),
         body_increment=np.zeros((bodies, 3)),

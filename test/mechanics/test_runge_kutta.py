@@ -128,3 +128,16 @@ def test_a_motion_that_is_no_number_is_taken_back():
     with pytest.raises(SolverError):
         simulation.advance_to(8e-5)
     assert simulation.time == good
+
+
+def test_no_snapshot_holds_what_is_no_number_when_the_motion_blows_up():
+    with pytest.warns(UserWarning, match="will not stay finite"):
+        simulation = bar(integrator="runge_kutta", step=1.5 * stable())
+    simulation._state.nodal_velocities[1, 1] = 1e-3
+    with pytest.raises(SolverError):
+        simulation.advance_to(2000 * simulation.step)
+    snapshot = simulation.snapshot
+    assert np.abs(snapshot.cable.positions).max() > 1e10
+    for numbers in (snapshot.cable.positions, snapshot.cable.tensions, snapshot.supports["end"].force):
+        assert np.isfinite(numbers).all()
+    assert np.isfinite(simulation.energy().total)
