@@ -50,8 +50,9 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
 
     ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
-    the rate of k that a rotation of the element does not make. The tangent is exact in the axial part; of the bending
-    part it keeps what acts on chi (Gauss-Newton), which is all that matters in a cable.
+    the rate of k that a rotation in the plane of the bend does not make (in space, the spin of a bent cable about its
+    own axis would still be damped). The tangent is exact in the axial part; of the bending part it keeps what acts on chi
+    (Gauss-Newton), which is all that matters in a cable.
 
     Args:
         cable: parameters.
@@ -140,6 +141,10 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
     With i the unit chord, W = ½∫(EA (r_x·i - 1)² + EI |r_xx - (r_xx·i) i|²)dx: eq. 8 with the strains of eq. 7, whose
     second axis j is any normal of i. Force and tangent are exact, with the turning of i, but for the turning of the
     viscous part. Damping as in `continuum`, of the same strains.
+
+    The slopes at the nodes need not be as long as the chord is stretched, and give way to bending: however fine the
+    mesh, its bending energy is that of EI / (1 + 5 EI κ² / EA) (derived in `verification.statics.elastica`). That is
+    nothing in a cable, but above κ² = EA / (15 EI) more curvature needs less moment.
 
     Args and returns are those of `continuum`.
     """
