@@ -51,8 +51,8 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
     ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
     the rate of k that a rotation in the plane of the bend does not make (in space, the spin of a bent cable about its
-    own axis would still be damped). The tangent is exact in the axial part; of the bending part it keeps what acts on chi
-    (Gauss-Newton), which is all that matters in a cable.
+    own axis would still be damped). The tangent is exact in the axial part; of the bending part it keeps what acts on
+    chi (Gauss-Newton), which is all that matters in a cable.
 
     Args:
         cable: parameters.
