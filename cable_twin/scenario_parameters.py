@@ -8,9 +8,10 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario_schema import Carriage, Scenario, Support
+from cable_twin.scenario_schema import Cable, Carriage, Scenario, Support
 
-ELASTIC_MODELS = {"continuum": parameters.CONTINUUM}
+ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
+PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
 
@@ -39,6 +40,10 @@ def build_system(scenario: Scenario) -> parameters.System:
             gravity=(0.0, -scenario.gravity),
             support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
             support_projector=np.array([_free_part(end) for end in ends]),
+            support_direction=np.array([_direction(end) for end in ends]),
+            load_arc_length=_array([load.arc_length for load in cable.loads]),
+            load_force=_array([load.force for load in cable.loads], 2),
+            end_moment=_end_moments(cable),
         ),
         carriages=_build_carriages(scenario),
         solver=parameters.Solver(
@@ -83,10 +88,24 @@ def _free_part(end: Support) -> FloatArray:
     if end.support != "free":
         position = np.zeros((2, 2))
     if end.support == "clamped":
-        direction = np.array(end.direction, dtype=np.float64)
-        direction /= np.linalg.norm(direction)
-        slope = direction[:, None] * direction  # the strain is free, the turn is not
+        slope = _direction(end)[:, None] * _direction(end)  # the strain is free, the turn is not
     return np.array([position.ravel(), slope.ravel()])
+
+
+def _direction(end: Support) -> FloatArray:
+    """Unit vector (2,) of the cable in a clamp, NaN elsewhere."""
+    if end.direction is None:
+        return np.full(2, np.nan)
+    direction = np.array(end.direction, dtype=np.float64)
+    return direction / np.linalg.norm(direction)
+
+
+def _end_moments(cable: Cable) -> FloatArray:
+    """Moments (2,) in N m on start and end."""
+    moments = np.zeros(2)
+    for load in cable.loads:
+        moments[0 if load.arc_length < 0.5 * cable.unstrained_length else 1] += load.moment
+    return moments
 
 
 def _build_carriages(scenario: Scenario) -> parameters.Carriages:
@@ -102,6 +121,7 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         rolling_friction=_array([carriage.friction.rolling for carriage in carriages]),
+        presliding=np.full(len(carriages), PRESLIDING),
         viscous_friction=_array([carriage.friction.viscous for carriage in carriages]),
         speed_limit=_array([inf if limit.speed is None else limit.speed for limit in limits]),
         acceleration_limit=_array([limit.acceleration for limit in limits]),

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
 
-from cable_twin.mechanics.equilibrium import EquilibriumError, settle
+from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import advance
+from cable_twin.mechanics.modes import natural_modes
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
+from cable_twin.mechanics.runge_kutta import advance_explicitly, stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, copy_state
 from cable_twin.records import (
     AppliedCommand,
@@ -26,6 +29,7 @@ from cable_twin.records import (
 )
 from cable_twin.scenario import Scenario, build_system
 
+INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 SAMPLES = 200  # points at which a snapshot holds the cable
 
@@ -60,7 +64,11 @@ class Simulation:
             self._state.sliding_coordinate[index] = carriage.arc_length
             if carriage.joint == "sliding":
                 self._state.drive_mode[index] = DRIVE_MODES[carriage.drive.mode]
-        settle(self.system, self._state, self._work)
+        if scenario.cable.initial_shape == "straight":
+            ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
+            lay_straight(self.system, self._state, ends[0], ends[1])
+        else:
+            settle(self.system, self._state, self._work)
         self._initial = clone_state(self._state)
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
@@ -68,7 +76,14 @@ class Simulation:
         self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
         self._arc_lengths.setflags(write=False)
         self._means = np.empty(self.system.cable.element_count)
-        advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if that is still to do
+        self._advance = INTEGRATORS[scenario.solver.integrator]
+        self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
+        if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
+            warnings.warn(
+                f"solver.step of {self.step:g} s is above the largest stable one of runge_kutta on this mesh, "
+                f"{stable_step(self.system):.3g} s: the motion will not stay finite",
+                stacklevel=2,
+            )
         self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
 
     @property
@@ -153,7 +168,7 @@ class Simulation:
         steps = max(round(time / self.step) - clock, 0)
         if steps == 0:
             return self._snapshot
-        outcome = advance(self.system, self._state, self._good, self._before, self._work, steps)
+        outcome = self._advance(self.system, self._state, self._good, self._before, self._work, steps)
         self._snapshot = self._observe(
             SolverReport(
                 steps=int(outcome.steps),
@@ -166,7 +181,8 @@ class Simulation:
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
-                f"{outcome.increment:.3g} m, allowed are {self.system.solver.tolerance:g} m; "
+                f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
+                f"allowed are {self.system.solver.tolerance:g} m; "
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot
@@ -188,6 +204,28 @@ class Simulation:
     def energy(self) -> Energy:
         """Mechanical energy now (J)."""
         return Energy(*energies(self.system, self._state))
+
+    def natural_frequencies(self, count: int) -> FloatArray:
+        """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
+
+        Raises:
+            ValueError: when there are fewer.
+        """
+        return natural_modes(self.system, self._state, count)[0]
+
+    def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
+        """Shapes (count, n, dim) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
+
+        Raises:
+            ValueError: when there are fewer.
+        """
+        _, shapes = natural_modes(self.system, self._state, count)
+        arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
+        result = np.empty((count, arc_lengths.size, len(self.system.cable.gravity)))
+        for shape, positions in zip(shapes, result, strict=True):
+            mode = self._state._replace(nodal_coordinates=np.ascontiguousarray(shape))
+            sample_positions(self.system.cable, mode, arc_lengths, positions)
+        return result / np.abs(result).max(axis=(1, 2), keepdims=True)
 
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.shape_functions import (
     AXIAL_POINTS,
     AXIAL_SLOPES,
@@ -19,7 +20,22 @@ from cable_twin.mechanics.shape_functions import (
     BENDING_WEIGHT,
     MASS,
 )
-from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, scale, store, subtract, symmetric
+from cable_twin.mechanics.vectors import (
+    accumulate,
+    add_scaled,
+    block,
+    dot,
+    full,
+    load,
+    minus,
+    outer,
+    scale,
+    store,
+    subtract,
+    symmetric,
+    symmetric_pair,
+    transpose,
+)
 
 
 @kernel
@@ -34,8 +50,9 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
 
     ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
-    the rate of k that a rotation of the element does not make. The tangent is exact in the axial part; of the bending
-    part it keeps what acts on chi (Gauss-Newton), which is all that matters in a cable.
+    the rate of k that a rotation in the plane of the bend does not make (in space, the spin of a bent cable about its
+    own axis would still be damped). The tangent is exact in the axial part; of the bending part it keeps what acts on
+    chi (Gauss-Newton), which is all that matters in a cable.
 
     Args:
         cable: parameters.
@@ -49,7 +66,8 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         stiffness_factor: 1, or 0 for no tangent.
 
     Returns:
-        Forces (dim,) N on d, a, b, and the symmetric tangents (N/m) dd, da, db, aa, ab, bb.
+        Forces (dim,) N on d, a, b, and the tangents (N/m) dd, da, db, aa, ab, bb: da and db full, the others symmetric
+        matrices, for those blocks are.
     """
     length = cable.element_length
     zero = scale(0.0, d)
@@ -113,7 +131,137 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         k_ab = add_scaled(s_a * s_b, c, k_ab)
         k_bb = add_scaled(s_b * s_b, c, k_bb)
 
-    return force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb
+    return force_d, force_a, force_b, k_dd, full(1.0, k_da, 0.0), full(1.0, k_db, 0.0), k_aa, k_ab, k_bb
+
+
+@kernel
+def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+    """Force and tangent of the paper's elastic energy (eq. 7-9), in the frame of the element's chord.
+
+    With i the unit chord, W = ½∫(EA (r_x·i - 1)² + EI |r_xx - (r_xx·i) i|²)dx: eq. 8 with the strains of eq. 7, whose
+    second axis j is any normal of i. Force and tangent are exact, with the turning of i, but for the turning of the
+    viscous part. Damping as in `continuum`, of the same strains.
+
+    The slopes at the nodes need not be as long as the chord is stretched, and give way to bending: however fine the
+    mesh, its bending energy is that of EI / (1 + 5 EI κ² / EA) (derived in `verification.statics.elastica`). That is
+    nothing in a cable, but above κ² = EA / (15 EI) more curvature needs less moment.
+
+    Args and returns are those of `continuum`.
+    """
+    length = cable.element_length
+    damping = cable.damping_time
+    zero = scale(0.0, d)
+    nothing = symmetric(0.0, 0.0, d)
+    force_d, force_a, force_b = zero, zero, zero
+    k_dd, k_da, k_db, k_aa, k_ab, k_bb = nothing, nothing, nothing, nothing, nothing, nothing
+    viscous_stiffening = 1.0 + damping * rate_factor
+    chord = sqrt(dot(d, d))
+    i = scale(1.0 / chord, d)
+    i_dot = add_scaled(-dot(i, d_dot) / chord, i, scale(1.0 / chord, d_dot))
+    on_i = zero  # ∂W/∂i, N m
+    # ∂²W/∂(d, a, b)∂i = i yᵀ + z 1, and ∂²W/∂i² across i, over the square of the chord
+    y_d, y_a, y_b = zero, zero, zero
+    z_d, z_a, z_b = 0.0, 0.0, 0.0
+    k_ii = nothing
+
+    for point in range(AXIAL_POINTS):
+        c_d, c_a, c_b = AXIAL_SLOPES[point]
+        rho = combine(AXIAL_SLOPES[point], d, a, b)
+        strain_rate = (dot(combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot), i) + dot(rho, i_dot)) / length
+        weight = AXIAL_WEIGHT[point] * cable.axial_stiffness
+        tension = weight * (dot(rho, i) / length - 1.0 + damping * strain_rate)
+        force_d = add_scaled(c_d * tension, i, force_d)
+        force_a = add_scaled(c_a * tension, i, force_a)
+        force_b = add_scaled(c_b * tension, i, force_b)
+        on_i = add_scaled(tension, rho, on_i)
+        stiff = weight * viscous_stiffening / length
+        along = symmetric(0.0, stiff, i)
+        k_dd = add_scaled(c_d * c_d, along, k_dd)
+        k_da = add_scaled(c_d * c_a, along, k_da)
+        k_db = add_scaled(c_d * c_b, along, k_db)
+        k_aa = add_scaled(c_a * c_a, along, k_aa)
+        k_ab = add_scaled(c_a * c_b, along, k_ab)
+        k_bb = add_scaled(c_b * c_b, along, k_bb)
+        y_d = add_scaled(c_d * stiff, rho, y_d)
+        y_a = add_scaled(c_a * stiff, rho, y_a)
+        y_b = add_scaled(c_b * stiff, rho, y_b)
+        z_d, z_a, z_b = z_d + c_d * tension, z_a + c_a * tension, z_b + c_b * tension
+        across = add_scaled(-dot(rho, i), i, rho)
+        k_ii = add_scaled(1.0, symmetric(0.0, stiff, across), k_ii)
+
+    for point in range(BENDING_POINTS):
+        c_d, c_a, c_b = BENDING_CURVATURES[point]
+        chi = combine(BENDING_CURVATURES[point], d, a, b)
+        chi_dot = combine(BENDING_CURVATURES[point], d_dot, a_dot, b_dot)
+        along_i = dot(chi, i)
+        bent = add_scaled(-along_i, i, chi)
+        # rate seen from the frame: what the turning of i makes of chi along it is taken out
+        turned = add_scaled(-along_i, i_dot, chi_dot)
+        turned = add_scaled(-dot(turned, i), i, turned)
+        weight = BENDING_WEIGHT[point] * cable.bending_stiffness / (length * length * length)
+        moment = scale(weight, add_scaled(damping, turned, bent))
+        force_d = add_scaled(c_d, moment, force_d)
+        force_a = add_scaled(c_a, moment, force_a)
+        force_b = add_scaled(c_b, moment, force_b)
+        on_i = add_scaled(-along_i, moment, on_i)
+        stiff = weight * viscous_stiffening
+        normal = symmetric(stiff, -stiff, i)
+        k_dd = add_scaled(c_d * c_d, normal, k_dd)
+        k_da = add_scaled(c_d * c_a, normal, k_da)
+        k_db = add_scaled(c_d * c_b, normal, k_db)
+        k_aa = add_scaled(c_a * c_a, normal, k_aa)
+        k_ab = add_scaled(c_a * c_b, normal, k_ab)
+        k_bb = add_scaled(c_b * c_b, normal, k_bb)
+        y_d = add_scaled(-c_d * weight, chi, y_d)
+        y_a = add_scaled(-c_a * weight, chi, y_a)
+        y_b = add_scaled(-c_b * weight, chi, y_b)
+        z_d, z_a, z_b = z_d - c_d * weight * along_i, z_a - c_a * weight * along_i, z_b - c_b * weight * along_i
+        k_ii = add_scaled(-1.0, symmetric(0.0, weight, bent), k_ii)
+        by_turning = weight * along_i * along_i
+        k_ii = add_scaled(1.0, symmetric(by_turning, -by_turning, i), k_ii)
+
+    # ∂i/∂d = P / |d| with P = 1 - i iᵀ
+    turning = add_scaled(-dot(on_i, i), i, on_i)
+    force_d = add_scaled(1.0 / chord, turning, force_d)
+    squared = chord * chord
+    y_d, y_a, y_b = across_of(i, y_d), across_of(i, y_a), across_of(i, y_b)
+    level = 2.0 * z_d / chord - dot(on_i, i) / squared
+    k_dd = add_scaled(1.0, symmetric(level, -level, i), k_dd)
+    k_dd = add_scaled(1.0, symmetric_pair(1.0 / chord, i, y_d), k_dd)
+    k_dd = add_scaled(-1.0, symmetric_pair(1.0 / squared, i, turning), k_dd)
+    k_dd = add_scaled(1.0 / squared, k_ii, k_dd)
+    f = stiffness_factor
+    return (
+        force_d,
+        force_a,
+        force_b,
+        add_scaled(f, k_dd, nothing),
+        minus(full(f, k_da, 0.0), turned_block(-f / chord, i, y_a, z_a)),
+        minus(full(f, k_db, 0.0), turned_block(-f / chord, i, y_b, z_b)),
+        add_scaled(f, k_aa, nothing),
+        add_scaled(f, k_ab, nothing),
+        add_scaled(f, k_bb, nothing),
+    )
+
+
+@kernel
+def across_of(i, vector):
+    """Part of a vector normal to the unit vector i."""
+    return add_scaled(-dot(vector, i), i, vector)
+
+
+@kernel
+def turned_block(c, i, y, z):
+    """Tangent of d against a slope that comes from the turning of i: c (P y iᵀ + z P), with P y given."""
+    return minus(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
+
+
+@kernel
+def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+    """Force and tangent of the elastic model of the cable, as `continuum` gives them."""
+    if cable.elastic_model == ELEMENT_FRAME:
+        return element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+    return continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
 @kernel
@@ -144,19 +292,34 @@ def inertia(cable, accelerations, element):
 
 
 @kernel
-def add_element(
-    cable, e, e_dot, e_ddot, element, mass_factor, rate_factor, stiffness_factor, diagonal, upper, lower, right_side
-):
-    """Add one element to the residual and tangent of the nodes at its ends.
+def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Write the residual and tangent of all elements, each with the elastic model of the cable."""
+    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
+    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
+    right_side[0] = 0.0
+    diagonal[0] = 0.0
+    if cable.elastic_model == ELEMENT_FRAME:
+        for element in range(cable.element_count):
+            d, a, b = chord_and_slopes(e, element, cable)
+            d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
+            elastic = element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+            add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side)
+    else:
+        for element in range(cable.element_count):
+            d, a, b = chord_and_slopes(e, element, cable)
+            d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
+            elastic = continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+            add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side)
+
+
+@kernel
+def add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side):
+    """Add one element, with its elastic force and tangent, to the residual and tangent of the nodes at its ends.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
     """
     length = cable.element_length
-    d, a, b = chord_and_slopes(e, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
-    force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = continuum(
-        cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
-    )
+    force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = elastic
     on_r_a, on_a, on_r_b, on_b = inertia(cable, e_ddot, element)
 
     accumulate(subtract(force_d, on_r_a), right_side[element, 0])
@@ -167,24 +330,24 @@ def add_element(
     mass = mass_factor * cable.mass_per_length * length
     first, second = mass * length, mass * length * length  # of slopes: one and two lengths more
     squared = length * length
-    cross = full(-length, k_da, MASS[0][1] * first)
+    cross = block(-length, k_da, MASS[0][1] * first)
     accumulate(full(1.0, k_dd, MASS[0][0] * mass), diagonal[element, 0, 0])
     accumulate(cross, diagonal[element, 0, 1])
-    accumulate(cross, diagonal[element, 1, 0])
+    accumulate(transpose(cross), diagonal[element, 1, 0])
     accumulate(full(squared, k_aa, MASS[1][1] * second), diagonal[element, 1, 1])
-    cross = full(length, k_db, MASS[2][3] * first)
+    cross = block(length, k_db, MASS[2][3] * first)
     store(full(1.0, k_dd, MASS[2][2] * mass), diagonal[element + 1, 0, 0])
     store(cross, diagonal[element + 1, 0, 1])
-    store(cross, diagonal[element + 1, 1, 0])
+    store(transpose(cross), diagonal[element + 1, 1, 0])
     store(full(squared, k_bb, MASS[3][3] * second), diagonal[element + 1, 1, 1])
     coupling = full(-1.0, k_dd, MASS[0][2] * mass)
     store(coupling, upper[element, 0, 0])
     store(coupling, lower[element, 0, 0])
-    coupling = full(-length, k_db, MASS[0][3] * first)
+    coupling = block(-length, k_db, MASS[0][3] * first)
     store(coupling, upper[element, 0, 1])
-    store(coupling, lower[element, 1, 0])
-    coupling = full(length, k_da, MASS[1][2] * first)
-    store(coupling, upper[element, 1, 0])
+    store(transpose(coupling), lower[element, 1, 0])
+    coupling = block(length, k_da, MASS[1][2] * first)
+    store(transpose(coupling), upper[element, 1, 0])
     store(coupling, lower[element, 0, 1])
     coupling = full(squared, k_ab, MASS[1][3] * second)
     store(coupling, upper[element, 1, 1])
@@ -195,35 +358,46 @@ def add_element(
 def mean_tension(cable, state, element):
     """Tension (N) of an element: mean of EA (ε + τ ε_dot) over its length.
 
-    Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value.
+    Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
+    of `element_frame` has the chord's for its mean.
     """
+    length = cable.element_length
     d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
     d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    if cable.elastic_model == ELEMENT_FRAME:
+        chord = sqrt(dot(d, d))
+        return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
     tension = 0.0
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
         norm = sqrt(dot(rho, rho))
-        strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * cable.element_length)
-        strain = norm / cable.element_length - 1.0
+        strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * length)
+        strain = norm / length - 1.0
         tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
     return tension
 
 
 @kernel
 def elastic_energy(cable, state, element):
-    """Strain energy (J) of an element (eq. 8 with the strains of `continuum`)."""
+    """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
     length = cable.element_length
     d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    i = scale(1.0 / sqrt(dot(d, d)), d)
     energy = 0.0
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
-        strain = sqrt(dot(rho, rho)) / length - 1.0
+        along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else sqrt(dot(rho, rho))
+        strain = along / length - 1.0
         energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
     for point in range(BENDING_POINTS):
         rho = combine(BENDING_SLOPES[point], d, a, b)
         chi = combine(BENDING_CURVATURES[point], d, a, b)
-        squared = dot(rho, rho)
-        bent = add_scaled(-dot(rho, chi) / squared, rho, chi)
+        squared = length * length
+        if cable.elastic_model == ELEMENT_FRAME:
+            rho = i
+        else:
+            squared = dot(rho, rho)
+        bent = add_scaled(-dot(rho, chi) / dot(rho, rho), rho, chi)
         curvature_squared = dot(bent, bent) / (squared * length * length)
         energy += 0.5 * length * BENDING_WEIGHT[point] * cable.bending_stiffness * curvature_squared
     return energy

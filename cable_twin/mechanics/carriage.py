@@ -51,17 +51,25 @@ def close_joints(carriages, state, carriage, joint_x, joint_z, work):
 
 
 @kernel
-def joint_accelerations(carriages, state, carriage, joint_x, joint_z, work):
+def joint_accelerations(carriages, state, carriage, feedback, position, velocity, acceleration, work):
     """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) that remain with q_ddot = 0.
 
-    (joint_x, joint_z) is the part of the joint's acceleration on the cable that velocities make.
+    `position`, `velocity` (x, z) are those of the joint on the cable, `acceleration` the part of its acceleration that
+    velocities make. The gaps and their rates are fed back with `feedback` (1/s) squared and doubled.
     """
-    above_x, above_z = joint_x, joint_z
+    above_x, above_z = acceleration[0], acceleration[1]
+    place_x, place_z, speed_x, speed_z = position[0], position[1], velocity[0], velocity[1]
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         pitch, spin = state.body_coordinates[body, 2], state.body_velocities[body, 2]
         arm_x, arm_z, _, _ = pivot(pitch, carriages.upper_pivot[body])
-        work.joint_gap[body, 0] = above_x + arm_x * spin * spin
-        work.joint_gap[body, 1] = above_z + arm_z * spin * spin
+        x, z = pivot_position(state, body, carriages.upper_pivot[body])
+        v_x, v_z = pivot_velocity(state, body, carriages.upper_pivot[body])
+        gap = feedback * (2.0 * (speed_x - v_x) + feedback * (place_x - x))
+        work.joint_gap[body, 0] = above_x + arm_x * spin * spin + gap
+        gap = feedback * (2.0 * (speed_z - v_z) + feedback * (place_z - z))
+        work.joint_gap[body, 1] = above_z + arm_z * spin * spin + gap
+        place_x, place_z = pivot_position(state, body, carriages.lower_pivot[body])
+        speed_x, speed_z = pivot_velocity(state, body, carriages.lower_pivot[body])
         arm_x, arm_z, _, _ = pivot(pitch, carriages.lower_pivot[body])
         above_x, above_z = -arm_x * spin * spin, -arm_z * spin * spin
 

@@ -14,25 +14,38 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 from __future__ import annotations
 
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
-from cable_twin.mechanics.cable_element import add_element
+from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.parameters import SPEED
-from cable_twin.mechanics.sliding_joint import add_joint, position_on_cable, recover_joint, velocity_acceleration
+from cable_twin.mechanics.shape_functions import shape_functions
+from cable_twin.mechanics.sliding_joint import (
+    add_joint,
+    joint_position,
+    joint_velocity,
+    locate,
+    place_joint,
+    recover_joint,
+    velocity_acceleration,
+)
 from cable_twin.mechanics.vectors import accumulate, apply, full, load, minus, multiply, outer, scale, store, symmetric
 
 
 @kernel
-def measure_gaps(system, state, work):
+def measure_gaps(system, state, work, place):
     """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
+
+    With `place` true, joints are first put on the element that holds them.
 
     Returns:
         The largest gap of a joint (m).
     """
     worst = 0.0
     for carriage in range(system.carriages.fixed.size):
-        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
-        close_joints(system.carriages, state, carriage, place[0], place[1], work)
+        if place:
+            place_joint(system.cable, state, carriage)
+        joint = joint_position(system.cable, state, carriage)
+        close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
         if state.drive_mode[carriage] == SPEED:
             work.sliding_increment[carriage] = state.reference[carriage, 0] - state.sliding_coordinate[carriage]
     for body in range(work.joint_gap.shape[0]):
@@ -41,11 +54,16 @@ def measure_gaps(system, state, work):
 
 
 @kernel
-def measure_gap_accelerations(system, state, work):
-    """Right side γ of eq. 12 for all constraints, in m/s²: what is left of Φ_ddot when all accelerations are zero."""
+def measure_gap_accelerations(system, state, feedback, work):
+    """Right side γ of eq. 12 for all constraints, in m/s²: what is left of Φ_ddot when all accelerations are zero.
+
+    The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
+    """
     for carriage in range(system.carriages.fixed.size):
-        place = velocity_acceleration(system.cable, state, carriage)
-        joint_accelerations(system.carriages, state, carriage, place[0], place[1], work)
+        joint = joint_position(system.cable, state, carriage)
+        moving = joint_velocity(system.cable, state, carriage)
+        turning = velocity_acceleration(system.cable, state, carriage)
+        joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
         if state.drive_mode[carriage] == SPEED:
             work.sliding_increment[carriage] = state.reference[carriage, 2]
 
@@ -63,25 +81,8 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     cable = system.cable
-    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
-    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
-    right_side[0] = 0.0
-    diagonal[0] = 0.0
-    for element in range(cable.element_count):
-        add_element(
-            cable,
-            e,
-            e_dot,
-            e_ddot,
-            element,
-            mass_factor,
-            rate_factor,
-            stiffness_factor,
-            diagonal,
-            upper,
-            lower,
-            right_side,
-        )
+    add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    add_loads(cable, state, stiffness_factor, work)
     for carriage in range(system.carriages.fixed.size):
         condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
         add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
@@ -89,8 +90,34 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 
 @kernel
+def add_loads(cable, state, stiffness_factor, work):
+    """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
+    like = cable.gravity
+    for k in range(cable.load_arc_length.size):
+        element, x = locate(cable, cable.load_arc_length[k])
+        shape = shape_functions(x, cable.element_length)
+        force = load(cable.load_force[k], like)
+        for i in range(4):
+            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
+    for end in range(2):
+        moment = cable.end_moment[end]
+        if moment != 0.0:
+            node = 0 if end == 0 else cable.element_count
+            x, z = state.nodal_coordinates[node, 1, 0], state.nodal_coordinates[node, 1, 1]
+            squared = x * x + z * z
+            work.right_side[node, 1, 0] += moment * z / squared
+            work.right_side[node, 1, 1] -= moment * x / squared
+            stiff = stiffness_factor * moment / (squared * squared)
+            square = work.diagonal[node, 1, 1]
+            square[0] += 2.0 * stiff * x * z
+            square[1] -= stiff * (x * x - z * z)
+            square[2] -= stiff * (x * x - z * z)
+            square[3] -= 2.0 * stiff * x * z
+
+
+@kernel
 def hold_supports(cable, work):
-    """Take out of the equations of both end nodes what their supports hold; keep what was there as the reaction.
+    """Take out of the equations of both end nodes what their supports hold.
 
     With P the projector onto what is free, row and column of the node become P K P + (1 - P).
     """
@@ -104,7 +131,6 @@ def hold_supports(cable, work):
         for i in range(2):
             free_i = load(cable.support_projector[end, i], square)
             right = load(work.right_side[node, i], like)
-            store(scale(-1.0, right), work.support_residual[end, i])
             store(apply(free_i, right), work.right_side[node, i])
             for j in range(2):
                 free_j = load(cable.support_projector[end, j], square)
@@ -132,15 +158,18 @@ def solve(system, state, work):
 
 
 @kernel
-def solve_accelerations(system, state, work):
+def solve_accelerations(system, state, feedback, work):
     """Eq. 16 as printed: all accelerations and multipliers of `state` from its coordinates and velocities.
+
+    The multipliers that friction depends on are those of the call before. `feedback` (1/s) is that of
+    `measure_gap_accelerations`.
 
     Returns:
         False when the system has no solution.
     """
     state.nodal_accelerations[:] = 0.0
     state.body_accelerations[:] = 0.0
-    measure_gap_accelerations(system, state, work)
+    measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):
         return False

@@ -10,7 +10,7 @@ from scipy.optimize import root
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
-from cable_twin.mechanics.parameters import SPEED, FloatArray, System
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
 from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
 
@@ -119,7 +119,7 @@ def relax(system, state, good, work, max_relaxations, tolerance):
     increment = 0.0
     for iteration in range(max_relaxations):
         copy_state(state, good)
-        measure_gaps(system, state, work)
+        measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, 0.0, 1.0, work)
         solvable = solve(system, state, work)
         increment = largest_increment(system, work)
@@ -139,6 +139,43 @@ def relax(system, state, good, work, max_relaxations, tolerance):
     return max_relaxations, increment
 
 
+def hanging(system: System) -> tuple[FloatArray, FloatArray]:
+    """Straight start of a cable with one free end: along its clamp, or down from its pin.
+
+    Returns:
+        Positions (nodes, dim) in m and slopes (nodes, dim).
+
+    Raises:
+        EquilibriumError: when the cable has neither a clamp nor weight.
+    """
+    cable = system.cable
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    held = 0 if np.all(np.isfinite(cable.support_position[0])) else 1
+    direction = cable.support_direction[held]
+    if not np.all(np.isfinite(direction)):
+        down = np.array(cable.gravity)
+        strength = float(np.linalg.norm(down))
+        if strength == 0.0:
+            raise EquilibriumError(
+                "without gravity, a cable on one pin is at rest in any direction: it has to be given"
+            )
+        direction = down / strength * (1.0 if held == 0 else -1.0)
+    from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)
+    return cable.support_position[held] + np.outer(from_held, direction), np.tile(direction, (arc_lengths.size, 1))
+
+
+def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
+    """Lay the cable at rest and unstrained from `start` towards `end` (dim,) in m, the carriages hanging below it."""
+    cable = system.cable
+    direction = (end - start) / np.linalg.norm(end - start)
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    state.nodal_coordinates[:, 0] = start + np.outer(arc_lengths, direction)
+    state.nodal_coordinates[:, 1] = direction
+    state.friction_origin[:] = state.sliding_coordinate
+    state.reference[:, 0] = state.sliding_coordinate
+    hang_carriages(system, state)
+
+
 def settle(system: System, state: State, work: Workspace) -> None:
     """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest.
 
@@ -151,15 +188,25 @@ def settle(system: System, state: State, work: Workspace) -> None:
     """
     cable = system.cable
     arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
-    positions, slopes = catenary(system, arc_lengths)
+    both_held = bool(np.all(np.isfinite(cable.support_position)))
+    positions, slopes = catenary(system, arc_lengths) if both_held else hanging(system)
+    for end, place, direction in zip((0, -1), cable.support_position, cable.support_direction, strict=True):
+        if np.all(np.isfinite(place)):
+            positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
+        if np.all(np.isfinite(direction)):
+            slopes[end] = direction * np.linalg.norm(slopes[end])
     for array in state[:-1]:
         if array is not state.sliding_coordinate and array is not state.drive_mode:
             array[:] = 0
     state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+    state.friction_origin[:] = state.sliding_coordinate
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
     state.reference[:, 0] = state.sliding_coordinate
     hang_carriages(system, state)
+    if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
+        continuum = system._replace(cable=cable._replace(elastic_model=CONTINUUM))
+        relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)
     tolerance = 1e-11 * cable.unstrained_length
     used, increment = relax(system, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
     if used >= MAX_RELAXATIONS:

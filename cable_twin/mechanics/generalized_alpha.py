@@ -13,7 +13,7 @@ from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.parameters import FORCE, SPEED
-from cable_twin.mechanics.sliding_joint import driven_force
+from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
 
 
@@ -25,7 +25,8 @@ class Outcome(NamedTuple):
     iterations: int  # Newton iterations in all
     halvings: int  # failed tries that were repeated with half the step
     gap: float  # m, largest gap of a joint at the end of a step
-    increment: float  # m, largest of the last Newton iteration that did not converge, else of the last step
+    increment: float  # m, largest of the last Newton iteration
+    element: int  # where that was
 
 
 class Coefficients(NamedTuple):
@@ -93,6 +94,20 @@ def largest_increment(system, work):
 
 
 @kernel
+def worst_element(work):
+    """Element at whose first node the last Newton increment was largest, or not a number."""
+    worst, place = -1.0, 0
+    for node in range(work.right_side.shape[0]):
+        for i in range(work.right_side.shape[2]):
+            size = abs(work.right_side[node, 0, i])
+            if not size <= worst:
+                worst, place = size, node
+            if not isfinite(size):
+                return min(node, work.right_side.shape[0] - 2)
+    return min(place, work.right_side.shape[0] - 2)
+
+
+@kernel
 def step(system, state, h, work):
     """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m)."""
     solver = system.solver
@@ -111,7 +126,7 @@ def step(system, state, h, work):
 
     increment = 0.0
     for iteration in range(1, solver.max_iterations + 1):
-        measure_gaps(system, state, work)
+        measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, rate_factor, 1.0, work)
         if not solve(system, state, work):
             return False, iteration, increment, 0.0
@@ -138,7 +153,9 @@ def step(system, state, h, work):
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
         if increment < solver.tolerance:
-            gap = measure_gaps(system, state, work)
+            gap = measure_gaps(system, state, work, True)
+            for carriage in range(system.carriages.fixed.size):
+                settle_friction(system.carriages, state, carriage)
             return isfinite(gap), iteration, increment, gap
     return False, solver.max_iterations, increment, 0.0
 
@@ -228,9 +245,9 @@ def advance(system, state, good, before, work, steps):
             copy_state(good, state)
             halvings += 1
         if not converged:
-            return Outcome(False, done, iterations, halvings, worst_gap, increment)
+            return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
         if state.drive_mode[carriage] == SPEED:
             state.drive_force[carriage] = driven_force(system, state, carriage)
-    return Outcome(True, steps, iterations, halvings, worst_gap, increment)
+    return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
+ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each element's chord
 
 FREE = 0  # drive mode: nothing acts along the cable but friction and stops
 FORCE = 1  # drive mode: a given force along the cable
@@ -31,10 +32,14 @@ class Cable(NamedTuple):
     axial_stiffness: float  # EA, N
     bending_stiffness: float  # EI, N m^2
     damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
-    elastic_model: int  # CONTINUUM
+    elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
     support_position: FloatArray  # (2, dim) m, of start and end; NaN where free
     support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
+    support_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
+    load_arc_length: FloatArray  # (loads,) m
+    load_force: FloatArray  # (loads, dim) N
+    end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
 
 
 class Carriages(NamedTuple):
@@ -48,6 +53,7 @@ class Carriages(NamedTuple):
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
+    presliding: FloatArray  # (carriages,) m, how far a joint yields before it slides
     speed_limit: FloatArray  # (carriages,) m/s, inf where there is none
     acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
     emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.cable_element import elastic_energy, mean_tension
+from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps
-from cable_twin.mechanics.shape_functions import MASS
-from cable_twin.mechanics.sliding_joint import position_on_cable
-from cable_twin.mechanics.vectors import dot, load, store
+from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.shape_functions import MASS, shape_functions
+from cable_twin.mechanics.sliding_joint import locate, position_on_cable
+from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
 
 
 @kernel
@@ -37,12 +37,22 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 
 @kernel
 def support_forces(system, state, work, forces):
-    """Fill `forces` (2, dim) in N: what the supports exert on the cable, from the balance of the end nodes."""
-    measure_gaps(system, state, work)
-    assemble(system, state, 1.0, 0.0, 0.0, work)
-    for end in range(2):
-        for i in range(forces.shape[1]):
-            forces[end, i] = work.support_residual[end, 0, i]
+    """Fill `forces` (2, dim) in N: what the supports exert on the cable, from the balance of the end nodes.
+
+    Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
+    """
+    cable = system.cable
+    add_cable(cable, state, 1.0, 0.0, 0.0, work)
+    add_loads(cable, state, 0.0, work)
+    for carriage in range(system.carriages.fixed.size):
+        element, x = locate(cable, state.sliding_coordinate[carriage])
+        shape = shape_functions(x, cable.element_length)
+        contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+        for i in range(4):
+            accumulate(scale(-shape[i], contact), work.right_side[element + i // 2, i % 2])
+    for i in range(forces.shape[1]):
+        forces[0, i] = -work.right_side[0, 0, i]
+        forces[1, i] = -work.right_side[cable.element_count, 0, i]
 
 
 @kernel

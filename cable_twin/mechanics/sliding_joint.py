@@ -7,20 +7,19 @@ its drive force is what that takes.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
 
-FRICTION_SPEED = 1e-3  # m/s, where rolling friction has reached 71 % of its value
-
 
 @kernel
 def locate(cable, arc_length):
     """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
-    element = min(max(int(arc_length / cable.element_length), 0), cable.element_count - 1)
+    place = arc_length / cable.element_length
+    element = int(min(place, cable.element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
     return element, arc_length - element * cable.element_length
 
 
@@ -50,12 +49,43 @@ def position_on_cable(cable, state, arc_length):
 
 
 @kernel
+def place_joint(cable, state, carriage):
+    """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
+    state.sliding_element[carriage], _ = locate(cable, state.sliding_coordinate[carriage])
+
+
+@kernel
+def joint_place(cable, state, carriage):
+    """Element on which the joint is, and the paper's n in it (m)."""
+    element = state.sliding_element[carriage]
+    return element, state.sliding_coordinate[carriage] - element * cable.element_length
+
+
+@kernel
+def joint_position(cable, state, carriage):
+    """S(n) e (dim,) in m."""
+    element, x = joint_place(cable, state, carriage)
+    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+
+
+@kernel
+def joint_velocity(cable, state, carriage):
+    """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
+    element, x = joint_place(cable, state, carriage)
+    length = cable.element_length
+    moving = interpolate(state.nodal_velocities, element, shape_functions(x, length), cable.gravity)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), cable.gravity)
+    return add_scaled(state.sliding_velocity[carriage], r_x, moving)
+
+
+@kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
-    element, x = locate(cable, state.sliding_coordinate[carriage])
+    element, x = joint_place(cable, state, carriage)
+    length = cable.element_length
     s_dot = state.sliding_velocity[carriage]
-    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, cable.element_length), cable.gravity)
-    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), cable.gravity)
+    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, length), cable.gravity)
+    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), cable.gravity)
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
 
 
@@ -77,13 +107,32 @@ def stop_force(carriages, cable, carriage, s, s_dot):
 
 
 @kernel
-def friction_force(carriages, carriage, normal, s_dot):
-    """Friction (N) along the cable at the normal contact force (N), its derivatives by ṡ and by the normal force."""
-    regular = sqrt(s_dot * s_dot + FRICTION_SPEED * FRICTION_SPEED)
-    direction = s_dot / regular
+def deflection(carriages, state, carriage):
+    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m).
+
+    Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
+    through zero speed and holds still on a slope, since z changes with the way and not with time.
+    """
+    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    sign = 1.0 if way >= 0.0 else -1.0
+    left = (state.friction_deflection[carriage] - sign) * exp(-abs(way) / carriages.presliding[carriage])
+    return sign + left, -sign * left / carriages.presliding[carriage]
+
+
+@kernel
+def friction_force(carriages, state, carriage, normal):
+    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force."""
+    z, z_by_s = deflection(carriages, state, carriage)
     rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
-    by_speed = -rolling * normal * (1.0 - direction * direction) / regular - viscous
-    return -rolling * normal * direction - viscous * s_dot, by_speed, -rolling * direction
+    force = -rolling * normal * z - viscous * state.sliding_velocity[carriage]
+    return force, -rolling * normal * z_by_s, -viscous, -rolling * z
+
+
+@kernel
+def settle_friction(carriages, state, carriage):
+    """End a step: what is mobilised now is where the next one starts from."""
+    state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
+    state.friction_origin[carriage] = state.sliding_coordinate[carriage]
 
 
 @kernel
@@ -95,7 +144,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
-    element, x = locate(cable, s)
+    element, x = joint_place(cable, state, carriage)
     shape = shape_functions(x, cable.element_length)
     shape_x = shape_functions_x(x, cable.element_length)
     r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
@@ -109,7 +158,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     normal_force = add_scaled(-tangential / norm, r_x, force)
     normal = sqrt(dot(normal_force, normal_force))
     f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
-    f_friction, friction_by_s_dot, friction_by_normal = friction_force(carriages, carriage, normal, s_dot)
+    f_friction, friction_by_s, friction_by_s_dot, friction_by_normal = friction_force(
+        carriages, state, carriage, normal
+    )
 
     d_r_x = apply_impedance(impedance, r_x)
     if state.drive_mode[carriage] == SPEED:
@@ -118,9 +169,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     else:
         f_t = state.drive_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
-        along = add_scaled(-norm * friction_by_normal / max(normal, 1e-12), normal_force, r_x)
+        by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
+        along = add_scaled(-norm * by_direction, normal_force, r_x)
+        across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
         d_along = apply_impedance(impedance, along)
-        pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * stop_by_s)
+        pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
@@ -153,7 +206,7 @@ def driven_force(system, state, carriage):
     """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
-    element, x = locate(cable, s)
+    element, x = joint_place(cable, state, carriage)
     r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     norm = sqrt(dot(r_x, r_x))
@@ -161,7 +214,7 @@ def driven_force(system, state, carriage):
     normal_force = add_scaled(-tangential / norm, r_x, force)
     normal = sqrt(dot(normal_force, normal_force))
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
-    f_friction, _, _ = friction_force(carriages, carriage, normal, s_dot)
+    f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     return tangential - f_friction - f_stop
 
 
@@ -179,7 +232,7 @@ def recover_joint(system, state, carriage, work):
     """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
     cable = system.cable
     like = cable.gravity
-    element, x = locate(cable, state.sliding_coordinate[carriage])
+    element, x = joint_place(cable, state, carriage)
     shape = shape_functions(x, cable.element_length)
     r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), like)
     moved = scale(0.0, like)

@@ -28,6 +28,9 @@ class State(NamedTuple):
     sliding_coordinate: FloatArray  # n, (carriages,) m, arc length on the whole cable
     sliding_velocity: FloatArray  # (carriages,) m/s
     sliding_acceleration: FloatArray  # (carriages,) m/s²
+    sliding_element: NDArray[np.int64]  # (carriages,) element on which the joint is
+    friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
+    friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
     multipliers: FloatArray  # lambda, (bodies, 2) N on each body at its upper pivot; first of a chain: sliding joint
     drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
     drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED
@@ -44,7 +47,6 @@ class Workspace(NamedTuple):
     upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
     lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
     right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
-    support_residual: FloatArray  # (2, 2, dim) residual rows of start and end before the supports take them
     joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
     body_residual: FloatArray  # (bodies, 3)
     body_increment: FloatArray  # (bodies, 3)
@@ -77,6 +79,9 @@ def allocate_state(system: System) -> State:
         sliding_coordinate=np.zeros(carriages),
         sliding_velocity=np.zeros(carriages),
         sliding_acceleration=np.zeros(carriages),
+        sliding_element=np.zeros(carriages, dtype=np.int64),
+        friction_deflection=np.zeros(carriages),
+        friction_origin=np.zeros(carriages),
         multipliers=np.zeros((bodies, 2)),
         drive_force=np.zeros(carriages),
         drive_mode=modes,
@@ -96,7 +101,6 @@ def allocate_workspace(system: System) -> Workspace:
         upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
         lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
         right_side=np.zeros((nodes, 2, dim)),
-        support_residual=np.zeros((2, 2, dim)),
         joint_gap=np.zeros((bodies, 2)),
         body_residual=np.zeros((bodies, 3)),
         body_increment=np.zeros((bodies, 3)),
@@ -132,6 +136,9 @@ def copy_state(source, target):
     target.sliding_coordinate[:] = source.sliding_coordinate
     target.sliding_velocity[:] = source.sliding_velocity
     target.sliding_acceleration[:] = source.sliding_acceleration
+    target.sliding_element[:] = source.sliding_element
+    target.friction_deflection[:] = source.friction_deflection
+    target.friction_origin[:] = source.friction_origin
     target.multipliers[:] = source.multipliers
     target.drive_force[:] = source.drive_force
     target.drive_mode[:] = source.drive_mode

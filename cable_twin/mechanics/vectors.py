@@ -284,3 +284,48 @@ def _adjugate(c, a):
             c * (a[0] * a[4] - a[1] * a[3]),
         ),
     }[a.count]
+
+
+def transpose(a: Matrix) -> Matrix:
+    """Transpose of a full matrix."""
+    dim = 2 if len(a) == 4 else 3
+    return tuple(a[j * dim + i] for i in range(dim) for j in range(dim))
+
+
+@overload(transpose, jit_options=_OPTIONS)
+def _transpose(a):
+    return {
+        4: lambda a: (a[0], a[2], a[1], a[3]),
+        9: lambda a: (a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]),
+    }[a.count]
+
+
+@kernel
+def symmetric_pair(c, a, b):
+    """Symmetric matrix c (a bᵀ + b aᵀ)."""
+    both = symmetric(0.0, c, add_scaled(1.0, a, b))
+    return add_scaled(-1.0, symmetric(0.0, c, a), add_scaled(-1.0, symmetric(0.0, c, b), both))
+
+
+def block(c: float, a: Matrix, d: float) -> Matrix:
+    """Matrix c a + d I of a full matrix `a`."""
+    step = 3 if len(a) == 4 else 4
+    return tuple(c * value + (d if k % step == 0 else 0.0) for k, value in enumerate(a))
+
+
+@overload(block, jit_options=_OPTIONS)
+def _block(c, a, d):
+    return {
+        4: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[2], c * a[3] + d),
+        9: lambda c, a, d: (
+            c * a[0] + d,
+            c * a[1],
+            c * a[2],
+            c * a[3],
+            c * a[4] + d,
+            c * a[5],
+            c * a[6],
+            c * a[7],
+            c * a[8] + d,
+        ),
+    }[a.count]

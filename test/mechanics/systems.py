@@ -1,0 +1,131 @@
+"""Small systems in general position, and differences of second and fourth order, for the tests beside this file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import CONTINUUM, Cable, Carriages, Solver, System
+from cable_twin.mechanics.state import allocate_state, allocate_workspace
+
+
+def make_cable(dim=2, **changes):
+    """Cable of three elements of 0.7 m, pinned at both ends; forces of a few hundred N."""
+    count = changes.get("element_count", 3)
+    length = changes.get("element_length", 0.7)
+    gravity = (0.0, -9.81) if dim == 2 else (0.0, 0.0, -9.81)
+    pinned = np.stack([np.zeros(dim * dim), np.eye(dim).ravel()])
+    cable = Cable(
+        element_count=count,
+        element_length=length,
+        unstrained_length=count * length,
+        mass_per_length=1.3,
+        axial_stiffness=900.0,
+        bending_stiffness=7.0,
+        damping_time=0.0,
+        elastic_model=CONTINUUM,
+        gravity=gravity,
+        support_position=np.zeros((2, dim)),
+        support_projector=np.stack([pinned, pinned]),
+        support_direction=np.full((2, dim), np.nan),
+        load_arc_length=np.zeros(0),
+        load_force=np.zeros((0, dim)),
+        end_moment=np.zeros(2),
+    )
+    return cable._replace(**changes)
+
+
+def make_carriages(chains=(), **changes):
+    """Carriages with as many bodies as `chains` says, all different, without friction and with soft end stops."""
+    offset = np.cumsum([0, *chains]).astype(np.int64)
+    bodies, count = int(offset[-1]), len(chains)
+    numbers = np.arange(bodies, dtype=float)
+    carriages = Carriages(
+        body_offset=offset,
+        mass=3.0 + numbers,
+        inertia=0.4 + 0.1 * numbers,
+        upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
+        lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
+        fixed=np.zeros(count, dtype=np.bool_),
+        rolling_friction=np.zeros(count),
+        viscous_friction=np.zeros(count),
+        presliding=np.full(count, 1e-2),
+        speed_limit=np.full(count, np.inf),
+        acceleration_limit=np.full(count, 0.5),
+        emergency_deceleration=np.full(count, 1.5),
+        jerk_limit=np.full(count, np.inf),
+        force_limit=np.full(count, np.inf),
+        stop_stroke=np.full(count, 0.1),
+        stop_stiffness=np.full(count, 800.0),
+        stop_damping=np.full(count, 0.3),
+    )
+    return carriages._replace(**changes)
+
+
+def make_system(dim=2, *, chains=(), cable=None, carriages=None):
+    """System of the two above."""
+    return System(
+        cable=make_cable(dim, **(cable or {})),
+        carriages=make_carriages(chains, **(carriages or {})),
+        solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
+    )
+
+
+def disturbed_state(system, seed=1):
+    """State in general position (a stretched wavy cable, everything in motion) and its workspace."""
+    rng = np.random.default_rng(seed)
+    state, work = allocate_state(system), allocate_workspace(system)
+    cable, dim = system.cable, len(system.cable.gravity)
+    direction = np.eye(dim)[0] * 1.05 + 0.2 * np.eye(dim)[-1]
+    nodes = np.arange(cable.element_count + 1)
+    state.nodal_coordinates[:, 0] = nodes[:, None] * cable.element_length * direction
+    state.nodal_coordinates[:, 1] = direction
+    state.nodal_coordinates[:] += 0.08 * rng.standard_normal(state.nodal_coordinates.shape)
+    for array in (state.nodal_velocities, state.nodal_accelerations, state.body_velocities, state.body_accelerations):
+        array[:] = rng.standard_normal(array.shape)
+    state.body_coordinates[:] = 0.5 * rng.standard_normal(state.body_coordinates.shape)
+    state.multipliers[:] = 30.0 * rng.standard_normal(state.multipliers.shape)
+    count = state.sliding_coordinate.size
+    state.sliding_coordinate[:] = cable.unstrained_length * (np.arange(count) + 0.77) / (count + 0.6)
+    state.sliding_velocity[:] = rng.standard_normal(count)
+    return state, work
+
+
+def difference(function, x, step):
+    """Derivative (values, x.size) of `function` at `x` by central differences of fourth order."""
+    columns = []
+    for k in range(x.size):
+        change = np.zeros(x.size)
+        change[k] = step
+        columns.append(
+            (8.0 * (function(x + change) - function(x - change)) - function(x + 2 * change) + function(x - 2 * change))
+            / (12.0 * step)
+        )
+    return np.stack(columns, axis=-1)
+
+
+def second_difference(function, step):
+    """Second derivative at 0 of a function of one number, of fourth order."""
+    far = function(2 * step) + function(-2 * step)
+    return (16.0 * (function(step) + function(-step)) - far - 30.0 * function(0.0)) / (12.0 * step**2)
+
+
+def dense_blocks(work):
+    """The block-tridiagonal matrix of a workspace as (nodes 2 dim, nodes 2 dim)."""
+    return dense_matrix(work.diagonal, work.upper, work.lower)
+
+
+def dense_matrix(diagonal, upper, lower):
+    """Dense matrix of blocks as `solve_block_tridiagonal` takes them."""
+    nodes, dim = diagonal.shape[0], round(diagonal.shape[3] ** 0.5)
+
+    def square(blocks):
+        return blocks.reshape(2, 2, dim, dim).transpose(0, 2, 1, 3).reshape(2 * dim, 2 * dim)
+
+    size = 2 * dim
+    matrix = np.zeros((nodes * size, nodes * size))
+    for k in range(nodes):
+        here, after = slice(k * size, (k + 1) * size), slice((k + 1) * size, (k + 2) * size)
+        matrix[here, here] = square(diagonal[k])
+        if k < nodes - 1:
+            matrix[here, after], matrix[after, here] = square(upper[k]), square(lower[k])
+    return matrix

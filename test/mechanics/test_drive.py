@@ -1,0 +1,131 @@
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+
+from cable_twin.mechanics.drive import advance_reference, braking_speed
+from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.state import allocate_state
+from cable_twin.scenario import build_system, load_scenario
+
+LENGTH, STROKE, STEP = 50.0, 0.5, 0.01
+
+
+def drive(start=25.0, **limits):
+    scenario = load_scenario(
+        {
+            "cable": {
+                "unstrained_length": LENGTH,
+                "mass_per_length": 1.0,
+                "axial_stiffness": 1e6,
+                "bending_stiffness": 1.0,
+                "elements": 2,
+                "start": {"position": [0.0, 0.0]},
+                "end": {"position": [49.0, 0.0]},
+            },
+            "carriages": {
+                "car": {
+                    "arc_length": start,
+                    "drive": {"mode": "speed", "limits": limits},
+                    "end_stop": {"stroke": STROKE},
+                    "bodies": {"body": {"mass": 1.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}},
+                }
+            },
+        }
+    )
+    system = build_system(scenario)
+    state = allocate_state(system)
+    state.drive_mode[:] = SPEED
+    state.reference[0, 0] = start
+    return system, state
+
+
+def run(system, state, duration, target=None, step=STEP):
+    """Reference (steps + 1, 3) at every step."""
+    if target is not None:
+        state.drive_target[0] = target
+    path = [state.reference[0].copy()]
+    for _ in range(round(duration / step)):
+        advance_reference(system.carriages, system.cable, state, 0, step)
+        path.append(state.reference[0].copy())
+    return np.array(path)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.013, 0.5])
+def test_trapezoid_is_exact_whatever_the_step(step):
+    acceleration, speed = 0.7, 2.0
+    system, state = drive(5.0, acceleration=acceleration)
+    path = run(system, state, 6.0, speed, step)
+    time = step * np.arange(len(path))
+    ramp = np.minimum(time, speed / acceleration)
+    np.testing.assert_allclose(path[:, 0], 5.0 + 0.5 * acceleration * ramp**2 + speed * (time - ramp), atol=1e-12)
+    np.testing.assert_allclose(path[:, 1], acceleration * ramp, atol=1e-12)
+
+
+def test_reversal_turns_at_the_place_of_the_closed_form():
+    system, state = drive(20.0, acceleration=0.5)
+    run(system, state, 8.0, 2.0)
+    at = state.reference[0, 0]
+    path = run(system, state, 10.0, -2.0)
+    assert path[:, 0].max() == pytest.approx(at + 2.0**2 / (2.0 * 0.5), abs=1e-4)
+    assert path[800, 0] == pytest.approx(at, abs=1e-9)
+    assert path[-1, 1] == -2.0
+
+
+@pytest.mark.parametrize("jerk", [0.05, 0.3, 4.0])
+@pytest.mark.parametrize("target", [1.5, -1.5])
+def test_jerk_limit_holds_and_the_target_is_not_passed(jerk, target):
+    acceleration = 0.5
+    system, state = drive(25.0, acceleration=acceleration, jerk=jerk)
+    path = run(system, state, 16.0, target)
+    rates = np.diff(path[:, 1]) / STEP
+    assert np.abs(rates).max() <= acceleration + 1e-12
+    # all steps but the one that lands keep to the limit
+    jerks = np.abs(np.diff(rates, prepend=0.0)) / STEP
+    assert np.sort(jerks)[-2] <= jerk * (1.0 + 1e-6)
+    assert jerks.max() <= 2.0 * jerk
+    assert np.all(np.abs(path[:, 1]) <= abs(target))
+    assert path[-1, 1] == target
+    full = acceleration**2 / jerk <= abs(target)
+    duration = abs(target) / acceleration + acceleration / jerk if full else 2.0 * sqrt(abs(target) / jerk)
+    if duration < 16.0:
+        assert STEP * np.argmax(path[:, 1] == target) == pytest.approx(duration, abs=3 * STEP)
+
+
+@pytest.mark.parametrize("jerk", [None, 0.3])
+@pytest.mark.parametrize(("target", "end"), [(6.0, LENGTH - STROKE), (-6.0, STROKE)])
+def test_brakes_in_time_for_the_ends_of_the_track(jerk, target, end):
+    system, state = drive(25.0, acceleration=0.8, **({} if jerk is None else {"jerk": jerk}))
+    path = run(system, state, 60.0, target)
+    # the step in which it starts to brake is not cut at that moment: micrometres
+    assert path[:, 0].min() >= STROKE - 1e-5
+    assert path[:, 0].max() <= LENGTH - STROKE + 1e-5
+    assert path[-1, 0] == pytest.approx(end, abs=1e-3)
+    assert path[-1, 1] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(np.diff(path[:, 1])).max() / STEP <= 0.8 * (1.0 + 1e-9)
+
+
+def test_braking_speed_stops_within_the_distance():
+    deceleration, duration, distance, speed = 0.8, 0.1, 3.0, 1.0
+    after = braking_speed(distance, speed, deceleration, duration)
+    way = 0.5 * (speed + after) * duration + 0.5 * after**2 / deceleration
+    assert way == pytest.approx(distance, rel=1e-12)
+    assert braking_speed(0.0, speed, deceleration, duration) == 0.0
+
+
+def test_emergency_deceleration_replaces_both_limits():
+    system, state = drive(10.0, acceleration=0.5, jerk=0.2, emergency_deceleration=2.0)
+    run(system, state, 10.0, 3.0)
+    assert state.reference[0, 1] == 3.0
+    at = state.reference[0, 0]
+    state.drive_braking[0] = True
+    path = run(system, state, 2.0, 0.0)
+    assert path[-1, 1] == 0.0
+    assert path[-1, 0] - at == pytest.approx(3.0**2 / (2.0 * 2.0), abs=1e-12)
+
+
+def test_limits_left_open_are_no_limits():
+    system, _ = drive(10.0)
+    assert system.carriages.jerk_limit[0] == inf
+    assert system.carriages.force_limit[0] == inf
+    assert system.carriages.speed_limit[0] == inf

@@ -1,0 +1,339 @@
+"""The whole system: one condensed Newton step, and eq. 16, against dense numpy solutions of the uncondensed rows.
+
+The rows are written here from their definitions; of the mechanics they use the residual of the bare cable, which has
+its own tests. Their derivatives are differences of fourth order.
+"""
+
+import numpy as np
+import pytest
+from systems import difference, disturbed_state, make_system, second_difference
+from test_carriage import chain_residual, gaps
+
+from cable_twin.mechanics.cable_element import add_cable
+from cable_twin.mechanics.equations_of_motion import (
+    assemble,
+    measure_gap_accelerations,
+    measure_gaps,
+    solve,
+    solve_accelerations,
+)
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
+from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.sliding_joint import friction_force, place_joint, stop_force
+from cable_twin.mechanics.state import clone_state
+
+ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
+
+
+def setup(chains, *, places=None, modes=None, cable=None, **carriages):
+    """System with a carriage for each entry of `chains` (its bodies), in general position; states and workspace."""
+    count = len(chains)
+    carriages = {name: np.full(count, value) for name, value in carriages.items()}
+    system = make_system(chains=chains, cable=cable, carriages=carriages)
+    state, work = disturbed_state(system)
+    if places is not None:
+        state.sliding_coordinate[:] = places
+    state.drive_mode[:] = FREE if modes is None else modes
+    state.drive_force[state.drive_mode == FORCE] = 12.0
+    state.reference[:, 0] = state.sliding_coordinate + 0.01
+    state.reference[:, 2] = 0.4
+    state.friction_origin[:] = state.sliding_coordinate - 0.004
+    state.friction_deflection[:] = 0.2
+    for carriage in range(count):
+        place_joint(system.cable, state, carriage)
+    return system, state, work
+
+
+def joint_weights(system, state, carriage, function):
+    """Shape functions (or derivatives) of a joint as a row (nodes 2,) over the nodal vectors."""
+    cable = system.cable
+    element = int(state.sliding_element[carriage])
+    row = np.zeros(2 * (cable.element_count + 1))
+    row[2 * element : 2 * element + 4] = function(
+        state.sliding_coordinate[carriage] - element * cable.element_length, cable.element_length
+    )
+    return row
+
+
+def constraints(system, state):
+    """Φ (2 bodies,) in m of all joints of all carriages."""
+    e = state.nodal_coordinates.reshape(-1, 2)
+    offset, result = system.carriages.body_offset, [np.zeros(0)]
+    for carriage in range(system.carriages.fixed.size):
+        chain = slice(offset[carriage], offset[carriage + 1])
+        own = system.carriages._replace(
+            upper_pivot=system.carriages.upper_pivot[chain], lower_pivot=system.carriages.lower_pivot[chain]
+        )
+        place = joint_weights(system, state, carriage, shape_functions) @ e
+        result.append(gaps(own, place, state.body_coordinates[chain]))
+    return np.concatenate(result)
+
+
+def rows(system, state, work):
+    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints."""
+    cable, carriages = system.cable, system.carriages
+    e = state.nodal_coordinates.reshape(-1, 2)
+    add_cable(cable, state, 0.0, 0.0, 0.0, work)
+    on_cable = -work.right_side.reshape(-1, 2)
+    for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
+        element = min(int(arc_length / cable.element_length), cable.element_count - 1)
+        weights = shape_functions(arc_length - element * cable.element_length, cable.element_length)
+        on_cable[2 * element : 2 * element + 4] -= np.outer(weights, force)
+    for node, moment in ((1, cable.end_moment[0]), (-1, cable.end_moment[1])):
+        # work M δpitch with the pitch atan2(-z, x) of the slope (x, z)
+        x, z = e[node]
+        on_cable[node] -= moment * np.array([z, -x]) / (x * x + z * z)
+    on_bodies, on_sliding = [], []
+    for carriage in range(carriages.fixed.size):
+        chain = slice(carriages.body_offset[carriage], carriages.body_offset[carriage + 1])
+        own = carriages._replace(
+            mass=carriages.mass[chain],
+            inertia=carriages.inertia[chain],
+            upper_pivot=carriages.upper_pivot[chain],
+            lower_pivot=carriages.lower_pivot[chain],
+        )
+        forces = state.multipliers[chain]
+        on_bodies.append(chain_residual(own, state.body_coordinates[chain], forces, state.body_accelerations[chain]))
+        on_cable = on_cable + np.outer(joint_weights(system, state, carriage, shape_functions), forces[0])
+        r_x = joint_weights(system, state, carriage, shape_functions_x) @ e
+        norm = np.linalg.norm(r_x)
+        along = forces[0] @ r_x / norm
+        normal = np.linalg.norm(forces[0] - along * r_x / norm)
+        s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+        if state.drive_mode[carriage] == SPEED:
+            on_sliding.append(s - state.reference[carriage, 0])
+        else:
+            pull = state.drive_force[carriage] + friction_force(carriages, state, carriage, normal)[0]
+            pull += stop_force(carriages, cable, carriage, s, s_dot)[0]
+            on_sliding.append(norm * (along - pull))
+    for end, node in ((0, 0), (1, -2)):
+        for slot in range(2):
+            free = cable.support_projector[end, slot].reshape(2, 2)
+            on_cable[node + slot] = free @ on_cable[node + slot]
+    return np.concatenate([on_cable.ravel(), *on_bodies, np.array(on_sliding), constraints(system, state)])
+
+
+def split(system, unknown):
+    """Nodal (nodes, 2, 2), body (bodies, 3), sliding (carriages,) and multiplier (bodies, 2) parts of a vector."""
+    nodes, bodies, count = system.cable.element_count + 1, system.carriages.mass.size, system.carriages.fixed.size
+    parts = np.split(unknown, np.cumsum([4 * nodes, 3 * bodies, count]))
+    return parts[0].reshape(nodes, 2, 2), parts[1].reshape(bodies, 3), parts[2], parts[3].reshape(bodies, 2)
+
+
+def held(system):
+    """Projector (nodes 4, nodes 4) onto what the supports hold."""
+    size = 4 * (system.cable.element_count + 1)
+    matrix = np.zeros((size, size))
+    for end, first in ((0, 0), (1, size - 4)):
+        for slot in range(2):
+            place = slice(first + 2 * slot, first + 2 * slot + 2)
+            matrix[place, place] = np.eye(2) - system.cable.support_projector[end, slot].reshape(2, 2)
+    return matrix
+
+
+def dense_newton_step(system, state, work, mass_factor, rate_factor):
+    """Increments of all unknowns from the uncondensed system."""
+    size = 4 * (system.cable.element_count + 1)
+    total = size + 5 * system.carriages.mass.size + system.carriages.fixed.size
+    still = held(system)
+
+    def residual(unknown):
+        e, q, s, multipliers = split(system, unknown)
+        driven = state.drive_mode == SPEED
+        moved = state._replace(
+            nodal_coordinates=state.nodal_coordinates + e,
+            nodal_velocities=state.nodal_velocities + rate_factor * e,
+            nodal_accelerations=state.nodal_accelerations + mass_factor * e,
+            body_coordinates=state.body_coordinates + q,
+            body_accelerations=state.body_accelerations + mass_factor * q,
+            sliding_coordinate=state.sliding_coordinate + s,
+            sliding_velocity=state.sliding_velocity + np.where(driven, 0.0, rate_factor) * s,
+            multipliers=state.multipliers + multipliers,
+        )
+        return rows(system, moved, work)
+
+    matrix = difference(residual, np.zeros(total), 1e-4)
+    right = -residual(np.zeros(total))
+    # what is held does not move: P K P + (1 - P)
+    matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
+    matrix[:size, :size] += still
+    return np.linalg.solve(matrix, right)
+
+
+def check_newton_step(system, state, work, tolerance=1e-8):
+    """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
+    mass_factor, rate_factor = 400.0, 25.0
+    exact = split(system, dense_newton_step(system, state, work, mass_factor, rate_factor))
+    before = state.multipliers.copy()
+    measure_gaps(system, state, work, True)
+    assemble(system, state, mass_factor, rate_factor, 1.0, work)
+    assert solve(system, state, work)
+    got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
+    for name, value, expected in zip(("cable", "bodies", "sliding", "multipliers"), got, exact, strict=True):
+        scale = np.abs(expected).max(initial=1e-12)
+        np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
+
+
+ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact in both models
+
+
+@pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
+@pytest.mark.parametrize("bodies", [1, 2, 3])
+def test_newton_step(mode, bodies):
+    """Chains of 1 to 3 bodies, each mode: to 1e-8."""
+    check_newton_step(*setup([bodies], modes=mode, cable=ELASTIC))
+
+
+def test_newton_step_of_the_bare_cable():
+    check_newton_step(*setup([], cable=ELASTIC))
+
+
+@pytest.mark.parametrize("mode", [FREE, FORCE], ids=["free", "force"])
+def test_newton_step_with_friction(mode):
+    """Rolling friction on the normal force, mobilised in part, and viscous: to 1e-8, so the tangent is exact."""
+    check_newton_step(*setup([2], modes=mode, cable=ELASTIC, **ROUGH))
+
+
+@pytest.mark.parametrize("place", [0.05, 2.04], ids=["start", "end"])
+def test_newton_step_in_an_end_stop(place):
+    check_newton_step(*setup([2], places=place, cable=ELASTIC, **ROUGH))
+
+
+@pytest.mark.parametrize("place", [-0.03, 2.13], ids=["start", "end"])
+def test_newton_step_beyond_the_end_of_the_cable(place):
+    """The end element goes on there; the stop pushes back."""
+    check_newton_step(*setup([1], places=place, cable=ELASTIC))
+
+
+def test_newton_step_with_several_carriages_on_one_element():
+    """Three on the middle element and one beside it: free, with force, driven."""
+    check_newton_step(
+        *setup([1, 2, 1, 3], places=[0.8, 1.0, 1.3, 1.6], modes=[FREE, FORCE, SPEED, FREE], cable=ELASTIC, **ROUGH)
+    )
+
+
+def test_newton_step_of_element_frame_with_loads():
+    """Exact with bending in the paper's model; two point forces and moments on both ends."""
+    cable = {
+        "elastic_model": ELEMENT_FRAME,
+        "load_arc_length": np.array([0.3, 2.1]),
+        "load_force": np.array([[5.0, -20.0], [-3.0, 8.0]]),
+        "end_moment": np.array([2.0, -3.5]),
+    }
+    check_newton_step(*setup([2], cable=cable))
+
+
+def test_newton_step_of_a_clamped_and_of_a_free_end():
+    """A clamp leaves the slope only its length."""
+    direction = np.array([0.96, 0.28])
+    projector = np.stack(
+        [
+            np.stack([np.zeros(4), np.outer(direction, direction).ravel()]),
+            np.stack([np.eye(2).ravel(), np.eye(2).ravel()]),
+        ]
+    )
+    check_newton_step(*setup([1], cable={**ELASTIC, "support_projector": projector}))
+
+
+def test_gaps_are_those_of_the_constraints():
+    system, state, work = setup([1, 2])
+    worst = measure_gaps(system, state, work, True)
+    exact = constraints(system, state)
+    np.testing.assert_allclose(work.joint_gap.ravel(), exact, atol=1e-14)
+    assert worst == pytest.approx(np.abs(exact).max(), rel=1e-13)
+
+
+@pytest.mark.parametrize("feedback", [0.0, 3.0])
+def test_right_side_of_the_constraints(feedback):
+    """γ: second differences of Φ along a motion without accelerations, and Baumgarte's terms: to 1e-6."""
+    system, state, work = setup([1, 2], modes=[FREE, SPEED])
+
+    def along(t):
+        return constraints(system, moving(state, t))
+
+    rate = difference(lambda t: along(t[0]), np.zeros(1), 1e-3)[:, 0]
+    exact = second_difference(along, 1e-3) + 2.0 * feedback * rate + feedback**2 * along(0.0)
+    measure_gap_accelerations(system, state, feedback, work)
+    np.testing.assert_allclose(work.joint_gap.ravel(), exact, atol=1e-6)
+    assert work.sliding_increment[1] == state.reference[1, 2]
+
+
+def moving(state, t):
+    """State of a motion at constant velocities, `t` seconds on; joints stay on their elements."""
+    return state._replace(
+        nodal_coordinates=state.nodal_coordinates + t * state.nodal_velocities,
+        body_coordinates=state.body_coordinates + t * state.body_velocities,
+        sliding_coordinate=state.sliding_coordinate + t * state.sliding_velocity,
+    )
+
+
+@pytest.mark.parametrize("modes", [[FREE, FORCE], [SPEED, FREE]], ids=["free and force", "driven and free"])
+@pytest.mark.parametrize("model", [0, 1], ids=["continuum", "element_frame"])
+def test_accelerations_solve_equation_16(model, modes):
+    """Eq. 16 built densely: M and Φ_q by differences, Q from the rows at zero acceleration, γ as above: to 1e-7."""
+    cable = {"elastic_model": model, "damping_time": 0.01}
+    system, state, work = setup([1, 2], modes=modes, cable=cable, viscous_friction=5.0)
+    size = 4 * (system.cable.element_count + 1)
+    bodies, count = system.carriages.mass.size, system.carriages.fixed.size
+    total = size + 5 * bodies + count
+    at_rest = clone_state(state)
+    for array in (at_rest.nodal_accelerations, at_rest.body_accelerations, at_rest.multipliers):
+        array[:] = 0.0
+
+    def residual(unknown):
+        e_ddot, q_ddot, _, multipliers = split(system, unknown)
+        trial = at_rest._replace(
+            nodal_accelerations=e_ddot, body_accelerations=q_ddot, multipliers=np.ascontiguousarray(multipliers)
+        )
+        return rows(system, trial, work)
+
+    def phi(unknown):
+        e, q, s, _ = split(system, unknown)
+        return constraints(
+            system,
+            at_rest._replace(
+                nodal_coordinates=state.nodal_coordinates + e,
+                body_coordinates=state.body_coordinates + q,
+                sliding_coordinate=state.sliding_coordinate + s,
+            ),
+        )
+
+    # the rows are linear in accelerations and multipliers, so any step will do
+    matrix = difference(residual, np.zeros(total), 1.0)
+    right = -residual(np.zeros(total))
+    joints = slice(total - 2 * bodies, total)
+    matrix[joints] = difference(phi, np.zeros(total), 1e-3)
+    right[joints] = -second_difference(lambda t: constraints(system, moving(at_rest, t)), 1e-3)
+    for carriage in range(count):
+        if modes[carriage] == SPEED:
+            row = size + 3 * bodies + carriage
+            matrix[row], right[row] = 0.0, state.reference[carriage, 2]
+            matrix[row, row] = 1.0
+    still = held(system)
+    matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
+    matrix[:size, :size] += still
+    exact = split(system, np.linalg.solve(matrix, right))
+
+    assert solve_accelerations(system, state, 0.0, work)
+    got = (state.nodal_accelerations, state.body_accelerations, state.sliding_acceleration, state.multipliers)
+    for name, value, expected in zip(("cable", "bodies", "sliding", "multipliers"), got, exact, strict=True):
+        np.testing.assert_allclose(value, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=name)
+
+
+def test_accelerations_with_friction_obey_its_law():
+    """Solved again until the multipliers stand: the sliding row then holds to 1e-8 N."""
+    system, state, work = setup([2], cable={"damping_time": 0.01}, **ROUGH)
+    for _ in range(20):
+        assert solve_accelerations(system, state, 0.0, work)
+    residual = rows(system, state, work)
+    row = 4 * (system.cable.element_count + 1) + 3 * 2
+    assert abs(residual[row]) < 1e-8
+    assert np.abs(residual[: row + 1]).max() < 1e-8
+
+
+def test_a_system_without_solution_is_reported():
+    """A cable of no mass and no stiffness."""
+    system, state, work = setup([1], cable={"axial_stiffness": 0.0, "bending_stiffness": 0.0, "mass_per_length": 0.0})
+    measure_gaps(system, state, work, True)
+    assemble(system, state, 400.0, 25.0, 1.0, work)
+    assert not solve(system, state, work)

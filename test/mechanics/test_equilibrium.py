@@ -1,0 +1,273 @@
+"""Rest: catenary, hanging chains, what is left of the forces; and what happens where there is none or a step fails."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from cable_twin.mechanics import equilibrium
+from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve_accelerations
+from cable_twin.mechanics.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
+from cable_twin.mechanics.generalized_alpha import advance
+from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.readout import support_forces
+from cable_twin.mechanics.sliding_joint import position_on_cable
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.scenario import build_system, load_scenario
+from cable_twin.simulation import Simulation, SolverError
+from verification.statics import CANTILEVER, LEVEL_SPAN, hung
+
+TWO_BODIES = {
+    "upper": {"mass": 300.0, "inertia": 50.0, "upper_pivot": [0.2, 0.5], "lower_pivot": [-0.1, -0.6]},
+    "lower": {"mass": 900.0, "inertia": 400.0, "upper_pivot": [0.3, 1.0]},
+}
+
+
+def loaded_span(elements=16, **changes):
+    scenario = {**LEVEL_SPAN, "carriages": {"one": {"arc_length": 40.0, "bodies": TWO_BODIES}}}
+    return load_scenario(scenario, {"cable.elements": elements, **changes})
+
+
+def prepare(scenario):
+    system = build_system(scenario)
+    state, work = allocate_state(system), allocate_workspace(system)
+    for index, carriage in enumerate(scenario.carriages.values()):
+        state.sliding_coordinate[index] = carriage.arc_length
+    return system, state, work
+
+
+@pytest.mark.parametrize("rise", [-60.0, 0.0, 30.0])
+@pytest.mark.parametrize("length", [130.0, 106.0])
+def test_catenary_is_the_integral_of_its_slope(rise, length):
+    """Ends met to 1e-7 m; each place is the integral of r_x = (1/EA + 1/T) (H, V + w s), to 1e-8 m."""
+    if rise == -60.0 and length == 106.0:
+        length = 117.0
+    scenario = load_scenario(LEVEL_SPAN, {"cable.end.position": [100.0, rise], "cable.unstrained_length": length})
+    system = build_system(scenario)
+    arc_lengths = np.linspace(0.0, length, 7)
+    positions, slopes = catenary(system, arc_lengths)
+    np.testing.assert_allclose(positions[[0, -1]], [[0.0, 0.0], [100.0, rise]], atol=1e-4 * length * 1e-2)
+    tension = (np.linalg.norm(slopes, axis=1) - 1.0) * 2e7
+    pull = tension[:, None] * slopes / np.linalg.norm(slopes, axis=1)[:, None]
+    np.testing.assert_allclose(pull[:, 0], pull[0, 0], rtol=1e-6)
+    np.testing.assert_allclose(np.diff(pull[:, 1]), 98.1 * np.diff(arc_lengths), rtol=1e-5)
+
+    def slope(s, axis):
+        at = np.array([pull[0, 0], pull[0, 1] + 98.1 * s])
+        return (1.0 / 2e7 + 1.0 / np.hypot(*at)) * at[axis]
+
+    for k in (2, 5):
+        exact = [quad(slope, 0.0, arc_lengths[k], args=(axis,), epsabs=1e-11)[0] for axis in (0, 1)]
+        np.testing.assert_allclose(positions[k], exact, atol=1e-5)
+
+
+def test_catenary_without_gravity_is_straight():
+    scenario = load_scenario(LEVEL_SPAN, {"gravity": 0.0, "cable.end.position": [101.5, 0.0]})
+    positions, slopes = catenary(build_system(scenario), np.array([0.0, 50.5, 101.0]))
+    np.testing.assert_allclose(positions, [[0, 0], [50.75, 0], [101.5, 0]], atol=1e-12)
+    np.testing.assert_allclose(slopes, np.tile([101.5 / 101.0, 0.0], (3, 1)), rtol=1e-14)
+
+
+def test_chains_hang_below_their_joint():
+    system, state, _ = prepare(loaded_span())
+    lay_straight(system, state, np.zeros(2), np.array([101.0, 0.0]))
+    hang_carriages(system, state)
+    np.testing.assert_allclose(state.body_coordinates, [[39.8, -0.5, 0.0], [39.4, -2.1, 0.0]], atol=1e-12)
+
+
+def test_all_forces_balance_at_rest():
+    """Residual of every free row below 1e-5 N (of 11 kN), gaps below 1e-9 m, every mass centre under its pivot."""
+    system, state, work = prepare(loaded_span())
+    settle(system, state, work)
+    state.drive_mode[:] = SPEED
+    state.reference[:, 0] = state.sliding_coordinate
+    assert measure_gaps(system, state, work, True) < 1e-9
+    assemble(system, state, 0.0, 0.0, 1.0, work)
+    # right_side holds minus the residual once what the carriages still have to close is taken off, which is nothing
+    assert np.abs(work.right_side).max() < 1e-5
+    np.testing.assert_allclose(state.multipliers, [[0.0, 1200.0 * 9.81], [0.0, 900.0 * 9.81]], atol=1e-6)
+    # the lower body hangs plumb; the moments on the upper one balance
+    place = position_on_cable(system.cable, state, 40.0)
+    joint = state.body_coordinates[1, :2] + turned(state.body_coordinates[1, 2], [0.3, 1.0])
+    assert joint[0] == pytest.approx(state.body_coordinates[1, 0], abs=1e-9)
+    moment = 300.0 * (state.body_coordinates[0, 0] - place[0]) + 900.0 * (joint[0] - place[0])
+    assert moment == pytest.approx(0.0, abs=1e-6)
+
+
+def turned(pitch, offset):
+    c, s = np.cos(pitch), np.sin(pitch)
+    return np.array([[c, s], [-s, c]]) @ offset
+
+
+def test_rest_is_rest():
+    """With the joint held, accelerations of eq. 16 are nothing: below 1e-5 m/s² of the bodies."""
+    system, state, work = prepare(loaded_span(**{"carriages.one.joint": "fixed"}))
+    settle(system, state, work)
+    assert solve_accelerations(system, state, 0.0, work)
+    assert np.abs(state.body_accelerations).max() < 1e-5
+    for array in (state.nodal_velocities, state.body_velocities, state.sliding_velocity):
+        assert not array.any()
+
+
+def test_held_joint_reports_its_drive_force():
+    """What holds the joint is the weight along the cable there: to 1e-6 of it."""
+    simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed"}))
+    a, b = simulation.cable_positions(np.array([40.0 - 1e-4, 40.0 + 1e-4]))
+    along = (b - a) / np.linalg.norm(b - a)
+    exact = 1200.0 * 9.81 * along[1]
+    assert simulation.snapshot.carriages["one"].drive_force == pytest.approx(exact, rel=1e-6)
+
+
+def test_hanging_cable_carries_its_own_weight():
+    """One end free: support force m g L, and the stretch w L² / (2 EA) of a vertical rope, to 1e-9 m."""
+    free = {"position": [0.0, -101.0], "support": "free"}
+    simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.end": free, "cable.elements": 8}))
+    np.testing.assert_allclose(simulation.snapshot.supports["start"].force, [0.0, 98.1 * 101.0], atol=1e-5)
+    end = simulation.cable_positions(np.array([101.0]))[0]
+    np.testing.assert_allclose(end, [0.0, -101.0 - 98.1 * 101.0**2 / (2 * 2e7)], atol=1e-9)
+
+
+def test_supports_of_a_hung_load():
+    """Both reactions from `support_forces` after `settle` add up to all weight: to 1e-5 N."""
+    system, state, work = prepare(loaded_span())
+    settle(system, state, work)
+    state.drive_mode[:] = SPEED  # held
+    forces = np.empty((2, 2))
+    support_forces(system, state, work, forces)
+    np.testing.assert_allclose(forces.sum(axis=0), [0.0, 98.1 * 101.0 + 1200.0 * 9.81], atol=1e-5)
+
+
+def test_a_problem_without_rest_says_so(monkeypatch):
+    """A stiff bar on a pin whose moment of 9 N m is more than its weight's, m g L² / 2 = 4.9 N m: it turns for ever.
+
+    The error names iterations, how far the last one moved a point and what is allowed.
+    """
+    monkeypatch.setattr(equilibrium, "MAX_RELAXATIONS", 300)
+    with pytest.raises(
+        EquilibriumError, match=r"after 300 iterations: the last one moved a point by [0-9].* m, allowed are 1e-11 m"
+    ):
+        Simulation(load_scenario(CANTILEVER, bar_on_a_pin(9.0)))
+    assert Simulation(load_scenario(CANTILEVER, bar_on_a_pin(4.0))).time == 0.0
+
+
+def bar_on_a_pin(moment):
+    return {
+        "gravity": 9.81,
+        "cable.bending_stiffness": 1e3,
+        "cable.start": {"position": [0.0, 0.0], "support": "pinned"},
+        "cable.loads": [{"arc_length": 0.0, "moment": moment}],
+        "cable.elements": 2,
+    }
+
+
+@pytest.mark.parametrize("moment", [-4.0, 2.0])
+def test_a_bar_leans_until_its_weight_balances_a_moment(moment):
+    """Angle asin(2 M / (m g L²)) from the plumb line, right-handed about y: to 1e-3 rad with EI of 1000 N m²."""
+    end = Simulation(load_scenario(CANTILEVER, bar_on_a_pin(moment))).cable_positions(np.array([1.0]))[0]
+    lean = np.arcsin(2.0 * moment / 9.81)
+    np.testing.assert_allclose(end, [-np.sin(lean), -np.cos(lean)], atol=1e-3)
+
+
+def test_a_weightless_cable_on_a_pin_has_no_place_of_rest():
+    weightless = {**bar_on_a_pin(0.0), "gravity": 0.0}
+    with pytest.raises(EquilibriumError, match="any direction"):
+        Simulation(load_scenario(CANTILEVER, weightless))
+
+
+@pytest.mark.parametrize("length", [99.9, 101.0])
+@pytest.mark.parametrize("end", [[0.0, -100.0], [0.02, 100.0]], ids=["down", "up"])
+def test_cable_of_a_vertical_span_ends_at_its_support(end, length):
+    """Both ends are where they are held, exactly, taut and slack; and the weight is on both."""
+    simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.end.position": end, "cable.unstrained_length": length}))
+    np.testing.assert_allclose(simulation.cable_positions(np.array([0.0, length])), [[0.0, 0.0], end], atol=1e-12)
+    forces = [simulation.snapshot.supports[name].force for name in ("start", "end")]
+    np.testing.assert_allclose(sum(forces), [0.0, 98.1 * length], atol=1e-4)
+
+
+def test_ends_that_no_catenary_meets_are_named():
+    """A weight beyond all numbers, which is where the search for a catenary ends."""
+    system, state, work = prepare(load_scenario(LEVEL_SPAN, {"cable.elements": 2}))
+    system = system._replace(cable=system.cable._replace(mass_per_length=1e307))
+    with np.errstate(all="ignore"), pytest.raises(EquilibriumError, match="no catenary of 101 m reaches over 100 m"):
+        settle(system, state, work)
+
+
+@pytest.mark.parametrize("field", ["nodal_coordinates", "nodal_velocities", "body_coordinates", "sliding_velocity"])
+def test_not_a_number_stops_the_solver_and_is_named(field):
+    """The outcome says so and names an element at a bad node; the state is bit for bit that before the call.
+
+    What a carriage passes on is on the whole right side at once, so no element is to blame then.
+    """
+    system, state, work = prepare(loaded_span(elements=6))
+    settle(system, state, work)
+    good, before = clone_state(state), clone_state(state)
+    assert advance(system, state, good, before, work, 2).converged
+    array = getattr(state, field)
+    if field.startswith("nodal"):
+        array[4, 0, 1] = np.nan
+    else:
+        array.ravel()[0] = np.nan
+    at_call = clone_state(state)
+    outcome = advance(system, state, good, before, work, 5)
+    assert not outcome.converged
+    assert outcome.steps == 0
+    assert outcome.halvings == system.solver.max_halvings + 1
+    assert outcome.element in ((3, 4) if field.startswith("nodal") else range(6))
+    for one, other in zip(state, at_call, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert state.clock[0] == 2
+
+
+def test_not_a_number_reaches_no_snapshot():
+    """The simulation raises and names step and element; a state without it goes on from the same place."""
+    simulation = Simulation(loaded_span(elements=6))
+    simulation.advance_to(0.002)
+    state = simulation._state
+    kept = state.nodal_velocities[4, 0, 1]
+    state.nodal_velocities[4, 0, 1] = np.nan
+    with pytest.raises(SolverError, match=r"step 3 \(to 0\.003 s\) failed: .* on element [34], .* at 0\.002 s"):
+        simulation.advance_to(0.01)
+    state.nodal_velocities[4, 0, 1] = kept
+    assert simulation.time == 0.002
+    assert np.isfinite(simulation.advance_to(0.004).cable.positions).all()
+
+
+def test_a_step_that_cannot_converge_leaves_the_last_good_state():
+    """One Newton iteration and no halving, from a start far from rest: the error, and the state as it was."""
+    solver = {"solver.max_iterations": 1, "solver.max_halvings": 0, "solver.tolerance": 1e-12}
+    simulation = Simulation(loaded_span(**solver))
+    start = clone_state(simulation._state)
+    with pytest.raises(SolverError, match=r"step 1 \(to 0\.001 s\) failed: after 0 halvings .* allowed are 1e-12 m"):
+        simulation.advance_to(0.005)
+    assert simulation.time == 0.0
+    assert simulation.snapshot.solver.steps == 0
+    for one, other in zip(simulation._state, start, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_good_steps_before_a_bad_one_are_kept():
+    """A stop so stiff that a coarse step cannot pass it: steps are counted up to there, nothing is not finite."""
+    stiff = {
+        "carriages.one.end_stop": {"stroke": 0.05, "stiffness": 1e13, "damping": 0.0},
+        "carriages.one.arc_length": 0.5,
+        "solver.step": 0.01,
+        "solver.max_iterations": 4,
+        "solver.max_halvings": 0,
+    }
+    simulation = Simulation(loaded_span(elements=8, **stiff))
+    simulation.command("one", force=-60000.0)
+    with pytest.raises(SolverError):
+        simulation.advance_to(3.0)
+    steps = simulation.snapshot.solver.steps
+    assert steps > 0
+    assert simulation.time == pytest.approx(0.01 * steps)
+    assert np.isfinite(simulation.snapshot.cable.positions).all()
+    assert all(np.isfinite(array).all() for array in simulation._state)
+
+
+def test_carriage_at_the_support_takes_its_weight_there():
+    """Hung 0.6 m from a pin of a level span: that pin carries nearly all of it, by the lever to 1 %."""
+    simulation = Simulation(load_scenario({**LEVEL_SPAN, "carriages": hung(0.6, 2000.0)}))
+    bare = Simulation(load_scenario(LEVEL_SPAN))
+    more = simulation.snapshot.supports["start"].force[1] - bare.snapshot.supports["start"].force[1]
+    x = simulation.snapshot.carriages["carriage"].position[0]
+    assert more == pytest.approx(2000.0 * 9.81 * (1.0 - x / 100.0), rel=0.01)

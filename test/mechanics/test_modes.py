@@ -1,0 +1,123 @@
+"""Natural modes: pendulums in closed form, agreement with eq. 16, both ways of solving, orthogonality."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from systems import difference
+from test_equilibrium import loaded_span, prepare
+
+from cable_twin.mechanics import modes
+from cable_twin.mechanics.equations_of_motion import solve_accelerations
+from cable_twin.mechanics.equilibrium import settle
+from cable_twin.mechanics.modes import natural_modes
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification.statics import CANTILEVER, LEVEL_SPAN
+
+STIFF = {"cable.axial_stiffness": 1e9, "cable.bending_stiffness": 1e5, "cable.elements": 4, "gravity": 9.81}
+
+
+def hung_from_a_wall(bodies):
+    """Carriage on a short, all but rigid cantilever, so that its joint stands still."""
+    carriage = {"arc_length": 0.5, "joint": "fixed", "bodies": bodies}
+    return Simulation(load_scenario({**CANTILEVER, "carriages": {"one": carriage}}, STIFF))
+
+
+def test_compound_pendulum():
+    """ω² = m g d / (I + m d²): to 2e-5."""
+    body = {"mass": 4.0, "inertia": 0.7, "upper_pivot": [0.3, 0.4]}
+    exact = np.sqrt(4.0 * 9.81 * 0.5 / (0.7 + 4.0 * 0.25)) / (2.0 * np.pi)
+    assert hung_from_a_wall({"body": body}).natural_frequencies(1)[0] == pytest.approx(exact, rel=2e-5)
+
+
+def test_double_pendulum():
+    """Two rods of 1 m: the roots of det(K - ω² M) with the textbook matrices, to 2e-5."""
+    mass, inertia = 2.67, 0.2242
+    rods = {
+        "upper": {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5], "lower_pivot": [0.0, -0.5]},
+        "lower": {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5]},
+    }
+    inertias = np.array([[inertia + 1.25 * mass, 0.5 * mass], [0.5 * mass, inertia + 0.25 * mass]])
+    stiffness = mass * 9.81 * np.diag([1.5, 0.5])
+    exact = np.sqrt(eigh(stiffness, inertias, eigvals_only=True)) / (2.0 * np.pi)
+    np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=2e-5)
+
+
+def test_modes_solve_equation_16():
+    """Each mode, laid on the equilibrium, makes accelerations of -ω² times itself: to 1e-4 of the largest.
+
+    A span with two bodies on it; accelerations by differences of `solve_accelerations` over the motion of the nodes
+    and bodies that keeps the joints closed.
+    """
+    system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed"}))
+    settle(system, state, work)
+    frequencies, shapes = natural_modes(system, state, 4)
+    still = state.body_coordinates.copy()
+    free, _ = np.linalg.qr(modes._free_directions(system).toarray())
+    directions = modes._body_directions(system, state).toarray()
+    nodal = state.nodal_coordinates.size
+
+    def accelerations(x):
+        """Of nodes and pitches, at the coordinates that x (free nodal directions and pitches) makes."""
+        e, pitches = free @ x[: free.shape[1]], x[free.shape[1] :]
+        q = still.ravel() + directions @ np.concatenate([e, pitches])
+        moved = state._replace(
+            nodal_coordinates=state.nodal_coordinates + e.reshape(state.nodal_coordinates.shape),
+            nodal_accelerations=np.zeros_like(state.nodal_accelerations),
+            body_coordinates=q.reshape(still.shape),
+            body_accelerations=np.zeros_like(still),
+            multipliers=state.multipliers.copy(),
+        )
+        assert solve_accelerations(system, moved, 0.0, work)
+        return np.concatenate([free.T @ moved.nodal_accelerations.ravel(), moved.body_accelerations[:, 2]])
+
+    matrix = -difference(accelerations, np.zeros(free.shape[1] + still.shape[0]), 1e-5)
+    values, vectors = np.linalg.eig(matrix)
+    order = np.argsort(values.real)[:4]
+    np.testing.assert_allclose(np.sqrt(values.real[order]) / (2.0 * np.pi), frequencies, rtol=1e-4)
+    for shape, vector in zip(shapes, vectors.real.T[order], strict=True):
+        got = free.T @ shape.reshape(nodal)
+        other = vector[: free.shape[1]]
+        alike = abs(got @ other) / (np.linalg.norm(got) * np.linalg.norm(other))
+        assert alike == pytest.approx(1.0, abs=1e-4)
+
+
+def test_both_ways_of_solving_agree(monkeypatch):
+    """All eigenvalues at once and the lowest few by iteration: to 1e-8, shapes to 1e-6."""
+    simulation = Simulation(loaded_span(elements=24, **{"carriages.one.joint": "fixed"}))
+    arc_lengths = np.linspace(0.0, 101.0, 11)
+    dense, dense_shapes = simulation.natural_frequencies(6), simulation.mode_shapes(6, arc_lengths)
+    monkeypatch.setattr(modes, "DENSE_LIMIT", 10)
+    np.testing.assert_allclose(simulation.natural_frequencies(6), dense, rtol=1e-7)
+    for one, other in zip(simulation.mode_shapes(6, arc_lengths), dense_shapes, strict=True):
+        sign = np.sign((one * other).sum())
+        np.testing.assert_allclose(sign * one, other, atol=1e-5)
+
+
+def test_shapes_are_orthogonal_over_the_mass():
+    """M-products of different modes of a bare span vanish: below 1e-9 of their own."""
+    simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": 12}))
+    _, shapes = natural_modes(simulation.system, simulation._state, 8)
+    flat = shapes.reshape(8, -1)
+    products = flat @ (modes._cable_mass(simulation.system) @ flat.T)
+    size = np.sqrt(np.diag(products))
+    np.testing.assert_allclose(products / np.outer(size, size), np.eye(8), atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, 7.0])
+def test_mass_does_not_depend_on_the_mesh(scale):
+    """A rigid shift of all nodes has the whole mass: to 1e-12."""
+    simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": round(3 * scale)}))
+    shift = np.zeros(simulation._state.nodal_coordinates.shape)
+    shift[:, 0, 1] = 1.0
+    mass = shift.ravel() @ (modes._cable_mass(simulation.system) @ shift.ravel())
+    assert mass == pytest.approx(1010.0, rel=1e-12)
+
+
+def test_number_of_modes_is_checked():
+    """Free unknowns: two elements, pinned: 12 nodal coordinates less 4."""
+    simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": 2}))
+    assert simulation.natural_frequencies(8).shape == (8,)
+    for count in (0, 9):
+        with pytest.raises(ValueError, match=f"{count} natural frequencies asked for; this cable has 1 to 8"):
+            simulation.natural_frequencies(count)

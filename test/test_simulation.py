@@ -1,0 +1,300 @@
+import dataclasses
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation, SolverError
+from verification import JIT
+
+ELEMENTS = 24 if JIT else 4
+
+
+def simulate(**overrides):
+    overrides = {key.replace("__", "."): value for key, value in overrides.items()}
+    return Simulation(load_scenario("seed_example", {"cable.elements": ELEMENTS, **overrides}), samples=11)
+
+
+def driven(**limits):
+    more = {f"carriages.carriage.drive.limits.{key}": value for key, value in limits.items()}
+    return simulate(**{"carriages.carriage.drive.mode": "speed", **more})
+
+
+def numbers(record):
+    """Every number of a snapshot but those of its solver report, in order."""
+    if dataclasses.is_dataclass(record):
+        return [
+            number
+            for field in dataclasses.fields(record)
+            if field.name != "solver"
+            for number in numbers(getattr(record, field.name))
+        ]
+    if isinstance(record, dict):
+        return [number for value in record.values() for number in numbers(value)]
+    return np.ravel(record).tolist()
+
+
+def same(one, other, *, but_time=False):
+    one, other = numbers(one), numbers(other)
+    return one[1:] == other[1:] if but_time else one == other
+
+
+def test_starts_at_rest_in_equilibrium():
+    simulation = simulate()
+    snapshot = simulation.snapshot
+    assert simulation.time == snapshot.time == 0.0
+    car = snapshot.carriages["carriage"]
+    assert car.arc_length == 3.2
+    assert (car.speed, car.drive_force) == (0.0, 0.0)
+    total = sum(support.force[1] for support in snapshot.supports.values())
+    assert total == pytest.approx((2 * 2.67 + 0.148) * 9.81, rel=1e-9)
+    assert sum(support.force[0] for support in snapshot.supports.values()) == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(car.contact_force, [0.0, 2 * 2.67 * 9.81], atol=1e-6)
+    assert simulation.energy().kinetic == 0.0
+
+
+def test_same_commands_at_the_same_times_give_the_same_bits_whatever_the_pacing():
+    def run(times):
+        simulation = driven(acceleration=2.0)
+        pending = {0.02: -0.5, 0.05: 0.25}
+        for time in times:
+            simulation.advance_to(time)
+            if time in pending:
+                simulation.command("carriage", speed=pending[time])
+        return simulation
+
+    coarse = run([0.02, 0.05, 0.08])
+    fine = run([0.001, 0.0102, 0.02, 0.033, 0.034, 0.05, 0.051, 0.0799, 0.08])
+    steps = run([0.001 * k if k not in (20, 50) else {20: 0.02, 50: 0.05}[k] for k in range(81)])
+    assert same(coarse.snapshot, fine.snapshot)
+    assert same(coarse.snapshot, steps.snapshot)
+    assert coarse.energy() == fine.energy() == steps.energy()
+
+
+def test_time_goes_to_the_nearest_step_and_never_back():
+    simulation = simulate()
+    assert simulation.advance_to(0.0104).time == 0.01
+    assert simulation.advance_to(0.005).time == 0.01
+    snapshot = simulation.advance_to(0.0101)
+    assert snapshot.time == 0.01
+    assert snapshot is simulation.snapshot
+    for k in range(11, 31):
+        assert simulation.advance_to(k * 0.001).time == round(k * 1e6) / 1e9
+    assert simulation.snapshot.solver.steps == 1
+
+
+@pytest.mark.parametrize("time", [nan, inf, -inf])
+def test_a_time_that_is_none_is_refused(time):
+    simulation = simulate()
+    with pytest.raises(ValueError, match="a finite time is needed"):
+        simulation.advance_to(time)
+    assert simulation.time == 0.0
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (Command("speed", {"gondola": 1.0}), "unknown carriage 'gondola'; known: carriage"),
+        (Command("speed", {"carriage": 2.5}), "speed of 'carriage' is 2.5 m/s; allowed are -2 to 2 m/s"),
+        (Command("speed", {"carriage": -2.5}), "speed of 'carriage' is -2.5 m/s; allowed are -2 to 2 m/s"),
+        (Command("force", {"carriage": 51.0}), "force of 'carriage' is 51 N; allowed are -50 to 50 N"),
+        (Command("speed", {"carriage": nan}), "speed of 'carriage' is nan m/s; a finite number is needed"),
+        (Command("force", {"carriage": inf}), "force of 'carriage' is inf N; a finite number is needed"),
+        (Command("speed", {}), "a command without a carriage"),
+    ],
+)
+def test_refusals_say_what_is_allowed_and_change_nothing(command, message):
+    simulation = driven(speed=2.0, force=50.0)
+    simulation.command("carriage", speed=-0.5)
+    simulation.advance_to(0.01)
+    before = [array.copy() for array in simulation._state]
+    with pytest.raises(CommandError) as refusal:
+        simulation.apply(command)
+    assert str(refusal.value) == message
+    for array, kept in zip(simulation._state, before, strict=True):
+        np.testing.assert_array_equal(array, kept)
+
+
+def test_a_command_is_refused_whole():
+    simulation = driven(speed=2.0)
+    with pytest.raises(CommandError):
+        simulation.apply(Command("speed", {"carriage": 1.0, "gondola": 1.0}))
+    assert simulation._state.drive_target[0] == 0.0
+
+
+@pytest.mark.parametrize("given", [{}, {"speed": 1.0, "force": 1.0}])
+def test_a_command_has_either_speed_or_force(given):
+    with pytest.raises(CommandError, match="give either speed"):
+        simulate().command("carriage", **given)
+
+
+def test_a_fixed_carriage_takes_no_command():
+    simulation = simulate(carriages__carriage__joint="fixed")
+    with pytest.raises(CommandError, match="'carriage' is fixed to the cable and takes no command"):
+        simulation.command("carriage", speed=0.1)
+
+
+def test_a_scenario_without_carriages_names_none():
+    scenario = load_scenario("seed_example", {"cable.elements": 4}).resolved()
+    simulation = Simulation(load_scenario({**scenario, "carriages": {}}))
+    simulation.advance_to(0.01)
+    with pytest.raises(CommandError, match="unknown carriage 'carriage'; known: none in this scenario"):
+        simulation.command("carriage", speed=0.1)
+
+
+def test_commands_say_when_and_by_whom_they_were_applied():
+    simulation = driven()
+    simulation.advance_to(0.0104)
+    command = Command("speed", {"carriage": -0.1})
+    applied = simulation.apply(command, source="cable_car")
+    assert (applied.time, applied.command, applied.source) == (0.01, command, "cable_car")
+    assert simulation.command("carriage", force=1.0).source == "python"
+
+
+def test_a_driven_joint_takes_over_from_the_present_motion():
+    simulation = simulate()
+    speed = simulation.advance_to(0.1).carriages["carriage"].speed
+    at = simulation.snapshot.carriages["carriage"].arc_length
+    assert speed < -0.1
+    simulation.command("carriage", speed=0.0)
+    car = simulation.advance_to(0.15).carriages["carriage"]
+    assert car.speed == pytest.approx(speed + 0.5 * 0.05, abs=1e-12)
+    assert car.arc_length == pytest.approx(at + speed * 0.05 + 0.5 * 0.5 * 0.05**2, abs=1e-12)
+
+
+def test_a_force_acts_until_the_next_command():
+    simulation = simulate()
+    simulation.command("carriage", force=40.0)
+    car = simulation.advance_to(0.03).carriages["carriage"]
+    assert car.drive_force == 40.0
+    assert car.speed > 0.0
+    simulation.command("carriage", force=0.0)
+    assert simulation.snapshot.carriages["carriage"].drive_force == 0.0
+
+
+def test_reset_gives_back_the_start_and_time_runs_on():
+    simulation, fresh = driven(), driven()
+    start = simulation.snapshot
+    simulation.command("carriage", speed=-1.0)
+    simulation.advance_to(0.05)
+    simulation.emergency_stop()
+    assert not same(simulation.snapshot, start, but_time=True)
+    applied = simulation.reset()
+    assert applied.time == simulation.time == 0.05
+    assert not simulation.emergency_stopped
+    assert same(simulation.snapshot, start, but_time=True)
+    for one in (simulation, fresh):
+        one.command("carriage", speed=-0.5)
+    moved, want = simulation.advance_to(0.08), fresh.advance_to(0.03)
+    assert (moved.time, want.time) == (0.08, 0.03)
+    assert same(moved, want, but_time=True)
+
+
+def test_emergency_stop_brakes_and_refuses_until_it_is_released():
+    simulation = driven(acceleration=5.0, emergency_deceleration=2.0)
+    simulation.command("carriage", speed=-0.2)
+    car = simulation.advance_to(0.05).carriages["carriage"]
+    assert car.speed == pytest.approx(-0.2)
+    simulation.emergency_stop()
+    assert simulation.emergency_stopped
+    stopped = simulation.advance_to(0.15).carriages["carriage"]
+    assert car.arc_length - stopped.arc_length == pytest.approx(0.2**2 / (2.0 * 2.0), abs=1e-12)
+    assert stopped.speed == 0.0
+    with pytest.raises(CommandError, match="the emergency stop is in force: release it before the next command"):
+        simulation.command("carriage", speed=0.1)
+    simulation.emergency_stop(active=False)
+    assert not simulation.emergency_stopped
+    simulation.command("carriage", speed=0.1)
+    assert simulation.advance_to(0.18).carriages["carriage"].speed > 0.0
+
+
+def test_emergency_stop_takes_a_force_drive():
+    simulation = simulate(carriages__carriage__drive__limits__emergency_deceleration=20.0)
+    simulation.command("carriage", force=10.0)
+    simulation.advance_to(0.02)
+    simulation.emergency_stop()
+    assert simulation.advance_to(0.1).carriages["carriage"].speed == 0.0
+
+
+def test_emergency_stop_leaves_a_free_carriage_alone():
+    simulation, other = simulate(), simulate()
+    for one in (simulation, other):
+        one.advance_to(0.02)
+    simulation.emergency_stop()
+    assert same(simulation.advance_to(0.05), other.advance_to(0.05))
+
+
+def test_supports_bear_a_carriage_on_the_end_element_also_when_its_drive_has_just_changed():
+    simulation = simulate(cable__elements=4, carriages__carriage__drive__mode="speed")
+    before = simulation.advance_to(0.005)
+    simulation.command("carriage", force=30.0)
+    for end, support in before.supports.items():
+        np.testing.assert_allclose(simulation.snapshot.supports[end].force, support.force, atol=1e-9)
+
+
+def test_a_failed_step_is_named_and_the_last_good_snapshot_kept():
+    simulation = simulate(solver__tolerance=1e-9)
+    simulation.advance_to(0.01)
+    good = simulation.snapshot
+    solver = simulation.system.solver._replace(max_iterations=1, max_halvings=0)
+    simulation.system = simulation.system._replace(solver=solver)
+    with pytest.raises(SolverError) as failure:
+        simulation.advance_to(0.05)
+    text = str(failure.value)
+    assert text.startswith("step 11 (to 0.011 s) failed: after 0 halvings of 0.001 s the last Newton increment was ")
+    assert ", largest on element " in text
+    assert ", allowed are 1e-09 m; the state is that at 0.01 s" in text
+    assert "nan" not in text
+    assert same(simulation.snapshot, good)
+    assert simulation.time == 0.01
+    simulation.system = simulation.system._replace(solver=solver._replace(max_iterations=12))
+    assert simulation.advance_to(0.02).time == 0.02
+
+
+def test_a_scenario_that_cannot_take_a_step_says_so():
+    simulation = simulate(solver__max_iterations=1, solver__max_halvings=0, solver__tolerance=1e-12)
+    start = simulation.snapshot
+    with pytest.raises(SolverError, match=r"step 1 \(to 0\.001 s\) failed"):
+        simulation.advance_to(1.0)
+    assert same(simulation.snapshot, start)
+
+
+def test_snapshots_are_finite_and_their_own():
+    simulation = driven()
+    simulation.command("carriage", speed=-1.0)
+    first = simulation.snapshot
+    kept = numbers(first)
+    for frame in range(1, 6):
+        assert np.isfinite(numbers(simulation.advance_to(0.01 * frame))).all()
+    assert numbers(first) == kept
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        first.time = 1.0
+
+
+def test_reading_changes_nothing():
+    one, other = simulate(), simulate()
+    for frame in range(1, 4):
+        other.advance_to(0.01 * frame)
+        other.cable_positions(np.linspace(0.0, 4.02, 7))
+        other.cable_tension(np.linspace(0.0, 4.02, 7))
+        other.energy()
+        other.natural_frequencies(3)
+        other.mode_shapes(2, np.linspace(0.0, 4.02, 7))
+    assert same(one.advance_to(0.03), other.snapshot)
+
+
+def test_snapshot_joint_is_where_the_first_body_hangs():
+    car = simulate().advance_to(0.05).carriages["carriage"]
+    body = car.bodies["rb1"]
+    # upper pivot (0, 0.5) in the axes of the body, a positive pitch turns x towards -z
+    pivot = [body.x + 0.5 * np.sin(body.pitch), body.z + 0.5 * np.cos(body.pitch)]
+    np.testing.assert_allclose(pivot, car.position, atol=1e-10)
+
+
+def test_cable_starts_and_ends_at_its_supports():
+    snapshot = simulate().advance_to(0.02)
+    np.testing.assert_allclose(snapshot.cable.positions[[0, -1]], [[0.0, 0.0], [3.6, 0.0]], atol=1e-12)
+    assert snapshot.cable.arc_lengths[[0, -1]].tolist() == [0.0, 4.02]
+    assert snapshot.cable.tensions.shape == (11,)

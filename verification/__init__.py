@@ -1,0 +1,66 @@
+"""The verification cases: what the mechanics must give, where that comes from, and how close it must be.
+
+A case is a function marked with `case` in one of the modules beside this file. The tests run them all, and
+`python -m verification` writes them as a table into `docs/verification.md`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+JIT = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
+MODULES = ("statics", "dynamics", "conservation", "drives", "carriages")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One number of a case beside what it must be."""
+
+    quantity: str
+    unit: str
+    expected: float
+    got: float
+    tolerance: float  # absolute, in the unit
+
+    @property
+    def error(self) -> float:
+        """Distance from what is expected, in the unit."""
+        return abs(self.got - self.expected)
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is close enough; a number that is none is not."""
+        return self.error <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Case:
+    """One verification case."""
+
+    name: str
+    source: str
+    run: Callable[[], Iterator[Result]]
+    needs_jit: bool  # too long to run with the JIT off
+
+
+CASES: list[Case] = []
+
+
+def case(name: str, source: str, *, needs_jit: bool = False) -> Callable[[Callable[[], Iterator[Result]]], Callable]:
+    """Register a generator of results as a case."""
+
+    def register(run: Callable[[], Iterator[Result]]) -> Callable[[], Iterator[Result]]:
+        CASES.append(Case(name, source, run, needs_jit))
+        return run
+
+    return register
+
+
+def load_cases() -> list[Case]:
+    """All cases, in their order; with the JIT off, those that can be run without it."""
+    for module in MODULES:
+        importlib.import_module(f"verification.{module}")
+    return [one for one in CASES if JIT or not one.needs_jit]

@@ -1,0 +1,74 @@
+"""Models and measures that the cases in motion share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_twin.mechanics.equations_of_motion import solve_accelerations
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+GRAVITY = 9.81  # m/s^2
+
+
+def seed(**overrides: Any) -> Simulation:
+    """The example of the paper; `cable__elements=96` overrides `cable.elements`."""
+    return Simulation(
+        load_scenario("seed_example", {key.replace("__", "."): value for key, value in overrides.items()})
+    )
+
+
+def beam(
+    *,
+    length: float,
+    mass_per_length: float,
+    axial: float,
+    bending: float,
+    elements: int,
+    end: tuple[float, float] | None = None,
+    supports: tuple[str, str] = ("pinned", "free"),
+    shape: str = "straight",
+    damping_time: float = 0.0,
+    gravity: float = GRAVITY,
+    carriages: dict[str, Any] | None = None,
+    loads: list[dict[str, Any]] | None = None,
+    **solver: Any,
+) -> Simulation:
+    """A cable from the origin, by default unstrained and level, pinned at its start and free at its end."""
+    place = (length, 0.0) if end is None else end
+    return Simulation(
+        load_scenario(
+            {
+                "gravity": gravity,
+                "cable": {
+                    "unstrained_length": length,
+                    "mass_per_length": mass_per_length,
+                    "axial_stiffness": axial,
+                    "bending_stiffness": bending,
+                    "elements": elements,
+                    "damping_time": damping_time,
+                    "initial_shape": shape,
+                    "start": {"position": [0.0, 0.0], "support": supports[0]},
+                    "end": {"position": list(place), "support": supports[1]},
+                    "loads": loads or [],
+                },
+                "carriages": carriages or {},
+                "solver": solver,
+            }
+        )
+    )
+
+
+def start_moving(simulation: Simulation) -> None:
+    """Give the start the accelerations that belong to it, so that the first step is as accurate as all others."""
+    state = simulation._state
+    assert solve_accelerations(simulation.system, state, 0.0, simulation._work)
+    state.nodal_algorithmic[:] = state.nodal_accelerations
+    state.body_algorithmic[:] = state.body_accelerations
+
+
+def observed_order(errors: list[float], ratio: float = 2.0) -> float:
+    """Order of convergence from the last two errors, of steps or elements that differ by `ratio`."""
+    return float(np.log(errors[-2] / errors[-1]) / np.log(ratio))
