@@ -24,7 +24,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from cable_twin.records import AppliedCommand, CarriageState, FloatArray, Snapshot
+from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot
 
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
@@ -147,6 +147,7 @@ class RerunView:
         self._colors = _TensionColors()
         self._legend_place = (0.0, 0.0, 1.0)
         self._commands: deque[AppliedCommand] = deque()  # not yet in effect at the last snapshot
+        self._last_command: Command | None = None
         self._commanded: dict[str, float] = {}
         self._next_geometry = -np.inf
 
@@ -182,13 +183,16 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Note a command: a line in the log, and from its time on the commanded speed.
+        """Note a command: a line in the log where it is a new one, and from its time on the commanded speed.
 
         Raises:
             RuntimeError: When the view is closed.
         """
         self._open()
         self._commands.append(applied)
+        if applied.command == self._last_command:
+            return  # a command that only goes on, as the time-out wants it
+        self._last_command = applied.command
         self._command_times.append(applied.time)
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,7 +77,10 @@ def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
 
     outlines = {
         carriage: {
-            name: outline_from_pivots(body.upper_pivot, body.lower_pivot) for name, body in parameters.bodies.items()
+            name: outline_from_pivots(
+                body.upper_pivot, body.lower_pivot, gyration_radius=math.sqrt(body.inertia / body.mass)
+            )
+            for name, body in parameters.bodies.items()
         }
         for carriage, parameters in scenario.carriages.items()
     }
