@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from contextlib import contextmanager
 from itertools import pairwise
 
 import pytest
@@ -73,6 +74,23 @@ def twin(running):
     assert process.process.poll() is None, process.output
 
 
+def give(twin: Participant, name: str, value: float) -> tuple[bool, str]:
+    """Set a parameter of the twin; whether it took it, and why not."""
+    parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+    (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
+    return result.successful, result.reason
+
+
+@contextmanager
+def command_timeout(twin: Participant, seconds: float):
+    """Let one command hold for longer, where a stall of the machine must not look like silence."""
+    assert give(twin, "command_timeout", seconds)[0]
+    try:
+        yield
+    finally:
+        assert give(twin, "command_timeout", 0.5)[0]
+
+
 def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     started = time.monotonic()
     twin.spin(3.0)
@@ -128,7 +146,8 @@ def test_force_that_falls_silent_is_stopped_too(twin):
 def test_bad_commands_are_refused_counted_and_named(running, twin):
     process, _ = running
     refused = int(twin.next_diagnostics()[2]["commands_refused"])
-    with twin.stream(**MOVING):
+    with command_timeout(twin, 60.0):
+        twin.publish(**MOVING)
         twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="commanded speed")
         twin.received["joint_states"].clear()
         for reason, fields in BAD_COMMANDS.items():
@@ -147,7 +166,8 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
         values = twin.next_diagnostics()[2]
         assert int(values["commands_refused"]) == refused + len(BAD_COMMANDS) + 1 + 20
         assert process.output[length:].count("command refused") <= 3  # throttled to one a second
-    speeds = [message.velocity[0] for message in twin.received["joint_states"]]
+        speeds = [message.velocity[0] for message in twin.received["joint_states"]]
+    assert len(speeds) > 100
     assert speeds == pytest.approx([2.0] * len(speeds), abs=1e-6)
     assert "Traceback" not in process.output
 
@@ -232,22 +252,14 @@ def test_parameters_are_described_with_unit_and_range(twin):
 
 
 def test_only_the_command_timeout_may_change_and_within_its_range(twin):
-    def give(name: str, value: float) -> tuple[bool, str]:
-        parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
-        (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
-        return result.successful, result.reason
-
-    assert not give("frame_rate", 50.0)[0]
-    successful, reason = give("command_timeout", 0.001)
+    assert not give(twin, "frame_rate", 50.0)[0]
+    successful, reason = give(twin, "command_timeout", 0.001)
     assert not successful
     assert "command_timeout" in reason
     assert "0.02" in reason
-    assert give("command_timeout", 2.0)[0]
-    try:
+    with command_timeout(twin, 30.0):
         twin.publish(**MOVING)
         twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="speed by a single command")
-    finally:
-        assert give("command_timeout", 0.5)[0]
 
 
 def test_time_has_never_gone_back(running):
