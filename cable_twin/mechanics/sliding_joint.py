@@ -111,7 +111,8 @@ def deflection(carriages, state, carriage):
     """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m).
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
-    through zero speed and holds still on a slope, since z changes with the way and not with time.
+    through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
+    on vibrating there creeps (docs/theory.md).
     """
     way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
     sign = 1.0 if way >= 0.0 else -1.0
