@@ -26,7 +26,7 @@ from cable_twin.messages import (
     decode,
     topics,
 )
-from cable_twin.recording.mcap_log import UNREADABLE, Log, LogError, read_log
+from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
 from cable_twin.records import CommandError
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError

@@ -28,7 +28,8 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
-from cable_twin.recording.mcap_log import LogError, McapLog, read_log, run_metadata
+from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.records import (
     AppliedCommand,

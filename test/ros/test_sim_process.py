@@ -27,7 +27,7 @@ from twin_process import (
     write_quick_scenario,
 )
 
-from cable_twin.recording.mcap_log import read_log
+from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import config_directory
 
 pytest.importorskip("rclpy")
