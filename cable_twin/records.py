@@ -67,10 +67,27 @@ class CarriageState:
 
 
 @dataclass(frozen=True, slots=True)
+class TowerState:
+    """How firmly the cable lies on one tower."""
+
+    normal_load: float  # N, sum over its contacts
+    lowest_load: float  # N, the least of all steps since the start or the last reset
+    rest_load: float  # N, at the start
+    lifted_off: bool  # whether the cable has left all of its contacts: deropement
+
+    @property
+    def margin(self) -> float:
+        """Load over that at rest (-): 0 where the cable lifts off."""
+        return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class SupportState:
     """What holds the cable at one support."""
 
     force: FloatArray  # (dim,) N, of the support on the cable
+    tower: TowerState | None = None  # where it is a tower
+    travel: float | None = None  # m, of a counterweight from its place in the scenario, in the direction of its pull
 
 
 @dataclass(frozen=True, slots=True)

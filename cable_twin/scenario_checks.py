@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
-from math import hypot, nan
+from itertools import pairwise
+from math import copysign, hypot, nan
 from re import fullmatch
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -13,11 +14,12 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from cable_twin.scenario_parameters import stop_stroke
-from cable_twin.scenario_schema import Cable, Scenario
+from cable_twin.scenario_schema import Cable, Scenario, Support
 
 KeyPath = tuple[str | int, ...]
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
+HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
 NAME = "[a-zA-Z][a-zA-Z0-9_]*"
 
 
@@ -185,56 +187,155 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
 
 def _implausible(scenario: Scenario) -> Iterator[Fault]:
     """Values that are sound alone but not together."""
-    yield from _supports(scenario.cable)
-    yield from _span(scenario.cable)
+    yield from _supports(scenario)
+    yield from _span(scenario)
+    yield from _towers(scenario)
     yield from _loads(scenario.cable)
     yield from _carriages(scenario)
 
 
-def _supports(cable: Cable) -> Iterator[Fault]:
+def _supports(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
     for name in ("start", "end"):
         end = getattr(cable, name)
         path = ("cable", name, "direction")
-        if end.support == "clamped":
+        if end.support in ("clamped", "counterweight"):
             if end.direction is None:
-                yield Fault(path, "nothing given, but a clamped end needs it; allowed: a list of 2 finite numbers")
+                yield Fault(path, f"nothing given, but {_kind(end)} needs it; allowed: a list of 2 finite numbers")
             elif hypot(*end.direction) == 0.0:
                 yield Fault(path, f"given {show(list(end.direction))}; allowed: a direction, not both numbers zero")
         elif end.support is not None and end.direction is not None:
             yield Fault(
-                path, f"given {show(list(end.direction))} where support is {end.support}; allowed: only where clamped"
+                path,
+                f"given {show(list(end.direction))} where support is {end.support}; "
+                "allowed: only where clamped or at a counterweight",
             )
     if cable.start.support == cable.end.support == "free" and cable.initial_shape != "straight":
         yield Fault(
             ("cable", "end", "support"),
             "given 'free' at both ends; allowed: pinned or clamped at one at least, or initial_shape: straight",
         )
+    if cable.start.support == cable.end.support == "counterweight":
+        yield Fault(("cable", "end", "support"), "given 'counterweight' at both ends; allowed: at one of them")
+    for name in ("start", "end"):
+        if getattr(cable, name).support is not None:
+            yield from _counterweight(scenario, name)
 
 
-def _span(cable: Cable) -> Iterator[Fault]:
-    start, end = cable.start, cable.end
-    if not {start.support, end.support} <= {"pinned", "clamped"}:
+def _kind(end: Support) -> str:
+    """What an end is, in words."""
+    return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
+
+
+def _counterweight(scenario: Scenario, name: Literal["start", "end"]) -> Iterator[Fault]:
+    """What a counterweight needs and what only a counterweight has."""
+    cable = scenario.cable
+    end = getattr(cable, name)
+    path = ("cable", name)
+    if end.support != "counterweight":
+        for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
+            if getattr(end, key) is not None:
+                yield Fault(
+                    (*path, key),
+                    f"given {show(getattr(end, key))} where support is {end.support}; "
+                    f"allowed: only at a counterweight, in {unit}",
+                )
         return
-    chord = hypot(end.position[0] - start.position[0], end.position[1] - start.position[1])
-    if chord <= 1e-6 * cable.unstrained_length:
+    if end.mass is None:
+        yield Fault((*path, "mass"), "nothing given, but a counterweight needs it; allowed: a number above 0, in kg")
+    pull = (end.mass or nan) * scenario.gravity if end.force is None else end.force
+    if pull == 0.0:
+        yield Fault((*path, "force"), "nothing given, and no weight without gravity; allowed: a number above 0, in N")
+    if pull > LARGEST_STRAIN * cable.axial_stiffness:
+        yield Fault(
+            (*path, "mass" if end.force is None else "force"),
+            f"given a pull of {pull:.6g} N, a strain of {100.0 * pull / cable.axial_stiffness:.3g} %; allowed: at most "
+            f"{LARGEST_STRAIN * cable.axial_stiffness:.6g} N, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+        )
+    if end.travel is not None and end.travel[0] >= end.travel[1]:
+        yield Fault(
+            (*path, "travel"), f"given {show(list(end.travel))}; allowed: the least travel, then a greater one, in m"
+        )
+    if end.direction is not None:
+        corners = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
+        inner = corners[-2] if name == "end" else corners[1]
+        outwards = (end.position[0] - inner[0], end.position[1] - inner[1])
+        if outwards[0] * end.direction[0] + outwards[1] * end.direction[1] <= 0.0 < hypot(*end.direction):
+            yield Fault(
+                (*path, "direction"),
+                f"given {show(list(end.direction))}, which lets the cable go slack; allowed: one that pulls it "
+                f"away from {show(list(inner))}",
+            )
+
+
+def _span(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
+    start, end = cable.start, cable.end
+    if not {start.support, end.support} <= HELD:
+        return
+    if (
+        hypot(end.position[0] - start.position[0], end.position[1] - start.position[1])
+        <= 1e-6 * cable.unstrained_length
+    ):
         yield Fault(
             ("cable", "end", "position"),
             f"given {show(list(end.position))}, the place of the start; allowed: another place, in m",
         )
-    strain = chord / cable.unstrained_length - 1.0
+    corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
+    way = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners))
+    strain = way / cable.unstrained_length - 1.0
+    over = f" apart over {len(scenario.towers)} towers" if scenario.towers else " apart"
+    if "counterweight" in (start.support, end.support):
+        if cable.initial_shape == "straight":
+            yield Fault(("cable", "initial_shape"), "given 'straight' with a counterweight; allowed: equilibrium")
+        return
     if cable.initial_shape == "straight" and abs(strain) > 1e-9:
         yield Fault(
             ("cable", "initial_shape"),
-            f"given 'straight', unstrained, between held ends {chord:.9g} m apart with a cable of "
+            f"given 'straight', unstrained, between held ends {way:.9g} m apart with a cable of "
             f"{cable.unstrained_length:.9g} m; allowed: equilibrium, or a free end",
         )
     if strain > LARGEST_STRAIN:
         yield Fault(
             ("cable", "unstrained_length"),
-            f"given {cable.unstrained_length!r} for ends that are {chord:.6g} m apart, which needs a strain of "
+            f"given {cable.unstrained_length!r} for ends that are {way:.6g} m{over}, which needs a strain of "
             f"{100.0 * strain:.3g} % and a tension of {cable.axial_stiffness * strain:.3g} N; allowed: at least "
-            f"{chord / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+            f"{way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
         )
+
+
+def _towers(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
+    start, end = cable.start, cable.end
+    if scenario.towers and "free" in (start.support, end.support):
+        yield Fault(("towers",), "given with a free end of the cable; allowed: only where both ends are held")
+    if scenario.towers and cable.initial_shape == "straight":
+        yield Fault(("cable", "initial_shape"), "given 'straight' over towers; allowed: equilibrium")
+    way = copysign(1.0, end.position[0] - start.position[0])
+    before, passed = "the start", start.position[0]
+    for name, tower in scenario.towers.items():
+        path = ("towers", name)
+        yield from _name(path)
+        if name in ("start", "end"):
+            yield Fault(path, f"given the name {name!r}, that of an end of the cable; allowed: another one")
+        x = tower.position[0]
+        if way * (x - passed) <= 0.0 or way * (end.position[0] - x) <= 0.0:
+            yield Fault(
+                (*path, "position"),
+                f"given {show(list(tower.position))}; allowed: x between {passed:g} m of {before} and "
+                f"{end.position[0]:g} m of the end, in order along the cable",
+            )
+        before, passed = f"tower {name!r}", x
+        if tower.contacts > 1 and tower.length == 0.0:
+            yield Fault((*path, "length"), f"given 0.0 for {tower.contacts} contacts; allowed: a number above 0, in m")
+        if tower.contacts == 1 and tower.length > 0.0:
+            yield Fault((*path, "length"), f"given {tower.length!r} for one contact; allowed: 0, or more contacts")
+        if tower.radius is not None and tower.length > tower.radius:
+            yield Fault(
+                (*path, "length"),
+                f"given {tower.length!r}, more than one radian of a circle of {tower.radius:g} m; "
+                f"allowed: at most {tower.radius:g} m",
+            )
 
 
 def _loads(cable: Cable) -> Iterator[Fault]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf, nan, sqrt
 
 import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario_schema import Cable, Carriage, Scenario, Support
+from cable_twin.scenario_schema import Cable, Carriage, Scenario, Support, Tower
 
 ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
+TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
+TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
+BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
 DEFAULT_STROKE = 0.005  # of the cable's length
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
 
@@ -40,12 +43,16 @@ def build_system(scenario: Scenario) -> parameters.System:
             gravity=(0.0, -scenario.gravity),
             support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
             support_projector=np.array([_free_part(end) for end in ends]),
-            support_direction=np.array([_direction(end) for end in ends]),
+            support_direction=np.array(
+                [_direction(end) if end.support == "clamped" else np.full(2, np.nan) for end in ends]
+            ),
             load_arc_length=_array([load.arc_length for load in cable.loads]),
             load_force=_array([load.force for load in cable.loads], 2),
             end_moment=_end_moments(cable),
         ),
         carriages=_build_carriages(scenario),
+        supports=_build_supports(scenario),
+        counterweights=_build_counterweights(scenario),
         solver=parameters.Solver(
             step=solver.step,
             spectral_radius=solver.spectral_radius,
@@ -87,13 +94,15 @@ def _free_part(end: Support) -> FloatArray:
     position, slope = identity, identity
     if end.support != "free":
         position = np.zeros((2, 2))
+    if end.support == "counterweight":
+        position = _direction(end)[:, None] * _direction(end)
     if end.support == "clamped":
         slope = _direction(end)[:, None] * _direction(end)  # the strain is free, the turn is not
     return np.array([position.ravel(), slope.ravel()])
 
 
 def _direction(end: Support) -> FloatArray:
-    """Unit vector (2,) of the cable in a clamp, NaN elsewhere."""
+    """Unit vector (2,) of the cable in a clamp or of the pull of a counterweight, NaN elsewhere."""
     if end.direction is None:
         return np.full(2, np.nan)
     direction = np.array(end.direction, dtype=np.float64)
@@ -106,6 +115,72 @@ def _end_moments(cable: Cable) -> FloatArray:
     for load in cable.loads:
         moments[0 if load.arc_length < 0.5 * cable.unstrained_length else 1] += load.moment
     return moments
+
+
+def _build_supports(scenario: Scenario) -> parameters.Supports:
+    towers = list(scenario.towers.values())
+    corners = np.array([scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position])
+    contacts = [
+        _contacts(tower, *corners[number : number + 3] - corners[number + 1]) for number, tower in enumerate(towers)
+    ]
+    return parameters.Supports(
+        contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
+        top=corners[1:-1].copy(),
+        position=_array([row for places, _ in contacts for row in places], 2),
+        normal=_array([row for _, normals in contacts for row in normals], 2),
+        stiffness=_array([tower.stiffness for tower in towers for _ in range(tower.contacts)]),
+        damping=_array([tower.damping for tower in towers for _ in range(tower.contacts)]),
+        friction=_array(
+            [
+                TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction
+                for tower in towers
+                for _ in range(tower.contacts)
+            ]
+        ),
+        presliding=np.full(sum(tower.contacts for tower in towers), PRESLIDING),
+        toe=np.full(sum(tower.contacts for tower in towers), TOE),
+    )
+
+
+def _contacts(tower: Tower, before: FloatArray, here: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (contacts, 2) in m of the contacts of a tower and the normals there, evenly along a circle.
+
+    Its middle is the top of the tower; its tangent there goes between the directions to the supports `before` and
+    `after` (2,) in m, seen from `here`, as sheaves on their balances and well placed saddles do.
+    """
+    along = (here - before) / np.linalg.norm(here - before) + (after - here) / np.linalg.norm(after - here)
+    along /= np.linalg.norm(along)
+    up = np.array([-along[1], along[0]]) * np.sign(along[0])
+    if tower.hold_down:
+        up = -up
+    s = np.linspace(-0.5, 0.5, tower.contacts)[:, None] * tower.length if tower.contacts > 1 else np.zeros((1, 1))
+    top = np.array(tower.position)
+    if tower.radius is None:
+        return top + s * along, np.repeat(up[None], tower.contacts, axis=0)
+    angle = s / tower.radius
+    normals = np.cos(angle) * up + np.sin(angle) * along
+    return top + tower.radius * (normals - up), normals
+
+
+def _build_counterweights(scenario: Scenario) -> parameters.Counterweights:
+    ends = (scenario.cable.start, scenario.cable.end)
+    rows = [_counterweight(end, scenario.gravity) for end in ends]
+    direction, mass, force, travel = zip(*rows, strict=True)
+    return parameters.Counterweights(
+        direction=np.array(direction),
+        mass=_array(list(mass)),
+        force=_array(list(force)),
+        travel=_array(list(travel), 2),
+        stiffness=_array([end.buffer_stiffness or pull / BUFFER for end, pull in zip(ends, force, strict=True)]),
+        damping=_array([end.buffer_damping for end in ends]),
+    )
+
+
+def _counterweight(end: Support, gravity: float) -> tuple[FloatArray, float, float, tuple[float, float]]:
+    """Direction (2,), mass (kg), force (N) and travel (m) of the counterweight at an end; without one a mass of 0."""
+    if end.support != "counterweight" or end.mass is None:
+        return np.full(2, nan), 0.0, 0.0, (-inf, inf)
+    return _direction(end), end.mass, end.force or end.mass * gravity, end.travel or (-inf, inf)
 
 
 def _build_carriages(scenario: Scenario) -> parameters.Carriages:

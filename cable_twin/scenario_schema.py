@@ -55,8 +55,20 @@ class Support(Section):
     """What holds one end of the cable."""
 
     position: Vector = quantity("m", "place of the end as x, z; only the direction of the start where it is free")
-    support: Literal["pinned", "clamped", "free"] = Field(default="pinned", description="what of the end is held")
-    direction: Vector | None = quantity("-", "direction of the cable in a clamp, towards its end; any length", None)
+    support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(
+        default="pinned",
+        description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
+    )
+    direction: Vector | None = quantity(
+        "-", "of the cable in a clamp, towards its end; or in which a counterweight pulls the end; any length", None
+    )
+    mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
+    force: float | None = quantity("N", "pull of a counterweight; its weight where none is given", None, gt=0)
+    travel: Vector | None = quantity("m", "least and most travel of a counterweight from `position`", None)
+    buffer_stiffness: float | None = quantity(
+        "N/m", "of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
+    )
+    buffer_damping: float = quantity("s/m", "of them: force = stiffness d (1 + damping d_dot)", 1.0, ge=0)
 
 
 class Load(Section):
@@ -85,6 +97,22 @@ class Cable(Section):
     start: Support = Field(description="what holds it at arc length 0")
     end: Support = Field(description="what holds it at its other end")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
+
+
+class Tower(Section):
+    """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
+
+    position: Vector = quantity("m", "where the rope touches its middle, as x, z")
+    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
+    contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
+    length: float = quantity("m", "along the rope, from the first contact to the last", 0.0, ge=0)
+    radius: float | None = quantity("m", "of the circle of the contacts; null: a straight line", None, gt=0)
+    hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
+    stiffness: float = quantity("N/m", "of each contact, normal to the rope", 1e7, gt=0)
+    damping: float = quantity("s/m", "of each: force = stiffness d (1 + damping d_dot)", 0.5, ge=0)
+    friction: float | None = quantity(
+        "-", "along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
+    )
 
 
 class Limits(Section):
@@ -163,6 +191,7 @@ class Scenario(Section):
     description: str = Field(default="", description="one line about it")
     gravity: float = quantity("m/s^2", "gravity, downwards", 9.81, ge=0)
     cable: Cable = Field(description="the cable")
+    towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
 

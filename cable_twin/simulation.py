@@ -8,6 +8,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cable_twin.mechanics.catenary import check_rest
+from cable_twin.mechanics.counterweight import counterweight_motion
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import advance
 from cable_twin.mechanics.modes import natural_modes
@@ -15,6 +17,7 @@ from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Syst
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
 from cable_twin.mechanics.runge_kutta import advance_explicitly, stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, copy_state
+from cable_twin.mechanics.support import tower_forces
 from cable_twin.records import (
     AppliedCommand,
     BodyState,
@@ -26,6 +29,7 @@ from cable_twin.records import (
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
 from cable_twin.scenario import Scenario, build_system
 
@@ -68,6 +72,7 @@ class Simulation:
             ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
             lay_straight(self.system, self._state, ends[0], ends[1])
         else:
+            check_rest(self.system, tuple(scenario.towers))
             settle(self.system, self._state, self._work)
         self._initial = clone_state(self._state)
         self._good = clone_state(self._state)
@@ -272,7 +277,7 @@ class Simulation:
         return Snapshot(
             time=self.time,
             carriages={name: self._carriage(index, bodies) for (name, bodies), index in self._ordered()},
-            supports={"start": SupportState(forces[0]), "end": SupportState(forces[1])},
+            supports=self._supports(forces),
             cable=CableSamples(
                 arc_lengths=self._arc_lengths,
                 positions=self.cable_positions(self._arc_lengths),
@@ -280,6 +285,24 @@ class Simulation:
             ),
             solver=report,
         )
+
+    def _supports(self, ends: FloatArray) -> dict[str, SupportState]:
+        """Both ends, of which the forces (2, dim) in N are given, and every tower."""
+        system, state = self.system, self._state
+        travels = [
+            float(counterweight_motion(system.counterweights, system.cable, state, end)[0])
+            if system.counterweights.mass[end] > 0.0
+            else None
+            for end in range(2)
+        ]
+        supports = {name: SupportState(ends[end], travel=travels[end]) for end, name in enumerate(("start", "end"))}
+        forces = np.empty((len(self.scenario.towers), ends.shape[1]))
+        tower_forces(system.cable, system.supports, state, forces)
+        for index, name in enumerate(self.scenario.towers):
+            load, lowest = state.tower_load[index].tolist()
+            rest = float(self._initial.tower_load[index, 0])
+            supports[name] = SupportState(forces[index], TowerState(load, lowest, rest, load == 0.0))
+        return supports
 
     def _ordered(self) -> list[tuple[tuple[str, tuple[str, ...]], int]]:
         return [(item, index) for index, item in enumerate(self.carriages.items())]

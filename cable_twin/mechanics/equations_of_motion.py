@@ -17,6 +17,7 @@ from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.counterweight import add_counterweights
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
@@ -28,6 +29,7 @@ from cable_twin.mechanics.sliding_joint import (
     recover_joint,
     velocity_acceleration,
 )
+from cable_twin.mechanics.support import add_supports
 from cable_twin.mechanics.vectors import accumulate, apply, full, load, minus, multiply, outer, scale, store, symmetric
 
 
@@ -86,6 +88,8 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     for carriage in range(system.carriages.fixed.size):
         condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
         add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
     hold_supports(cable, work)
 
 

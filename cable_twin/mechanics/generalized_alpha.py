@@ -15,6 +15,7 @@ from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, sol
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
+from cable_twin.mechanics.support import settle_supports
 
 
 class Outcome(NamedTuple):
@@ -156,6 +157,7 @@ def step(system, state, h, work):
             gap = measure_gaps(system, state, work, True)
             for carriage in range(system.carriages.fixed.size):
                 settle_friction(system.carriages, state, carriage)
+            settle_supports(system.cable, system.supports, state)
             return isfinite(gap), iteration, increment, gap
     return False, solver.max_iterations, increment, 0.0
 

@@ -34,7 +34,7 @@ class Cable(NamedTuple):
     damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
     elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
-    support_position: FloatArray  # (2, dim) m, of start and end; NaN where free
+    support_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
     support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
     support_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
     load_arc_length: FloatArray  # (loads,) m
@@ -64,6 +64,31 @@ class Carriages(NamedTuple):
     stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
 
 
+class Supports(NamedTuple):
+    """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
+
+    contact_offset: IntArray  # (towers + 1,)
+    top: FloatArray  # (towers, dim) m, where the middle of the saddle or of the sheaves touches the rope
+    position: FloatArray  # (contacts, dim) m
+    normal: FloatArray  # (contacts, dim) unit vectors to the side on which the rope is
+    stiffness: FloatArray  # (contacts,) N/m, normal to the rope
+    damping: FloatArray  # (contacts,) s/m, of the normal force, per unit of its elastic part
+    friction: FloatArray  # (contacts,) - , limit of the force along the rope per normal force
+    presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
+    toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
+
+
+class Counterweights(NamedTuple):
+    """What pulls each end of the cable with a constant force; a mass of 0 where there is none."""
+
+    direction: FloatArray  # (2, dim) unit vectors in which start and end are pulled
+    mass: FloatArray  # (2,) kg, of the inertia along that direction
+    force: FloatArray  # (2,) N
+    travel: FloatArray  # (2, 2) m, least and most from `support_position` along the direction; infinite without
+    stiffness: FloatArray  # (2,) N/m, of the buffers at both limits
+    damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
+
+
 class Solver(NamedTuple):
     """Time integration."""
 
@@ -79,4 +104,6 @@ class System(NamedTuple):
 
     cable: Cable
     carriages: Carriages
+    supports: Supports
+    counterweights: Counterweights
     solver: Solver

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.counterweight import counterweight_energies
 from cable_twin.mechanics.equations_of_motion import add_loads
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
+from cable_twin.mechanics.support import add_contact, contact_energy
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
 
 
@@ -50,6 +52,8 @@ def support_forces(system, state, work, forces):
         contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
         for i in range(4):
             accumulate(scale(-shape[i], contact), work.right_side[element + i // 2, i % 2])
+    for contact_point in range(system.supports.stiffness.size):
+        add_contact(cable, system.supports, state, contact_point, 0.0, 0.0, work)
     for i in range(forces.shape[1]):
         forces[0, i] = -work.right_side[0, 0, i]
         forces[1, i] = -work.right_side[cable.element_count, 0, i]
@@ -57,7 +61,10 @@ def support_forces(system, state, work, forces):
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of cable and carriages; gravitational is zero at the origin."""
+    """Kinetic, elastic and gravitational energy (J) of cable, carriages, tower contacts and counterweights.
+
+    Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
+    """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     length = cable.element_length
@@ -81,4 +88,9 @@ def energies(system, state):
         kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
         q = state.body_coordinates[body]
         gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    for contact in range(system.supports.stiffness.size):
+        elastic += contact_energy(cable, system.supports, state, contact)
+    for end in range(2):
+        moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
+        kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted
     return kinetic, elastic, gravitational

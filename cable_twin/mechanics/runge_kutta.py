@@ -22,6 +22,7 @@ from cable_twin.mechanics.readout import energies
 from cable_twin.mechanics.shape_functions import MASS
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
+from cable_twin.mechanics.support import settle_supports
 
 IMAGINARY_LIMIT = 2.0 * 2.0**0.5  # largest stable (frequency times step) of the method for an undamped oscillation
 FEEDBACK = 0.1  # Baumgarte's rate times the step
@@ -189,6 +190,7 @@ def advance_explicitly(system, state, start, total, work, steps):
                 left -= taken
                 for joint in range(system.carriages.fixed.size):
                     settle_friction(system.carriages, state, joint)
+                settle_supports(system.cable, system.supports, state)
                 if carriage >= 0:
                     change_element(system.cable, state, carriage)
                     nodes += 1

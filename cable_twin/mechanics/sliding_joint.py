@@ -107,17 +107,23 @@ def stop_force(carriages, cable, carriage, s, s_dot):
 
 
 @kernel
-def deflection(carriages, state, carriage):
-    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m).
+def mobilise(way, before, presliding):
+    """Share z in -1..1 of a friction that is mobilised after a `way` (m) from the share `before`, and dz/dway (1/m).
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
     through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
     on vibrating there creeps (docs/theory.md).
     """
-    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
     sign = 1.0 if way >= 0.0 else -1.0
-    left = (state.friction_deflection[carriage] - sign) * exp(-abs(way) / carriages.presliding[carriage])
-    return sign + left, -sign * left / carriages.presliding[carriage]
+    left = (before - sign) * exp(-abs(way) / presliding)
+    return sign + left, -sign * left / presliding
+
+
+@kernel
+def deflection(carriages, state, carriage):
+    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
+    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
 
 @kernel

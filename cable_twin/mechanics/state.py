@@ -37,6 +37,10 @@ class State(NamedTuple):
     drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
     drive_braking: NDArray[np.bool_]  # (carriages,) the emergency deceleration is in force
     reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
+    support_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
+    support_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
+    support_origin: FloatArray  # (contacts,) m, arc length at which that was so: the start of the step
+    tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
@@ -66,6 +70,7 @@ def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
+    contacts = system.supports.stiffness.size
     modes = np.where(system.carriages.fixed, SPEED, FREE).astype(np.int64)
     return State(
         nodal_coordinates=np.zeros((nodes, 2, dim)),
@@ -88,6 +93,10 @@ def allocate_state(system: System) -> State:
         drive_target=np.zeros(carriages),
         drive_braking=np.zeros(carriages, dtype=np.bool_),
         reference=np.zeros((carriages, 3)),
+        support_arc_length=np.zeros(contacts),
+        support_deflection=np.zeros(contacts),
+        support_origin=np.zeros(contacts),
+        tower_load=np.zeros((system.supports.top.shape[0], 2)),
         clock=np.zeros(1, dtype=np.int64),
     )
 
@@ -145,4 +154,8 @@ def copy_state(source, target):
     target.drive_target[:] = source.drive_target
     target.drive_braking[:] = source.drive_braking
     target.reference[:] = source.reference
+    target.support_arc_length[:] = source.support_arc_length
+    target.support_deflection[:] = source.support_deflection
+    target.support_origin[:] = source.support_origin
+    target.tower_load[:] = source.tower_load
     target.clock[:] = source.clock

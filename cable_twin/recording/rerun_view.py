@@ -24,7 +24,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot
+from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot, TowerState
 
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
@@ -335,10 +335,12 @@ class RerunView:
                 plots.append(_Plot(_path("plots/swing", name), titles, [next(tints) for _ in titles]))
         tints = iter(PLOT_COLORS * (1 + len(carriages)))
         plots.extend(_Plot(_path("plots/drive_force", name), [name], [next(tints)]) for name in carriages)
+        tints = iter(PLOT_COLORS * (1 + len(snapshot.supports)))
+        plots.extend(_Plot(_path("plots/tower_load", name), [name], [next(tints)]) for name in _towers(snapshot))
         return plots
 
     def _row(self, snapshot: Snapshot) -> list[float]:
-        """Return the values of all plots: speeds, tensions, swings, drive forces."""
+        """Return the values of all plots: speeds, tensions, swings, drive forces, tower loads."""
         scale = self._force_scale
         tensions = snapshot.cable.tensions
         row: list[float] = []
@@ -348,6 +350,7 @@ class RerunView:
         for state in snapshot.carriages.values():
             row += [body.pitch * _DEGREES for body in state.bodies.values()]
         row += [state.drive_force * scale for state in snapshot.carriages.values()]
+        row += [tower.normal_load * scale for tower in _towers(snapshot).values()]
         return row
 
     def _obey(self, applied: AppliedCommand) -> None:
@@ -397,6 +400,12 @@ class RerunView:
                 f"| drive force | **{state.drive_force * scale:.3g} {unit}** |",
             )
         lines.append(f"| tension | **{tensions.min() * scale:.4g} … {tensions.max() * scale:.4g} {unit}** |")
+        for name, tower in _towers(snapshot).items():
+            load = "lifted off" if tower.lifted_off else f"{tower.normal_load * scale:.4g} {unit}"
+            lines.append(f"| {name} | **{load}** |")
+        for name, support in snapshot.supports.items():
+            if support.travel is not None:
+                lines.append(f"| counterweight at the {name} | **{support.travel:+.3f} m** |")
         return "\n".join(lines)
 
     def _send(self) -> None:
@@ -490,6 +499,8 @@ class RerunView:
             "swing": "Swing [deg]",
             "drive_force": f"Drive force [{unit}]",
         }
+        if any(plot.path.startswith("plots/tower_load/") for plot in self._plots):
+            titles["tower_load"] = f"Load on towers [{unit}]"
         plots = [self._plot_view(f"plots/{path}", title) for path, title in titles.items()]
         lower: list[rrb.View | rrb.Container] = [rrb.Grid(*plots, grid_columns=2)]
         if close_ups:
@@ -623,6 +634,11 @@ def _open_stream(title: str, path: Path | None, live: bool, live_port: int, foot
         raise OSError(str(error)) from error
     stream.send_recording_name(title)
     return stream
+
+
+def _towers(snapshot: Snapshot) -> dict[str, TowerState]:
+    """Return the towers among the supports."""
+    return {name: support.tower for name, support in snapshot.supports.items() if support.tower is not None}
 
 
 def _planar(vector: FloatArray) -> FloatArray:

@@ -84,7 +84,8 @@ def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
         }
         for carriage, parameters in scenario.carriages.items()
     }
-    return RerunView(scenario.name, outlines, path=path, live=live)
+    towers = {name: tower.position for name, tower in scenario.towers.items()}
+    return RerunView(scenario.name, outlines, path=path, live=live, support_positions=towers)
 
 
 def _new_directory(parent: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import CONTINUUM, Cable, Carriages, Solver, System
+from cable_twin.mechanics.parameters import CONTINUUM, Cable, Carriages, Counterweights, Solver, Supports, System
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 
 
@@ -61,11 +61,45 @@ def make_carriages(chains=(), **changes):
     return carriages._replace(**changes)
 
 
-def make_system(dim=2, *, chains=(), cable=None, carriages=None):
-    """System of the two above."""
+def make_supports(dim=2, contacts=0, **changes):
+    """Towers of one contact each, rough, over which the cable of `disturbed_state` passes."""
+    numbers = np.arange(contacts, dtype=float)
+    side = np.zeros((contacts, dim))
+    side[:, -1] = 1.0
+    supports = Supports(
+        contact_offset=np.arange(contacts + 1, dtype=np.int64),
+        top=np.zeros((contacts, dim)),
+        position=np.zeros((contacts, dim)),
+        normal=side,
+        stiffness=3000.0 + 100.0 * numbers,
+        damping=np.full(contacts, 0.2),
+        friction=np.full(contacts, 0.3),
+        presliding=np.full(contacts, 0.02),
+        toe=np.full(contacts, 0.01),
+    )
+    return supports._replace(**changes)
+
+
+def make_counterweights(dim=2, **changes):
+    """No counterweight at either end."""
+    weights = Counterweights(
+        direction=np.full((2, dim), np.nan),
+        mass=np.zeros(2),
+        force=np.zeros(2),
+        travel=np.tile([-np.inf, np.inf], (2, 1)),
+        stiffness=np.ones(2),
+        damping=np.zeros(2),
+    )
+    return weights._replace(**changes)
+
+
+def make_system(dim=2, *, chains=(), cable=None, carriages=None, supports=None, counterweights=None):
+    """System of those above."""
     return System(
         cable=make_cable(dim, **(cable or {})),
         carriages=make_carriages(chains, **(carriages or {})),
+        supports=make_supports(dim, **(supports or {})),
+        counterweights=make_counterweights(dim, **(counterweights or {})),
         solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
     )
 
