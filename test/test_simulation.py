@@ -23,7 +23,7 @@ def driven(**limits):
 
 
 def numbers(record):
-    """Every number of a snapshot but those of its solver report, in order."""
+    """Every number of a snapshot but those of its solver report, in order; what a support has not is left out."""
     if dataclasses.is_dataclass(record):
         return [
             number
@@ -33,7 +33,7 @@ def numbers(record):
         ]
     if isinstance(record, dict):
         return [number for value in record.values() for number in numbers(value)]
-    return np.ravel(record).tolist()
+    return [] if record is None else np.ravel(record).tolist()
 
 
 def same(one, other, *, but_time=False):

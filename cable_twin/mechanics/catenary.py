@@ -118,7 +118,7 @@ def rest_over_supports(system: System) -> Rest:
         found = root(miss, first, method="hybr", tol=1e-12)
         missed = np.abs(miss(found.x)).max()
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
-    if not missed < 1e-6 or np.any(lengths <= 0.0):
+    if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
         height = float(whole @ up)
         over = f" over {count - 1} towers" if count > 1 else ""
         by = f" with a counterweight of {given:g} N" if end >= 0 else f": it misses by {missed * length:.3g} m"

@@ -30,7 +30,19 @@ from cable_twin.mechanics.sliding_joint import (
     velocity_acceleration,
 )
 from cable_twin.mechanics.support import add_supports
-from cable_twin.mechanics.vectors import accumulate, apply, full, load, minus, multiply, outer, scale, store, symmetric
+from cable_twin.mechanics.vectors import (
+    accumulate,
+    apply,
+    block,
+    full,
+    load,
+    minus,
+    multiply,
+    outer,
+    scale,
+    store,
+    symmetric,
+)
 
 
 @kernel
@@ -123,7 +135,8 @@ def add_loads(cable, state, stiffness_factor, work):
 def hold_supports(cable, work):
     """Take out of the equations of both end nodes what their supports hold.
 
-    With P the projector onto what is free, row and column of the node become P K P + (1 - P).
+    With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
+    it stands beside, or rounding of the one would let the other drift.
     """
     like = cable.gravity
     square = outer(0.0, like, like)
@@ -142,7 +155,11 @@ def hold_supports(cable, work):
                 store(inner, work.diagonal[node, i, j])
                 store(multiply(free_i, load(out[i, j], square)), out[i, j])
                 store(multiply(load(back[i, j], square), free_j), back[i, j])
-            accumulate(minus(identity, free_i), work.diagonal[node, i, i])
+            size = 0.0
+            for entry in range(len(square)):
+                size = max(size, abs(work.diagonal[node, i, i, entry]))
+            held = minus(identity, free_i)
+            accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])
 
 
 @kernel
