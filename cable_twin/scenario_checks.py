@@ -234,11 +234,12 @@ def _counterweight(scenario: Scenario, name: Literal["start", "end"]) -> Iterato
     path = ("cable", name)
     if end.support != "counterweight":
         for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
-            if getattr(end, key) is not None:
+            given = getattr(end, key)
+            if given is not None:
+                given = list(given) if isinstance(given, tuple) else given
                 yield Fault(
                     (*path, key),
-                    f"given {show(getattr(end, key))} where support is {end.support}; "
-                    f"allowed: only at a counterweight, in {unit}",
+                    f"given {show(given)} where support is {end.support}; allowed: only at a counterweight, in {unit}",
                 )
         return
     if end.mass is None:
@@ -284,7 +285,7 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
     corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
     way = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners))
     strain = way / cable.unstrained_length - 1.0
-    over = f" apart over {len(scenario.towers)} towers" if scenario.towers else " apart"
+    over = " apart" if not scenario.towers else " apart over the towers"
     if "counterweight" in (start.support, end.support):
         if cable.initial_shape == "straight":
             yield Fault(("cable", "initial_shape"), "given 'straight' with a counterweight; allowed: equilibrium")
@@ -309,7 +310,8 @@ def _towers(scenario: Scenario) -> Iterator[Fault]:
     start, end = cable.start, cable.end
     if scenario.towers and "free" in (start.support, end.support):
         yield Fault(("towers",), "given with a free end of the cable; allowed: only where both ends are held")
-    if scenario.towers and cable.initial_shape == "straight":
+    weighted = "counterweight" in (start.support, end.support)
+    if scenario.towers and cable.initial_shape == "straight" and not weighted:
         yield Fault(("cable", "initial_shape"), "given 'straight' over towers; allowed: equilibrium")
     way = copysign(1.0, end.position[0] - start.position[0])
     before, passed = "the start", start.position[0]

@@ -14,6 +14,8 @@ from scipy.optimize import brentq, root
 
 from cable_twin.mechanics.parameters import FloatArray, System
 
+ENDS = ("start", "end")
+
 
 class EquilibriumError(RuntimeError):
     """No static equilibrium was found; the message says how far it came."""
@@ -120,9 +122,14 @@ def rest_over_supports(system: System) -> Rest:
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
     if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
         height = float(whole @ up)
-        over = f" over {count - 1} towers" if count > 1 else ""
-        by = f" with a counterweight of {given:g} N" if end >= 0 else f": it misses by {missed * length:.3g} m"
-        raise EquilibriumError(f"no catenary of {length:g} m reaches over {width:g} m and up {height:g} m{over}{by}")
+        towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
+        reach = f"of {length:g} m reaches over {width:g} m and up {height:g} m{towers}"
+        if end >= 0:
+            raise EquilibriumError(
+                f"cable.{ENDS[end]}.mass: with a counterweight of {given:g} N, no catenary {reach}: it is too light to "
+                f"hold a cable of {weight * length:.3g} N; allowed: a heavier one"
+            )
+        raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
     return Rest(corner, basis, pulls, lengths, weight, stiffness)
@@ -160,7 +167,6 @@ def check_rest(system: System, towers: Sequence[str]) -> None:
                 f"or hold_down the other way round"
             )
     for end in weighted:
-        name = ("start", "end")[end]
         travel = float((rest.corner[-end] - cable.support_position[end]) @ counterweights.direction[end])
         low, high = counterweights.travel[end]
         if not low < travel < high:
@@ -168,7 +174,7 @@ def check_rest(system: System, towers: Sequence[str]) -> None:
                 "it is too light, or the cable too short" if travel <= low else "it is too heavy, or the cable too long"
             )
             raise EquilibriumError(
-                f"cable.{name}.travel: the counterweight of {counterweights.force[end]:g} N would rest at "
+                f"cable.{ENDS[end]}.travel: the counterweight of {counterweights.force[end]:g} N would rest at "
                 f"{travel:.3f} m, {cause}; allowed: between {low:g} and {high:g} m"
             )
 
