@@ -227,7 +227,7 @@ def _kind(end: Support) -> str:
     return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
 
 
-def _counterweight(scenario: Scenario, name: Literal["start", "end"]) -> Iterator[Fault]:
+def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
     """What a counterweight needs and what only a counterweight has."""
     cable = scenario.cable
     end = getattr(cable, name)

@@ -1,5 +1,6 @@
 """The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
 
+import dataclasses
 import socket
 import subprocess
 import sys
@@ -27,6 +28,7 @@ from cable_twin.records import (  # noqa: E402
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
 
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
@@ -171,6 +173,25 @@ def test_tension_and_swing_have_the_units_of_their_titles(recording):
     np.testing.assert_allclose(tensions[700], [rope.max(), rope[0], rope[-1]])
     bodies = drawn.carriages["cabin"].bodies
     np.testing.assert_allclose(swings[700], np.rad2deg([bodies["hanger"].pitch, bodies["cabin"].pitch]))
+
+
+def test_towers_are_drawn_with_their_loads_and_counterweights_with_their_travel(tmp_path):
+    place = [700.0, rope_height(np.array(700.0), 700.0, HORIZONTAL)]
+    view = RerunView("towers", OUTLINES, path=tmp_path / "run.rrd", live=False, support_positions={"tower": place})
+    loads = [2e5, 1.5e5, 0.0]
+    for index, load in enumerate(loads):
+        snapshot = snapshot_at(0.05 * index)
+        tower = SupportState(np.array([0.0, load]), TowerState(load, min(loads[: index + 1]), 2e5, load == 0.0))
+        end = dataclasses.replace(snapshot.supports["end"], travel=-0.25)
+        view.log(dataclasses.replace(snapshot, supports={**snapshot.supports, "end": end, "tower": tower}))
+    view.close()
+    _, drawn = column(tmp_path / "run.rrd", "/plots/tower_load/tower", "Scalars:scalars")
+    np.testing.assert_allclose(drawn, np.array(loads)[:, None] / 1e3)
+    _, texts = column(tmp_path / "run.rrd", "/readout", "TextDocument:text")
+    assert "| tower | **200 kN** |" in texts[0][0]
+    assert "| tower | **lifted off** |" in texts[-1][0]
+    assert "| counterweight at the end | **-0.250 m** |" in texts[0][0]
+    assert "tower" in rerun_command("rrd", "print", "-vvv", tmp_path / "run.rrd")
 
 
 def test_bodies_are_drawn_where_they_are(recording):
