@@ -108,8 +108,8 @@ class Tower(Section):
     length: float = quantity("m", "along the rope, from the first contact to the last", 0.0, ge=0)
     radius: float | None = quantity("m", "of the circle of the contacts; null: a straight line", None, gt=0)
     hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
-    stiffness: float = quantity("N/m", "of each contact, normal to the rope", 1e7, gt=0)
-    damping: float = quantity("s/m", "of each: force = stiffness d (1 + damping d_dot)", 0.5, ge=0)
+    stiffness: float = quantity("N/m", "of each contact, normal to the rope", 2e6, gt=0)
+    damping: float = quantity("s/m", "of each: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
     friction: float | None = quantity(
         "-", "along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
     )

@@ -38,8 +38,8 @@ FAULTS = [
     ("towers.tower.stiffness", 0, "given 0; allowed: a finite number above 0, in N/m"),
     ("towers.tower.friction", -0.1, "given -0.1; allowed: a finite number at least 0"),
     ("towers.tower.contacts", 0, "given 0; allowed: a whole number at least 1"),
-    ("towers.tower.length", 0.0, "given 0.0 for 7 contacts; allowed: a number above 0, in m"),
-    ("towers.tower.length", 31.0, "more than one radian of a circle of 30 m; allowed: at most 30 m"),
+    ("towers.tower.length", 0.0, "given 0.0 for 13 contacts; allowed: a number above 0, in m"),
+    ("towers.tower.length", 41.0, "more than one radian of a circle of 40 m; allowed: at most 40 m"),
     ("towers.tower.position", [-5, 80], "x between 0 m of the start and 1000 m of the end, in order along the cable"),
     ("towers.tower.position", [0, 80], "x between 0 m of the start and 1000 m of the end"),
 ]
@@ -99,13 +99,13 @@ def test_what_finds_no_rest_is_said_in_one_line(overrides, text):
 
 def test_contacts_are_even_on_a_circle_with_its_top_at_the_tower():
     supports = build_system(load_scenario(TRAMWAY)).supports
-    np.testing.assert_allclose(supports.position[3], [500.0, 80.0])
-    centre = supports.position - 30.0 * supports.normal
+    np.testing.assert_allclose(supports.position[6], [500.0, 80.0])
+    centre = supports.position - 40.0 * supports.normal
     np.testing.assert_allclose(centre, np.broadcast_to(centre[0], centre.shape))
-    steps = [float(np.arccos(a @ b)) * 30.0 for a, b in pairwise(supports.normal)]
-    np.testing.assert_allclose(steps, 1.0)
+    steps = [float(np.arccos(a @ b)) * 40.0 for a, b in pairwise(supports.normal)]
+    np.testing.assert_allclose(steps, 2.0)
     slope = (np.arctan2(80.0, 500.0) + np.arctan2(20.0, 500.0)) / 2.0
-    np.testing.assert_allclose(supports.normal[3], [-np.sin(slope), np.cos(slope)])
+    np.testing.assert_allclose(supports.normal[6], [-np.sin(slope), np.cos(slope)])
     np.testing.assert_allclose(supports.friction, 0.1)
 
 

@@ -28,7 +28,7 @@ TRAMWAY: dict[str, Any] = {
         "mass_per_length": 20.87,
         "axial_stiffness": 398e6,
         "bending_stiffness": 79e3,
-        "elements": 100,
+        "elements": 200,
         "start": {"position": [0.0, 0.0]},
         "end": {
             "position": [1000.0, 100.0],
@@ -38,7 +38,7 @@ TRAMWAY: dict[str, Any] = {
             "travel": [-8.0, 8.0],
         },
     },
-    "towers": {"tower": {"position": [500.0, 80.0], "kind": "saddle", "contacts": 7, "length": 6.0, "radius": 30.0}},
+    "towers": {"tower": {"position": [500.0, 80.0], "kind": "saddle", "contacts": 13, "length": 24.0, "radius": 40.0}},
     "solver": {"step": 0.005},
 }
 CABIN: dict[str, Any] = {
@@ -270,7 +270,7 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
 
 @case("cabin over a tower", "weight goes straight into the tower; energy", needs_jit=True)
 def passing_cabin() -> Iterator[Result]:
-    """12 t at rest on the saddle, and at 7 m/s over it, in steps of 5 ms: no friction, no damping."""
+    """12 t at rest on the saddle, and at 7 m/s over it, in steps of 5 ms: no friction, damped only in the contacts."""
     # both spans alike, so that nothing of the cabin's weight acts along the rope
     level = {
         "cable__end__position": [1000.0, 0.0],
@@ -279,7 +279,7 @@ def passing_cabin() -> Iterator[Result]:
         "towers__tower__friction": 0.0,
     }
     bare = tramway(**level)
-    middle = float(bare._state.support_arc_length[3])
+    middle = float(bare._state.support_arc_length[6])
     standing = tramway(cabin={"arc_length": middle, "joint": "fixed"}, **level)
     more = standing.snapshot.supports["tower"].force - bare.snapshot.supports["tower"].force
     yield Result("load that it adds, over its weight, z", "-", 1.0, float(more[1]) / (12e3 * GRAVITY), 2e-3)
@@ -287,7 +287,8 @@ def passing_cabin() -> Iterator[Result]:
     simulation = tramway(cabin={}, towers__tower__friction=0.0)
     start = simulation.energy().total
     simulation.command("cabin", speed=7.0)
-    work, iterations, halvings, steps, worst, swing = 0.0, 0, 0, 0, 0.0, 0.0
+    work, iterations, halvings, steps, worst, most = 0.0, 0, 0, 0, 0.0, 0.0
+    loads = []
     before = power(simulation)
     while (snapshot := simulation.snapshot).carriages["cabin"].arc_length < 700.0:
         snapshot = simulation.advance_to(simulation.time + simulation.step)
@@ -296,11 +297,14 @@ def passing_cabin() -> Iterator[Result]:
         before = now
         report = snapshot.solver
         iterations, halvings, steps = iterations + report.iterations, halvings + report.halvings, steps + report.steps
-        swing = max(swing, abs(work))
+        most = max(most, abs(work))
+        loads.append(float(np.hypot(*snapshot.carriages["cabin"].contact_force)) / (12e3 * GRAVITY))
         worst = max(worst, abs(simulation.energy().total - start - work))
     yield Result("steps that had to be halved", "-", 0.0, float(halvings), 0.0)
     yield Result("Newton iterations a step", "-", 2.0, iterations / steps, 0.5)
-    yield Result("energy less work of the drive, worst, share of the most work", "-", 0.0, worst / swing, 0.005)
+    yield Result("energy less work of the drive, worst, share of the most work", "-", 0.0, worst / most, 0.005)
+    yield Result("contact force of the cabin over its weight, most", "-", 1.0, max(loads), 0.45)
+    yield Result("contact force of the cabin over its weight, least", "-", 1.0, min(loads), 0.45)
 
 
 def power(simulation: Simulation) -> float:
@@ -411,7 +415,7 @@ def deropement() -> Iterator[Result]:
         least = min(least, tower.normal_load)
         landed = landed or (off and not tower.lifted_off)
         off = off or tower.lifted_off
-        highest = max(highest, float(simulation.cable_positions(simulation._state.support_arc_length)[3, 1]))
+        highest = max(highest, float(simulation.cable_positions(simulation._state.support_arc_length)[6, 1]))
     yield Result("lifts off and lands", "-", 1.0, float(off and landed), 0.0)
     yield Result("least load, that kept by the twin", "N", least, tower.lowest_load, 0.0)
     yield Result("rises above the saddle", "-", 1.0, float(highest > 80.0), 0.0)

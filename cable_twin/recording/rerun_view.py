@@ -403,9 +403,8 @@ class RerunView:
         for name, tower in _towers(snapshot).items():
             load = "lifted off" if tower.lifted_off else f"{tower.normal_load * scale:.4g} {unit}"
             lines.append(f"| {name} | **{load}** |")
-        for name, support in snapshot.supports.items():
-            if support.travel is not None:
-                lines.append(f"| counterweight at the {name} | **{support.travel:+.3f} m** |")
+        travels = [support.travel for support in snapshot.supports.values() if support.travel is not None]
+        lines += [f"| counterweight | **{travel:+.3f} m** |" for travel in travels]
         return "\n".join(lines)
 
     def _send(self) -> None:
