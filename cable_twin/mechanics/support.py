@@ -18,10 +18,10 @@ from math import sqrt
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.sliding_joint import interpolate, locate, mobilise
-from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, load, outer, scale, store, subtract
+from cable_twin.mechanics.vectors import accumulate, add_scaled, block, dot, load, minus, outer, scale, store, subtract
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
-NEAR = 1e-8  # of an element's length: a last move below leaves its square
+NEAR = 1e-6  # of an element's length: a last move below leaves its square
 
 
 @kernel
@@ -156,8 +156,8 @@ def add_contact(cable, supports, state, contact, rate_factor, stiffness_factor, 
     turning = interpolate(state.nodal_velocities, element, shape_x, like)
     pivot = norm * norm + dot(apart, r_xx)
     bend = dot(normal, r_xx)
-    # ΔN = by_place n·ΣS Δe + by_turn n·Δr_x + by_way Δs
-    by_place = -(n_by_depth + rate_factor * n_by_rate)
+    # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
+    by_depth = -(n_by_depth + rate_factor * n_by_rate)
     by_turn = n_by_rate * dot(moving, t) / norm
     by_way = -n_by_rate * dot(normal, turning)
     pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
@@ -166,7 +166,9 @@ def add_contact(cable, supports, state, contact, rate_factor, stiffness_factor, 
     for j in range(4):
         on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
         on_turn = add_scaled(shape_x[j], normal, scale(bend, on_s))
-        on_normal = add_scaled(by_place * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
+        on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
+        by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
+        by_place = outer(stiffness_factor, force, on_s)
         for i in range(4):
             side = i // 2
             if j // 2 == side:
@@ -175,11 +177,8 @@ def add_contact(cable, supports, state, contact, rate_factor, stiffness_factor, 
                 target = upper[element, i % 2, j % 2]
             else:
                 target = lower[element, i % 2, j % 2]
-            c = -stiffness_factor * shape[i]
-            accumulate(outer(c, pushed, on_normal), target)
-            accumulate(outer(c, turned, on_turn), target)
-            accumulate(outer(c * slide, t, on_s), target)
-            accumulate(outer(-stiffness_factor * shape_x[i], force, on_s), target)
+            of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
+            accumulate(minus(of_force, block(shape_x[i], by_place, 0.0)), target)
 
 
 @kernel
