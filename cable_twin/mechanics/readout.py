@@ -8,7 +8,7 @@ from cable_twin.mechanics.counterweight import counterweight_energies
 from cable_twin.mechanics.equations_of_motion import add_loads
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
-from cable_twin.mechanics.support import add_contact, contact_energy
+from cable_twin.mechanics.support import contact_energy, contact_force
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
 
 
@@ -52,8 +52,12 @@ def support_forces(system, state, work, forces):
         contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
         for i in range(4):
             accumulate(scale(-shape[i], contact), work.right_side[element + i // 2, i % 2])
-    for contact_point in range(system.supports.stiffness.size):
-        add_contact(cable, system.supports, state, contact_point, 0.0, 0.0, work)
+    for number in range(system.supports.stiffness.size):
+        element, x = locate(cable, state.support_arc_length[number])
+        shape = shape_functions(x, cable.element_length)
+        force, _ = contact_force(cable, system.supports, state, number)
+        for i in range(4):
+            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
     for i in range(forces.shape[1]):
         forces[0, i] = -work.right_side[0, 0, i]
         forces[1, i] = -work.right_side[cable.element_count, 0, i]

@@ -18,9 +18,15 @@ from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load
 @kernel
 def locate(cable, arc_length):
     """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
-    place = arc_length / cable.element_length
-    element = int(min(place, cable.element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
-    return element, arc_length - element * cable.element_length
+    return locate_on_mesh(cable.element_count, cable.element_length, arc_length)
+
+
+@kernel
+def locate_on_mesh(element_count, element_length, arc_length):
+    """As `locate`, from what it needs of the cable."""
+    place = arc_length / element_length
+    element = int(min(place, element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
+    return element, arc_length - element * element_length
 
 
 @kernel

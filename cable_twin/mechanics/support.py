@@ -17,7 +17,7 @@ from math import sqrt
 
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
-from cable_twin.mechanics.sliding_joint import interpolate, locate, mobilise
+from cable_twin.mechanics.sliding_joint import interpolate, locate, locate_on_mesh, mobilise
 from cable_twin.mechanics.vectors import accumulate, add_scaled, block, dot, load, minus, outer, scale, store, subtract
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
@@ -26,29 +26,38 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 
 @kernel
 def find_contact(cable, supports, state, contact):
-    """Bring the arc length of a contact to the nearest point of the rope.
+    """Bring the arc length of a contact to the nearest point of the rope."""
+    state.support_arc_length[contact] = nearest(
+        state.nodal_coordinates,
+        cable.element_length,
+        load(supports.position[contact], cable.gravity),
+        state.support_arc_length[contact],
+    )
 
-    Newton's method from where it was. Where the rope bends so sharply around p that the distance is no minimum, which
-    no rope at rest does, the slope is kept positive.
+
+@kernel
+def nearest(coordinates, element_length, point, arc_length):
+    """Arc length (m) of the place of the rope nearest to `point` (dim,) in m, by Newton's method from `arc_length`.
+
+    Where the rope bends so sharply around the point that the distance is no minimum, which no rope at rest does, the
+    slope is kept positive.
     """
-    like = cable.gravity
-    length = cable.element_length
-    p = load(supports.position[contact], like)
-    s = state.support_arc_length[contact]
+    count = coordinates.shape[0] - 1
+    s = arc_length
     for _ in range(MAX_MOVES):
-        element, x = locate(cable, s)
-        r = interpolate(state.nodal_coordinates, element, shape_functions(x, length), like)
-        r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), like)
-        r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), like)
-        apart = subtract(r, p)
+        element, x = locate_on_mesh(count, element_length, s)
+        r = interpolate(coordinates, element, shape_functions(x, element_length), point)
+        r_x = interpolate(coordinates, element, shape_functions_x(x, element_length), point)
+        r_xx = interpolate(coordinates, element, shape_functions_xx(x, element_length), point)
+        apart = subtract(r, point)
         squared = dot(r_x, r_x)
         move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
-        move = min(max(move, -length), length)
+        move = min(max(move, -element_length), element_length)
         before = s
-        s = min(max(s + move, 0.0), cable.unstrained_length)
-        if not abs(s - before) > NEAR * length:
+        s = min(max(s + move, 0.0), count * element_length)
+        if not abs(s - before) > NEAR * element_length:
             break
-    state.support_arc_length[contact] = s
+    return s
 
 
 @kernel
@@ -124,61 +133,58 @@ def contact_force(cable, supports, state, contact):
 
 @kernel
 def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
-    """Add the forces of all contacts on the rope, and their tangent, to the elements that they touch."""
-    for contact in range(supports.stiffness.size):
-        find_contact(cable, supports, state, contact)
-        add_contact(cable, supports, state, contact, rate_factor, stiffness_factor, work)
+    """Add the forces of all contacts on the rope, and their tangent, to the elements that they touch.
 
-
-@kernel
-def add_contact(cable, supports, state, contact, rate_factor, stiffness_factor, work):
-    """Add the force of one contact and its tangent; the normal turns with the rope as n_x = -t (n·t_x), in a plane."""
+    The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
+    """
     like = cable.gravity
     length = cable.element_length
-    element, x, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
-    n, n_by_depth, n_by_rate = normal_force(supports, contact, depth, -dot(normal, moving))
-    if n == 0.0:
-        return
-    shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-    norm = sqrt(dot(r_x, r_x))
-    t = scale(1.0 / norm, r_x)
-    coefficient = supports.friction[contact]
-    z, z_by_way = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
-    friction = coefficient * n * z
-    force = add_scaled(friction, t, scale(n, normal))
     diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
-    for i in range(4):
-        accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
-    if stiffness_factor == 0.0:
-        return
-
-    r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), like)
-    turning = interpolate(state.nodal_velocities, element, shape_x, like)
-    pivot = norm * norm + dot(apart, r_xx)
-    bend = dot(normal, r_xx)
-    # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
-    by_depth = -(n_by_depth + rate_factor * n_by_rate)
-    by_turn = n_by_rate * dot(moving, t) / norm
-    by_way = -n_by_rate * dot(normal, turning)
-    pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
-    turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
-    slide = coefficient * n * z_by_way
-    for j in range(4):
-        on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
-        on_turn = add_scaled(shape_x[j], normal, scale(bend, on_s))
-        on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
-        by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
-        by_place = outer(stiffness_factor, force, on_s)
+    for contact in range(supports.stiffness.size):
+        find_contact(cable, supports, state, contact)
+        element, x, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
+        n, n_by_depth, n_by_rate = normal_force(supports, contact, depth, -dot(normal, moving))
+        if n == 0.0:
+            continue
+        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
+        norm = sqrt(dot(r_x, r_x))
+        t = scale(1.0 / norm, r_x)
+        coefficient = supports.friction[contact]
+        z, z_by_way = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
+        friction = coefficient * n * z
+        force = add_scaled(friction, t, scale(n, normal))
         for i in range(4):
-            side = i // 2
-            if j // 2 == side:
-                target = diagonal[element + side, i % 2, j % 2]
-            elif side == 0:
-                target = upper[element, i % 2, j % 2]
-            else:
-                target = lower[element, i % 2, j % 2]
-            of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
-            accumulate(minus(of_force, block(shape_x[i], by_place, 0.0)), target)
+            accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
+        if stiffness_factor == 0.0:
+            continue
+
+        r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), like)
+        turning = interpolate(state.nodal_velocities, element, shape_x, like)
+        pivot = norm * norm + dot(apart, r_xx)
+        bend = dot(normal, r_xx)
+        # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
+        by_depth = -(n_by_depth + rate_factor * n_by_rate)
+        by_turn = n_by_rate * dot(moving, t) / norm
+        by_way = -n_by_rate * dot(normal, turning)
+        pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
+        turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
+        slide = coefficient * n * z_by_way
+        for j in range(4):
+            on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
+            on_turn = add_scaled(shape_x[j], normal, scale(bend, on_s))
+            on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
+            by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
+            by_place = outer(stiffness_factor, force, on_s)
+            for i in range(4):
+                side = i // 2
+                if j // 2 == side:
+                    target = diagonal[element + side, i % 2, j % 2]
+                elif side == 0:
+                    target = upper[element, i % 2, j % 2]
+                else:
+                    target = lower[element, i % 2, j % 2]
+                of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
+                accumulate(minus(of_force, block(shape_x[i], by_place, 0.0)), target)
 
 
 @kernel
