@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.catenary import rest_over_supports
 from cable_twin.scenario import ScenarioError, build_system, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 from verification import JIT
@@ -190,3 +191,24 @@ def test_reset_gives_back_the_towers_and_repeats_to_the_last_bit():
 def test_a_scenario_with_towers_reads_back_the_same():
     scenario = load_scenario({**TRAMWAY, "carriages": {"cabin": CABIN}})
     assert load_scenario(json.loads(json.dumps(scenario.resolved()))) == scenario
+
+
+@pytest.mark.parametrize("tensioning", ["counterweight", "hydraulic"])
+def test_a_lift_of_many_towers_starts_at_rest_near_its_catenaries(tensioning):
+    """Ten towers of one sheave, one of them held down: loads as the closed form has them, which guesses the start."""
+    x = np.linspace(0.0, 660.0, 12)
+    z = 8.0 + 0.3 * x + 12.0 * np.sin(np.pi * x / 660.0)
+    z[5] -= 6.0
+    towers = {f"t{k}": {"position": [x[k], z[k]], "hold_down": k == 5} for k in range(1, 11)}
+    end = {"position": [x[-1], z[-1]], "support": tensioning}
+    if tensioning == "counterweight":
+        end |= {"direction": [1.0, 0.25], "mass": 12e3, "travel": [-3.0, 3.0]}
+    way = float(np.hypot(np.diff(x), np.diff(z)).sum())
+    cable = {"unstrained_length": way, "mass_per_length": 8.0, "axial_stiffness": 8e7, "bending_stiffness": 3e3}
+    cable |= {"elements": 132 if JIT else 44, "start": {"position": [x[0], z[0]]}, "end": end}
+    simulation = Simulation(load_scenario({"cable": cable, "towers": towers}))
+    rest = rest_over_supports(simulation.system)
+    for load, name in zip(rest.load(), towers, strict=True):
+        np.testing.assert_allclose(simulation.snapshot.supports[name].force, load, atol=0.1 * np.hypot(*load))
+    total = sum(support.force for support in simulation.snapshot.supports.values())
+    np.testing.assert_allclose(total, [0.0, way * 8.0 * 9.81], rtol=1e-6, atol=0.1)
