@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -135,6 +136,8 @@ class TwinNode(Node):
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
+        gc.collect()  # before the first frame, not beside it
+        gc.freeze()  # what stays to the end need not be looked through between two frames
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
         names = ", ".join(self._simulation.carriages)
@@ -339,7 +342,8 @@ class TwinNode(Node):
 
     def _publish_diagnostics(self) -> None:
         statistics = self._loop.take_statistics().summary()
-        values: dict[str, str] = {key: f"{value:.6g}" for key, value in statistics.items()}
+        total = {f"total_{key}": value for key, value in self._loop.total_lateness.summary().items()}
+        values: dict[str, str] = {key: f"{value:.9g}" for key, value in {**statistics, **total}.items()}
         values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
         values["commands_applied"] = str(self._commands_applied)
         values["commands_refused"] = str(self._refused)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import re
 import sys
@@ -86,8 +85,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     executor.add_node(node)
     try:
         node.start()
-        gc.collect()
-        gc.freeze()  # what stays to the end need not be looked through between two frames
         while not ending.is_set() and not node.failed:
             executor.spin_once(timeout_sec=0.2)
     finally:
