@@ -6,6 +6,7 @@ so that a fresh compilation, a cached one and another process agree to the last 
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 from collections.abc import Callable
@@ -28,14 +29,39 @@ def cache_directory() -> Path:
 
 
 _CACHE_DIRECTORY = str(cache_directory())
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+
+
+class Kernel:
+    """A function that is compiled twice, as needed: to be called from Python, and to be called from other kernels.
+
+    What turns Python objects into the dozens of arrays of a state and back is larger than most kernels; one that only
+    others call is compiled without it, which takes a quarter off a cold start.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._from_python = _jit(function, "", {})
+        self._from_kernels = _jit(function, "-inner", {"no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+        self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it, compiled on the first call for these types or loaded from the cache."""
+        return self._from_python(*arguments)
+
+
+def _jit(function: Callable[..., Any], suffix: str, options: dict[str, Any]) -> Any:
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = _CACHE_DIRECTORY + suffix  # read by numba while it decorates, and only then
+    try:
+        return numba.njit(**_OPTIONS, **options)(function)
+    finally:
+        config.CACHE_DIR = before
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile `function` on its first call, or load it from the cache."""
-    config: Any = numba.config
-    before = config.CACHE_DIR
-    config.CACHE_DIR = _CACHE_DIRECTORY  # read by numba while it decorates, and only then
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    finally:
-        config.CACHE_DIR = before
+    """Compile `function` on its first call, or load it from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
+    return function if numba.config.DISABLE_JIT else Kernel(function)

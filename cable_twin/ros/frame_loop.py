@@ -56,7 +56,7 @@ class FrameLoop:
         frame_steps: solver steps in a frame.
         real_time_factor: simulated seconds a second, 0 for as fast as possible.
         command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_frame: called with every new snapshot, in the loop's thread.
+        on_frame: called with every new snapshot, in the loop's thread; the one to start from is not new.
         on_applied: called with every command as it takes effect, before the frame that shows it.
         on_fault: called with a line about what failed.
         paused: wait for `pause(False)` or `step`.
@@ -143,7 +143,6 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
-        self._on_frame(self._simulation.snapshot)
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
         while not self._stopping.is_set():
             stepping = self._obey()

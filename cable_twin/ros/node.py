@@ -59,6 +59,7 @@ SERVICE_TIMEOUT = 5.0  # s
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
+FIRST_FRAME_TIMEOUT = 2.0  # s that time waits for the logs to take the first frame
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
@@ -136,7 +137,9 @@ class TwinNode(Node):
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
-        gc.collect()  # before the first frame, not beside it
+        self._publish_frame(self._simulation.snapshot)
+        self._await_recorder()
+        gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
@@ -228,6 +231,12 @@ class TwinNode(Node):
         live = f"; live view: rerun {self._run.live_url}" if self._run.live_url else ""
         self.get_logger().info(f"log: {self._run.directory}{live}")
         self._report_recording_faults()
+
+    def _await_recorder(self) -> None:
+        """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
+        deadline = time.monotonic() + FIRST_FRAME_TIMEOUT
+        while self._run is not None and not self._run.recorder.idle and time.monotonic() < deadline:
+            time.sleep(0.005)
 
     def _publish_frame(self, snapshot: Snapshot) -> None:
         """Build the messages of a frame once; publish and record the same bytes."""

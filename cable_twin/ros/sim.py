@@ -20,6 +20,8 @@ examples:
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
 
+SWITCH_INTERVAL = 0.0005  # s a frame that is due may wait for another thread's Python; 5 ms where nobody says it
+
 
 def parser() -> OneLineParser:
     """Options of `sim`: one for each parameter of the node."""
@@ -81,6 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         rclpy.try_shutdown()
         return 1
     ending.starting = False
+    sys.setswitchinterval(SWITCH_INTERVAL)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
