@@ -14,7 +14,7 @@ from cable_twin.mechanics.modes import natural_modes
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
 from cable_twin.mechanics.runge_kutta import advance_explicitly, stable_step
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, copy_state
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
     BodyState,
@@ -149,7 +149,8 @@ class Simulation:
         else:
             self._stopped = False
             clock = int(self._state.clock[0])
-            copy_state(self._initial, self._state)
+            for array, start in zip(self._state, self._initial, strict=True):
+                array[...] = start  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
         applied = AppliedCommand(self.time, command, source)
         self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))

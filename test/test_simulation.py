@@ -1,9 +1,11 @@
 import dataclasses
+import sys
 from math import inf, nan
 
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.compilation import Kernel
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SolverError
@@ -298,3 +300,31 @@ def test_cable_starts_and_ends_at_its_supports():
     np.testing.assert_allclose(snapshot.cable.positions[[0, -1]], [[0.0, 0.0], [3.6, 0.0]], atol=1e-12)
     assert snapshot.cable.arc_lengths[[0, -1]].tolist() == [0.0, 4.02]
     assert snapshot.cable.tensions.shape == (11,)
+
+
+@pytest.mark.skipif(not JIT, reason="nothing is compiled")
+def test_nothing_is_compiled_once_it_runs():
+    """What a live twin calls is ready when it starts: a reset must not hold frames up while a kernel compiles."""
+    simulation = driven()
+    before = called_from_python()
+    simulation.command("carriage", speed=0.1)
+    simulation.advance_to(0.05)
+    simulation.command("carriage", force=0.1)
+    simulation.emergency_stop()
+    simulation.emergency_stop(False)
+    simulation.reset()
+    simulation.advance_to(0.1)
+    assert called_from_python() == before
+    assert sum(before.values()) >= 4
+
+
+def called_from_python():
+    """How many sets of types each kernel has been called with from Python."""
+    kernels = {
+        name: value
+        for module, content in list(sys.modules.items())
+        if module.startswith("cable_twin.mechanics")
+        for name, value in vars(content).items()
+        if isinstance(value, Kernel)
+    }
+    return {name: len(kernel._from_python.overloads) for name, kernel in kernels.items()}
