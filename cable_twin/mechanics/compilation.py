@@ -64,4 +64,5 @@ def _jit(function: Callable[..., Any], suffix: str, options: dict[str, Any]) -> 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile `function` on its first call, or load it from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
-    return function if numba.config.DISABLE_JIT else Kernel(function)
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function)
