@@ -80,6 +80,7 @@ def run(quick: bool, repetitions: int, progress: Progress) -> Part:
     exudyn = load_exudyn()
     settings = {} if exudyn is None else {setting.name: setting for setting in (DEFAULT_JOINT, ACCURATE)}
     tables: list[Table] = []
+    summary: list[dict[str, Value]] = []
     faults: list[str] = []
     shares: list[Timing] = []
     for case in cases(quick):
@@ -103,11 +104,24 @@ def run(quick: bool, repetitions: int, progress: Progress) -> Part:
             rows.append(_row(case, name, contestant.iterations, timings[name], timings[OURS]))
             rows[-1]["distance [mm]"] = None if name == OURS else apart * 1e3
             rows[-1]["allowed [mm]"] = None if allowed is None else allowed * 1e3
+        summary.append(_summary(case, rows))
         tables.append(
             Table(f"{case.name}, {case.duration:g} s in steps of {case.scenario.solver.step * 1e3:g} ms", rows)
         )
     notes = NOTES if exudyn is not None else ["Exudyn is not installed: `pip install '.[bench]'` adds its rows."]
-    return Part("Cost of a step", tables, [*notes, note_on_load(shares)], faults)
+    return Part("Cost of a step", [Table("summary", summary), *tables], [*notes, note_on_load(shares)], faults)
+
+
+def _summary(case: Case, rows: list[dict[str, Value]]) -> dict[str, Value]:
+    """One line for a case: ours, and how much faster than each setting of Exudyn."""
+    ours, *others = rows
+    return {
+        "case": case.name,
+        "step [ms]": case.scenario.solver.step * 1e3,
+        "wall per step [µs]": ours["wall per step [µs]"],
+        "real time [times]": ours["real time [times]"],
+        **{f"faster than {row['program']} [times]": row["ours faster [times]"] for row in others},
+    }
 
 
 def _row(case: Case, name: str, iterations: int, timing: Timing, ours: Timing) -> dict[str, Value]:

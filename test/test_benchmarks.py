@@ -42,9 +42,14 @@ def test_moves_as_exudyn_does(tmp_path):
 
     part = json.loads((tmp_path / "benchmarks.json").read_text())["exudyn"]
     assert part["faults"] == []
-    assert len(part["tables"]) == 2
+    summary, *tables = part["tables"]
+    assert [row["case"] for row in summary["rows"]] == [
+        "seed example, 24 elements",
+        "ropeway, 100 elements, 10 carriages",
+    ]
+    assert len(tables) == 2
     page = (tmp_path / "benchmarks.md").read_text()
-    for table in part["tables"]:
+    for table in tables:
         assert table["title"] in result.stdout
         assert table["title"] in page
         ours, default, accurate = table["rows"]
