@@ -13,7 +13,7 @@ from benchmarks import accuracy, exudyn_comparison, frame, scaling, startup
 from benchmarks.report import merge, print_part, write
 
 FILE_WIDTH = 110  # columns where the output is no terminal
-DONE, FAILED = 0, 1  # exit codes; argparse ends with 2
+DONE, FAILED, INTERRUPTED = 0, 1, 130  # exit codes; argparse ends with 2
 PARTS = {
     "exudyn": (exudyn_comparison.run, "cost of a step, ours and Exudyn's on the same mesh, and how far they are apart"),
     "scaling": (scaling.run, "cost over 12 to 3200 elements and 1 to 200 carriages, with fitted exponents"),
@@ -83,4 +83,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -8,6 +8,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from rich.progress import Progress
@@ -68,17 +69,12 @@ def _start(code: str, kernels: str | None) -> dict[str, float]:
     """
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]))
     environment |= {"NUMBA_CACHE_DIR": kernels} if kernels is not None else {}
-    timed = (
-        "import subprocess, sys, time; start = time.perf_counter(); "
-        "result = subprocess.run(sys.argv[1:], capture_output=True, text=True, check=True); "
-        "print(time.perf_counter() - start); print(result.stdout)"
-    )
     command = [sys.executable, "-c", TIME_CODE.format(code=code) + READ_MEMORY]
-    outer = subprocess.run(
-        [sys.executable, "-c", timed, *command], env=environment, capture_output=True, text=True, check=True
-    )
-    process, inside, memory = outer.stdout.split(maxsplit=2)
-    return {"process": float(process), "inside": float(inside), **json.loads(memory)}
+    start = time.perf_counter()
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    process = time.perf_counter() - start
+    inside, memory = result.stdout.split(maxsplit=1)
+    return {"process": process, "inside": float(inside), **json.loads(memory)}
 
 
 def _row(name: str, results: list[dict[str, float]]) -> dict[str, Value]:
