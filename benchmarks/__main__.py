@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from benchmarks import accuracy, exudyn_comparison, frame, scaling, startup
 from benchmarks.report import merge, print_part, write
 
-FILE_WIDTH = 110  # columns where the output is no terminal
+FILE_WIDTH = 120  # columns where the output is no terminal
 DONE, FAILED, INTERRUPTED = 0, 1, 130  # exit codes; argparse ends with 2
 PARTS = {
     "exudyn": (exudyn_comparison.run, "cost of a step, ours and Exudyn's on the same mesh, and how far they are apart"),

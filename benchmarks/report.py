@@ -10,6 +10,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.markdown import Markdown
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from benchmarks.measure import machine
@@ -64,10 +65,11 @@ def print_part(part: Part, console: Console) -> None:
     """Print the tables and notes of a part."""
     console.print(f"\n[bold]{part.title}[/bold]")
     for table in part.tables:
-        shown = RichTable(title=table.title, title_justify="left")
+        shown = RichTable(title=escape(table.title), title_justify="left")
         for key in table.rows[0]:
             words = any(isinstance(row[key], str) for row in table.rows)
-            shown.add_column(key, justify="left" if words else "right", no_wrap=words)
+            heading = escape(key)  # a unit in brackets is no markup
+            shown.add_column(heading, justify="left" if words else "right", no_wrap=words)
         for row in table.rows:
             shown.add_row(*map(text, row.values()))
         console.print(shown)

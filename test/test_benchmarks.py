@@ -42,6 +42,7 @@ def test_moves_as_exudyn_does(tmp_path):
 
     part = json.loads((tmp_path / "benchmarks.json").read_text())["exudyn"]
     assert part["faults"] == []
+    assert "[ms]" in result.stdout
     summary, *tables = part["tables"]
     assert [row["case"] for row in summary["rows"]] == [
         "seed example, 24 elements",
