@@ -8,15 +8,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
 from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.counterweight import counterweight_motion
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import advance
 from cable_twin.mechanics.modes import natural_modes
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
-from cable_twin.mechanics.runge_kutta import advance_explicitly, stable_step
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, copy_state
+from cable_twin.mechanics.runge_kutta import stable_step
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.mechanics.support import tower_forces
 from cable_twin.records import (
     AppliedCommand,
@@ -33,7 +33,6 @@ from cable_twin.records import (
 )
 from cable_twin.scenario import Scenario, build_system
 
-INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 SAMPLES = 200  # points at which a snapshot holds the cable
 
@@ -68,12 +67,13 @@ class Simulation:
             self._state.sliding_coordinate[index] = carriage.arc_length
             if carriage.joint == "sliding":
                 self._state.drive_mode[index] = DRIVE_MODES[carriage.drive.mode]
-        if scenario.cable.initial_shape == "straight":
-            ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
-            lay_straight(self.system, self._state, ends[0], ends[1])
-        else:
-            check_rest(self.system, tuple(scenario.towers))
-            settle(self.system, self._state, self._work)
+        with compiling_ahead(scenario.solver.integrator):
+            if scenario.cable.initial_shape == "straight":
+                ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
+                lay_straight(self.system, self._state, ends[0], ends[1])
+            else:
+                check_rest(self.system, tuple(scenario.towers))
+                settle(self.system, self._state, self._work)
         self._initial = clone_state(self._state)
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
@@ -154,7 +154,8 @@ class Simulation:
         else:
             self._stopped = False
             clock = int(self._state.clock[0])
-            copy_state(self._initial, self._state)
+            for array, start in zip(self._state, self._initial, strict=True):
+                array[...] = start  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
         applied = AppliedCommand(self.time, command, source)
         self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
@@ -187,7 +188,7 @@ class Simulation:
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
                 f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
-                f"allowed are {self.system.solver.tolerance:g} m; "
+                f"an error of {self.system.solver.tolerance:g} m may be left; "
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot

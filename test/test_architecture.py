@@ -16,12 +16,13 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
-BELOW_RECORDING = ("messages", "records", "simulation", "mechanics", *SCENARIO)
+BELOW_RECORDING = ("messages", "records", "simulation", "first_compilation", "mechanics", *SCENARIO)
 ALLOWED = {
     "mechanics": (),
     "records": (),
     **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
-    "simulation": ("mechanics", "records", *SCENARIO),
+    "first_compilation": ("mechanics", *SCENARIO),
+    "simulation": ("first_compilation", "mechanics", "records", *SCENARIO),
     "messages": ("records",),
     "recording": ("messages", "records", "simulation", *SCENARIO),
     "ros": ("recording", *BELOW_RECORDING),

@@ -16,8 +16,9 @@ from __future__ import annotations
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.counterweight import add_counterweights
+from cable_twin.mechanics.memory import clear_array, copy_array
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
@@ -45,7 +46,7 @@ from cable_twin.mechanics.vectors import (
 )
 
 
-@kernel
+@inlined_kernel
 def measure_gaps(system, state, work, place):
     """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
 
@@ -82,7 +83,7 @@ def measure_gap_accelerations(system, state, feedback, work):
             work.sliding_increment[carriage] = state.reference[carriage, 2]
 
 
-@kernel
+@inlined_kernel
 def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of rows 1-4, carriages eliminated; needs the gaps measured.
 
@@ -105,7 +106,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     hold_supports(cable, work)
 
 
-@kernel
+@inlined_kernel
 def add_loads(cable, state, stiffness_factor, work):
     """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
     like = cable.gravity
@@ -162,7 +163,7 @@ def hold_supports(cable, work):
             accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])
 
 
-@kernel
+@inlined_kernel
 def solve(system, state, work):
     """Solve for all increments: nodal ones in `right_side`, the others in `*_increment`; multipliers are updated.
 
@@ -188,13 +189,13 @@ def solve_accelerations(system, state, feedback, work):
     Returns:
         False when the system has no solution.
     """
-    state.nodal_accelerations[:] = 0.0
-    state.body_accelerations[:] = 0.0
+    clear_array(state.nodal_accelerations)
+    clear_array(state.body_accelerations)
     measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):
         return False
-    state.nodal_accelerations[:] = work.right_side
-    state.body_accelerations[:] = work.body_increment
-    state.sliding_acceleration[:] = work.sliding_increment
+    copy_array(work.right_side, state.nodal_accelerations)
+    copy_array(work.body_increment, state.body_accelerations)
+    copy_array(work.sliding_increment, state.sliding_acceleration)
     return True

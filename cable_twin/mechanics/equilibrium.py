@@ -10,8 +10,10 @@ from cable_twin.mechanics.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
+from cable_twin.mechanics.memory import combine_arrays
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
-from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
+from cable_twin.mechanics.readout import sample_positions
+from cable_twin.mechanics.sliding_joint import driven_force
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
 from cable_twin.mechanics.support import settle_supports
 
@@ -39,24 +41,24 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     return rest_over_supports(system).place(arc_lengths)
 
 
-@kernel
-def hang_carriages(system, state):
-    """Put every chain below its place on the cable, each body upright."""
+def hang_carriages(system: System, state: State) -> None:
+    """Place all bodies upright below their joints."""
     carriages = system.carriages
-    for carriage in range(carriages.fixed.size):
-        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+    places = np.empty((carriages.fixed.size, len(system.cable.gravity)))
+    sample_positions(system.cable, state, state.sliding_coordinate, places)
+    for carriage, place in enumerate(places):
         x, z = place[0], place[1]
         for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
-            state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
-            state.body_coordinates[body, 2] = 0.0
-            x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
-            z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+            x, z = x - carriages.upper_pivot[body, 0], z - carriages.upper_pivot[body, 1]
+            state.body_coordinates[body] = x, z, 0.0
+            x, z = x + carriages.lower_pivot[body, 0], z + carriages.lower_pivot[body, 1]
 
 
 @kernel
 def relax(system, state, good, work, max_relaxations, tolerance):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
+
+    All joints are driven ones; their drive forces are left in `drive_force`.
 
     Returns:
         Number of iterations used (max_relaxations when it failed) and the last increment (m).
@@ -80,9 +82,11 @@ def relax(system, state, good, work, max_relaxations, tolerance):
             copy_state(good, state)
             mass_factor *= 8.0
             continue
-        state.nodal_coordinates[:] += work.right_side
-        state.body_coordinates[:] += work.body_increment
+        combine_arrays(state.nodal_coordinates, 1.0, work.right_side, state.nodal_coordinates)
+        combine_arrays(state.body_coordinates, 1.0, work.body_increment, state.body_coordinates)
         if increment < tolerance and mass_factor <= smallest:
+            for carriage in range(state.drive_mode.size):
+                state.drive_force[carriage] = driven_force(system, state, carriage)
             return iteration + 1, increment
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -190,7 +194,5 @@ def settle(system: System, state: State, work: Workspace) -> None:
     state.support_origin[:] = state.support_arc_length
     settle_supports(cable, supports, state)
     state.tower_load[:, 1] = state.tower_load[:, 0]
-    for carriage in range(state.drive_mode.size):
-        held = modes[carriage] == SPEED
-        state.drive_force[carriage] = driven_force(system, state, carriage) if held else 0.0
+    state.drive_force[modes != SPEED] = 0.0
     state.drive_mode[:] = modes

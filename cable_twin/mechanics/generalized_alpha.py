@@ -6,16 +6,20 @@ One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, with the update
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.memory import flat
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
 from cable_twin.mechanics.support import settle_supports
+
+REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is measured again now and then
+LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
 class Outcome(NamedTuple):
@@ -51,7 +55,7 @@ def coefficients(spectral_radius):
 @kernel
 def predict(c, h, coordinates, velocities, accelerations, algorithmic):
     """Start of the iteration for one set of coordinates: the acceleration of the step before goes on."""
-    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
+    x, v, q_ddot, a = flat(coordinates), flat(velocities), flat(accelerations), flat(algorithmic)
     for i in range(x.size):
         after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
         x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
@@ -62,8 +66,8 @@ def predict(c, h, coordinates, velocities, accelerations, algorithmic):
 @kernel
 def correct(c, h, increments, coordinates, velocities, accelerations, algorithmic):
     """Apply Newton increments (m, rad) to one set of coordinates."""
-    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
-    delta = increments.ravel()
+    x, v, q_ddot, a = flat(coordinates), flat(velocities), flat(accelerations), flat(algorithmic)
+    delta = flat(increments)
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
     by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
@@ -108,9 +112,13 @@ def worst_element(work):
     return min(place, work.right_side.shape[0] - 2)
 
 
-@kernel
+@inlined_kernel
 def step(system, state, h, work):
-    """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m)."""
+    """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m).
+
+    An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
+    measured whenever there is a second iteration, and remembered from step to step.
+    """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
     for carriage in range(system.carriages.fixed.size):
@@ -125,7 +133,8 @@ def step(system, state, h, work):
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
-    increment = 0.0
+    increment, before = 0.0, 0.0
+    curvature = REFRESH * state.newton_curvature[0] if state.newton_curvature[0] > 0.0 else inf
     for iteration in range(1, solver.max_iterations + 1):
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, rate_factor, 1.0, work)
@@ -153,7 +162,11 @@ def step(system, state, h, work):
             state.body_algorithmic,
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
-        if increment < solver.tolerance:
+        if iteration == 2 and before > 0.0:
+            curvature = max(increment / (before * before), LEAST_CURVATURE)
+        before = increment
+        if curvature * increment * increment < solver.tolerance or increment == 0.0:
+            state.newton_curvature[0] = curvature
             gap = measure_gaps(system, state, work, True)
             for carriage in range(system.carriages.fixed.size):
                 settle_friction(system.carriages, state, carriage)
@@ -162,7 +175,7 @@ def step(system, state, h, work):
     return False, solver.max_iterations, increment, 0.0
 
 
-@kernel
+@inlined_kernel
 def predict_sliding(state, h):
     """Start of the iteration for the sliding coordinates, which have no inertia: at constant acceleration."""
     for carriage in range(state.sliding_coordinate.size):
@@ -174,7 +187,7 @@ def predict_sliding(state, h):
             state.sliding_coordinate[carriage] = state.reference[carriage, 0]
 
 
-@kernel
+@inlined_kernel
 def correct_sliding(state, rate_factor, acceleration_factor, work):
     """Apply Newton increments (m) to the sliding coordinates."""
     for carriage in range(state.sliding_coordinate.size):
@@ -192,30 +205,39 @@ def limited_step(system, state, before, h, work):
     A drive that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at
     the start of the step.
     """
-    converged, iterations, increment, gap = step(system, state, h, work)
+    iterations = 0
+    for attempt in range(2):
+        converged, used, increment, gap = step(system, state, h, work)
+        iterations += used
+        if attempt == 1 or not converged or not find_saturated(system, state, before, work):
+            break
+        copy_state(before, state)
+        for carriage in range(system.carriages.fixed.size):
+            if work.saturation[carriage] != 0.0:
+                state.drive_mode[carriage] = FORCE
+                state.drive_force[carriage] = work.saturation[carriage]
+    if attempt == 1:
+        for carriage in range(system.carriages.fixed.size):
+            if work.saturation[carriage] != 0.0:
+                state.drive_mode[carriage] = SPEED
+                state.reference[carriage, 0] = state.sliding_coordinate[carriage]
+                state.reference[carriage, 1] = state.sliding_velocity[carriage]
+                state.reference[carriage, 2] = 0.0
+    return converged, iterations, increment, gap
+
+
+@kernel
+def find_saturated(system, state, before, work):
+    """Whether a drive takes more than its limit; `saturation` is what it may give then (N), and 0 for the others."""
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if converged and before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
+        if before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
             force, limit = driven_force(system, state, carriage), system.carriages.force_limit[carriage]
             if abs(force) > limit and not system.carriages.fixed[carriage]:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
                 saturated = True
-    if not saturated:
-        return converged, iterations, increment, gap
-    copy_state(before, state)
-    for carriage in range(system.carriages.fixed.size):
-        if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = FORCE
-            state.drive_force[carriage] = work.saturation[carriage]
-    converged, more, increment, gap = step(system, state, h, work)
-    for carriage in range(system.carriages.fixed.size):
-        if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = SPEED
-            state.reference[carriage, 0] = state.sliding_coordinate[carriage]
-            state.reference[carriage, 1] = state.sliding_velocity[carriage]
-            state.reference[carriage, 2] = 0.0
-    return converged, iterations + more, increment, gap
+    return saturated
 
 
 @kernel

@@ -94,7 +94,7 @@ class Solver(NamedTuple):
 
     step: float  # h, s
     spectral_radius: float  # rho_inf of generalized-alpha, -
-    tolerance: float  # m, largest Newton increment of a position that ends the iteration
+    tolerance: float  # m, estimated error of a position at which the Newton iteration ends
     max_iterations: int  # Newton iterations before a step is halved
     max_halvings: int  # how often a step may be halved before it fails
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import exp, sqrt
 
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
@@ -148,7 +148,7 @@ def settle_friction(carriages, state, carriage):
     state.friction_origin[carriage] = state.sliding_coordinate[carriage]
 
 
-@kernel
+@inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
@@ -193,25 +193,26 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 
     d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
-    for i in range(4):
-        store(
-            add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), work.sliding_row[carriage, i]
-        )
     diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
     for i in range(4):
-        side, slot = i // 2, i % 2
+        row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
+        store(row, rows[carriage, i])
         column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
-        accumulate(scale(-1.0, pull), right_side[element + side, slot])
-        for j in range(4):
-            if j // 2 == side:
-                target = diagonal[element + side, slot, j % 2]
-            elif side == 0:
-                target = upper[element, slot, j % 2]
-            else:
-                target = lower[element, slot, j % 2]
-            row = load(rows[carriage, j], like)
-            accumulate(minus(full(shape[i] * shape[j], d, 0.0), outer(1.0 / pivot, column, row)), target)
+        accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
+    for i in range(2):
+        column_a = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        column_b = add_scaled(shape[i + 2], d_r_x, scale(stiffness_factor * shape_x[i + 2], force))
+        for j in range(2):
+            row_a, row_b = load(rows[carriage, j], like), load(rows[carriage, j + 2], like)
+            block = full(shape[i] * shape[j], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_a, row_a)), diagonal[element, i, j])
+            block = full(shape[i] * shape[j + 2], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_a, row_b)), upper[element, i, j])
+            block = full(shape[i + 2] * shape[j], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_b, row_a)), lower[element, i, j])
+            block = full(shape[i + 2] * shape[j + 2], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_b, row_b)), diagonal[element + 1, i, j])
 
 
 @kernel

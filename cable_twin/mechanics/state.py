@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.lanes import WIDTH
+from cable_twin.mechanics.memory import copy_array
 from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, System
 
 
@@ -41,6 +43,7 @@ class State(NamedTuple):
     support_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
     support_origin: FloatArray  # (contacts,) m, arc length at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
+    newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
@@ -50,6 +53,7 @@ class Workspace(NamedTuple):
     diagonal: FloatArray  # (nodes, 2, 2, dim²): matrices of r and r_x against r and r_x
     upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
     lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
+    group: FloatArray  # (4 dim + 10 dim², WIDTH), residual and tangent of a group of elements
     right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
     joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
     body_residual: FloatArray  # (bodies, 3)
@@ -97,6 +101,7 @@ def allocate_state(system: System) -> State:
         support_deflection=np.zeros(contacts),
         support_origin=np.zeros(contacts),
         tower_load=np.zeros((system.supports.top.shape[0], 2)),
+        newton_curvature=np.zeros(1),
         clock=np.zeros(1, dtype=np.int64),
     )
 
@@ -109,6 +114,7 @@ def allocate_workspace(system: System) -> Workspace:
         diagonal=np.zeros((nodes, 2, 2, dim * dim)),
         upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
         lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
+        group=np.zeros((4 * dim + 10 * dim * dim, WIDTH)),
         right_side=np.zeros((nodes, 2, dim)),
         joint_gap=np.zeros((bodies, 2)),
         body_residual=np.zeros((bodies, 3)),
@@ -134,28 +140,29 @@ def clone_state(state: State) -> State:
 @kernel
 def copy_state(source, target):
     """Write every array of `source` into `target`."""
-    target.nodal_coordinates[:] = source.nodal_coordinates
-    target.nodal_velocities[:] = source.nodal_velocities
-    target.nodal_accelerations[:] = source.nodal_accelerations
-    target.nodal_algorithmic[:] = source.nodal_algorithmic
-    target.body_coordinates[:] = source.body_coordinates
-    target.body_velocities[:] = source.body_velocities
-    target.body_accelerations[:] = source.body_accelerations
-    target.body_algorithmic[:] = source.body_algorithmic
-    target.sliding_coordinate[:] = source.sliding_coordinate
-    target.sliding_velocity[:] = source.sliding_velocity
-    target.sliding_acceleration[:] = source.sliding_acceleration
-    target.sliding_element[:] = source.sliding_element
-    target.friction_deflection[:] = source.friction_deflection
-    target.friction_origin[:] = source.friction_origin
-    target.multipliers[:] = source.multipliers
-    target.drive_force[:] = source.drive_force
-    target.drive_mode[:] = source.drive_mode
-    target.drive_target[:] = source.drive_target
-    target.drive_braking[:] = source.drive_braking
-    target.reference[:] = source.reference
-    target.support_arc_length[:] = source.support_arc_length
-    target.support_deflection[:] = source.support_deflection
-    target.support_origin[:] = source.support_origin
-    target.tower_load[:] = source.tower_load
-    target.clock[:] = source.clock
+    copy_array(source.nodal_coordinates, target.nodal_coordinates)
+    copy_array(source.nodal_velocities, target.nodal_velocities)
+    copy_array(source.nodal_accelerations, target.nodal_accelerations)
+    copy_array(source.nodal_algorithmic, target.nodal_algorithmic)
+    copy_array(source.body_coordinates, target.body_coordinates)
+    copy_array(source.body_velocities, target.body_velocities)
+    copy_array(source.body_accelerations, target.body_accelerations)
+    copy_array(source.body_algorithmic, target.body_algorithmic)
+    copy_array(source.sliding_coordinate, target.sliding_coordinate)
+    copy_array(source.sliding_velocity, target.sliding_velocity)
+    copy_array(source.sliding_acceleration, target.sliding_acceleration)
+    copy_array(source.sliding_element, target.sliding_element)
+    copy_array(source.friction_deflection, target.friction_deflection)
+    copy_array(source.friction_origin, target.friction_origin)
+    copy_array(source.multipliers, target.multipliers)
+    copy_array(source.drive_force, target.drive_force)
+    copy_array(source.drive_mode, target.drive_mode)
+    copy_array(source.drive_target, target.drive_target)
+    copy_array(source.drive_braking, target.drive_braking)
+    copy_array(source.reference, target.reference)
+    copy_array(source.support_arc_length, target.support_arc_length)
+    copy_array(source.support_deflection, target.support_deflection)
+    copy_array(source.support_origin, target.support_origin)
+    copy_array(source.tower_load, target.tower_load)
+    copy_array(source.newton_curvature, target.newton_curvature)
+    copy_array(source.clock, target.clock)

@@ -61,7 +61,7 @@ def start_run(
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = _open_view(scenario, directory / f"{directory.name}.rrd", live=live)
+            view = open_view(scenario, directory / f"{directory.name}.rrd", live=live)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
@@ -72,7 +72,8 @@ def start_run(
     return Run(directory, recorder, view.url if view is not None else None)
 
 
-def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
+def open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
+    """Open the rerun recording of a scenario at `path`, or its live view, with a shape for every body."""
     from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
 
     outlines = {

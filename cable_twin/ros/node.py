@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -58,6 +59,7 @@ SERVICE_TIMEOUT = 5.0  # s
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
+FIRST_FRAME_TIMEOUT = 2.0  # s that time waits for the logs to take the first frame
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
@@ -135,6 +137,10 @@ class TwinNode(Node):
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
+        self._publish_frame(self._simulation.snapshot)
+        self._await_recorder()
+        gc.collect()  # before time runs, not beside it
+        gc.freeze()  # what stays to the end need not be looked through between two frames
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
         names = ", ".join(self._simulation.carriages)
@@ -225,6 +231,12 @@ class TwinNode(Node):
         live = f"; live view: rerun {self._run.live_url}" if self._run.live_url else ""
         self.get_logger().info(f"log: {self._run.directory}{live}")
         self._report_recording_faults()
+
+    def _await_recorder(self) -> None:
+        """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
+        deadline = time.monotonic() + FIRST_FRAME_TIMEOUT
+        while self._run is not None and not self._run.recorder.idle and time.monotonic() < deadline:
+            time.sleep(0.005)
 
     def _publish_frame(self, snapshot: Snapshot) -> None:
         """Build the messages of a frame once; publish and record the same bytes."""
@@ -339,7 +351,8 @@ class TwinNode(Node):
 
     def _publish_diagnostics(self) -> None:
         statistics = self._loop.take_statistics().summary()
-        values: dict[str, str] = {key: f"{value:.6g}" for key, value in statistics.items()}
+        total = {f"total_{key}": value for key, value in self._loop.total_lateness.summary().items()}
+        values: dict[str, str] = {key: f"{value:.9g}" for key, value in {**statistics, **total}.items()}
         values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
         values["commands_applied"] = str(self._commands_applied)
         values["commands_refused"] = str(self._refused)
