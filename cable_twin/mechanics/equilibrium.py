@@ -7,6 +7,7 @@ from math import isfinite
 import numpy as np
 from scipy.optimize import root
 
+from cable_twin.mechanics.carriage import hang_chain, move_chain
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
@@ -95,13 +96,9 @@ def hang_carriages(system, state):
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
         place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
-        x, z = place[0], place[1]
-        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
-            state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
-            state.body_coordinates[body, 2] = 0.0
-            x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
-            z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+        hang_chain(carriages, state, carriage, place[0], place[1])
+        if not state.attached[carriage]:
+            move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
 
 
 @kernel
@@ -196,7 +193,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
     for array in state[:-1]:
-        if array is not state.sliding_coordinate and array is not state.drive_mode:
+        if not any(array is given for given in (state.sliding_coordinate, state.drive_mode, state.attached)):
             array[:] = 0
     state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
     state.friction_origin[:] = state.sliding_coordinate
@@ -215,6 +212,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"allowed are {tolerance:.3g} m"
         )
     for carriage in range(state.drive_mode.size):
-        held = modes[carriage] == SPEED
+        held = modes[carriage] == SPEED and state.attached[carriage]
         state.drive_force[carriage] = driven_force(system, state, carriage) if held else 0.0
     state.drive_mode[:] = modes

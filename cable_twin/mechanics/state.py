@@ -37,6 +37,10 @@ class State(NamedTuple):
     drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
     drive_braking: NDArray[np.bool_]  # (carriages,) the emergency deceleration is in force
     reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
+    attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
+    rope: FloatArray  # (3,) cable that has gone by (m), its speed (m/s) and acceleration (m/s²), towards the end
+    rope_target: FloatArray  # (1,) m/s
+    rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
@@ -66,7 +70,8 @@ def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
-    modes = np.where(system.carriages.fixed, SPEED, FREE).astype(np.int64)
+    driven = system.carriages.fixed | system.carriages.clamped
+    modes = np.where(driven, SPEED, FREE).astype(np.int64)
     return State(
         nodal_coordinates=np.zeros((nodes, 2, dim)),
         nodal_velocities=np.zeros((nodes, 2, dim)),
@@ -88,6 +93,10 @@ def allocate_state(system: System) -> State:
         drive_target=np.zeros(carriages),
         drive_braking=np.zeros(carriages, dtype=np.bool_),
         reference=np.zeros((carriages, 3)),
+        attached=np.ones(carriages, dtype=np.bool_),
+        rope=np.zeros(3),
+        rope_target=np.zeros(1),
+        rope_braking=np.zeros(1, dtype=np.bool_),
         clock=np.zeros(1, dtype=np.int64),
     )
 
@@ -145,4 +154,8 @@ def copy_state(source, target):
     target.drive_target[:] = source.drive_target
     target.drive_braking[:] = source.drive_braking
     target.reference[:] = source.reference
+    target.attached[:] = source.attached
+    target.rope[:] = source.rope
+    target.rope_target[:] = source.rope_target
+    target.rope_braking[:] = source.rope_braking
     target.clock[:] = source.clock

@@ -82,7 +82,7 @@ def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
             )
             for name, body in parameters.bodies.items()
         }
-        for carriage, parameters in scenario.carriages.items()
+        for carriage, parameters in scenario.vehicles.items()
     }
     return RerunView(scenario.name, outlines, path=path, live=live)
 
