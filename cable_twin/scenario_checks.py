@@ -356,8 +356,8 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     elif scenario.loop_length < length:
         yield Fault(
             ("carriers", "count"),
-            f"given {carriers.count!r} every {carriers.spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; allowed: "
-            f"at least {ceil(length / carriers.spacing - 1e-9)}, for a loop no shorter than the cable of {length:.9g} m",
+            f"given {carriers.count!r} every {carriers.spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; "
+            f"allowed: at least {ceil(length / carriers.spacing - 1e-9)}, for the cable of {length:.9g} m to fit in",
         )
     if carriers.first is not None and carriers.first > scenario.loop_length:
         yield Fault(

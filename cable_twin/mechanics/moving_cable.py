@@ -1,9 +1,9 @@
 """A cable that moves along itself on a mesh that stands still, and what is clamped to it.
 
-This is the arbitrary Lagrangian-Eulerian description. The arc length of the mesh stays between the held ends; cable goes by at v (m/s of unstrained length, the same
-everywhere). A point of the cable has the velocity r_t + v r_x and the acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x.
-What is clamped to it is a driven joint at s = s_0 + ∫ v dt on the loop of which the mesh is the first part. Beyond the
-mesh it hangs at rest in the nearer station and takes no part.
+The description is arbitrary Lagrangian-Eulerian: the arc length of the mesh stays between the held ends, and the cable
+goes by at v (m/s of unstrained length, the same everywhere). A point of the cable has the velocity r_t + v r_x and the
+acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x. What is clamped to it is a driven joint at s = s_0 + ∫ v dt on a loop
+of which the mesh is the first part. Beyond the mesh it hangs at rest in the nearer station and takes no part.
 """
 
 from __future__ import annotations
