@@ -10,10 +10,18 @@ from __future__ import annotations
 
 from math import floor, inf
 
+from cable_twin.mechanics.cable_element import chord_and_slopes, combine
 from cable_twin.mechanics.carriage import hang_chain, move_chain
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import ramp
-from cable_twin.mechanics.shape_functions import FLOW, SLOPE, shape_functions, shape_functions_x
+from cable_twin.mechanics.shape_functions import (
+    FLOW,
+    FLOW_OF_CHORD,
+    SLOPE,
+    SLOPE_OF_CHORD,
+    shape_functions,
+    shape_functions_x,
+)
 from cable_twin.mechanics.sliding_joint import (
     interpolate,
     joint_place,
@@ -22,7 +30,7 @@ from cable_twin.mechanics.sliding_joint import (
     position_on_cable,
     velocity_acceleration,
 )
-from cable_twin.mechanics.vectors import add_scaled, dot, load
+from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, load, scale
 
 
 @kernel
@@ -37,29 +45,33 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
     speed, rate = state.rope[1], state.rope[2]
     if speed == 0.0 and rate == 0.0:
         return
-    coriolis = 2.0 * cable.mass_per_length * speed
-    along = cable.mass_per_length * rate
-    centrifugal = cable.mass_per_length * speed * speed / length
-    dim = state.nodal_coordinates.shape[2]
+    mass = cable.mass_per_length
+    by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed / length
+    right_side = work.right_side
     for element in range(cable.element_count):
+        d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+        d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+        d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
+        a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
+        b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
         for i in range(4):
-            right = work.right_side[element + i // 2, i % 2]
-            for j in range(4):
-                lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
-                on_velocity = lengths * coriolis * FLOW[i][j]
-                on_place = lengths * (along * FLOW[i][j] - centrifugal * SLOPE[i][j])
-                place = state.nodal_coordinates[element + j // 2, j % 2]
-                velocity = state.nodal_velocities[element + j // 2, j % 2]
-                if i // 2 == j // 2:
-                    target = work.diagonal[element + i // 2, i % 2, j % 2]
-                elif i < j:
-                    target = work.upper[element, i % 2, j % 2]
-                else:
-                    target = work.lower[element, i % 2, j % 2]
-                stiff = rate_factor * on_velocity + stiffness_factor * on_place
-                for axis in range(dim):
-                    right[axis] -= on_velocity * velocity[axis] + on_place * place[axis]
-                    target[axis * (dim + 1)] += stiff
+            flow = combine(FLOW_OF_CHORD[i], d_flow, a_flow, b_flow)
+            force = add_scaled(by_slope, combine(SLOPE_OF_CHORD[i], d, a, b), flow)
+            accumulate(scale(-length if i % 2 else -1.0, force), right_side[element + i // 2, i % 2])
+    on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
+    for i in range(4):
+        for j in range(4):
+            lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
+            stiff = lengths * (on_flow * FLOW[i][j] + on_slope * SLOPE[i][j])
+            if i // 2 == j // 2:
+                blocks = work.diagonal[i // 2 : cable.element_count + i // 2]
+            elif i < j:
+                blocks = work.upper
+            else:
+                blocks = work.lower
+            for element in range(cable.element_count):
+                for axis in range(right_side.shape[2]):
+                    blocks[element, i % 2, j % 2, axis * (right_side.shape[2] + 1)] += stiff
 
 
 @kernel

@@ -66,6 +66,9 @@ SLOPE = (
     (-6 / 5, -1 / 10, 6 / 5, -1 / 10),
     (1 / 10, -1 / 30, -1 / 10, 2 / 15),
 )
+# The same of chord and slopes, d, A and B: a row's coefficients of r_A and r_B are opposite.
+FLOW_OF_CHORD = tuple((row[2], row[1], row[3]) for row in FLOW)
+SLOPE_OF_CHORD = tuple((row[2], row[1], row[3]) for row in SLOPE)
 
 
 @kernel

@@ -33,6 +33,7 @@ FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
 CLOSE_UPS = 6  # of carriages, where there are more than that
+LEGEND_LINES = 12  # of a plot, up to which it has a legend
 LABELS = 8  # carriages up to which each has its name beside it
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
 COLOR_STOPS = (0x3B8BFFFF, 0x35C9E0FF, 0x6FE08AFF, 0xF4E04DFF, 0xFF9838FF, 0xFF4338FF)
@@ -358,7 +359,7 @@ class RerunView:
             row += (speed, self._commanded.get(name, np.nan))
         row += (tensions.max() * scale, tensions[0] * scale, tensions[-1] * scale)
         for state in snapshot.carriages.values():
-            row += [body.pitch * _DEGREES for body in state.bodies.values()]
+            row += [body.pitch * _DEGREES if state.attached else np.nan for body in state.bodies.values()]
         row += [force * scale for _, _, force in driven.values()]
         return row
 
@@ -404,7 +405,7 @@ class RerunView:
         lines = [f"## {self._title}", f"| time | {snapshot.time:.2f} s |", "| :-- | --: |"]
         for name, (place, speed, force) in _driven(snapshot).items():
             lines += (
-                f"| {name} at | **{place:.2f} m** |",
+                f"| {name} {'by' if snapshot.drives else 'at'} | **{place:.2f} m** |",
                 f"| speed | **{speed:.2f} m/s** |",
                 f"| drive force | **{force * scale:.3g} {unit}** |",
             )
@@ -544,7 +545,7 @@ class RerunView:
             name=title,
             origin=path,
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=lines > 1),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=1 < lines <= LEGEND_LINES),
             time_ranges=window,
         )
 

@@ -110,11 +110,15 @@ class _Driver:
                     f"no twin listens on {self._topic} after {DISCOVERY:g} s: is `sim` running, "
                     "with the same ROS_DOMAIN_ID?"
                 )
-        carriages = {name: one.get("drive", {}) for name, one in self._scenario["carriages"].items()}
+        carriages = {
+            name: one.get("drive", {})
+            for name, one in self._scenario["carriages"].items()
+            if one.get("joint") != "clamped"  # goes with the cable
+        }
         drives = carriages | self._scenario.get("drives", {})
         name = self._options.name
         if name not in drives:
-            return f"the twin has no carriage '{name}'; it has: {', '.join(drives) or 'none'}"
+            return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
         quantity, unit, value = self._command
         if quantity == "force" and name not in carriages:
             return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
