@@ -254,3 +254,20 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
     assert state.rope[0] == pytest.approx(8.0 * direction)
     gaps = (np.diff([loop_coordinate(system, state, k) for k in range(5)])) % 5.0
     np.testing.assert_allclose(gaps, 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_loop_no_longer_than_the_cable_has_every_carrier_on_it(direction):
+    """What leaves at one end is on again at the other within the same step, and hangs at rest in no station."""
+    system, state, work = loop([0.3, 1.0, 1.7], speed=direction, mass=np.full(3, 0.3))
+    system = system._replace(haul_rope=MOVING._replace(loop_length=2.1))
+    good, before = clone_state(state), clone_state(state)
+    passed = 0
+    places = state.sliding_coordinate.copy()
+    for _ in range(300):
+        assert advance(system, state, good, before, work, 10).converged
+        assert state.attached.all()
+        np.testing.assert_allclose(state.sliding_velocity, direction)
+        passed += int(np.sum(np.abs(state.sliding_coordinate - places) > 1.0))
+        places = state.sliding_coordinate.copy()
+    assert passed == 4  # 3 m go by
