@@ -303,6 +303,10 @@ def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Faul
             (*path, "arc_length"),
             f"given {carriage.arc_length!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop of the cable",
         )
+    for key in ("rolling", "viscous"):
+        if getattr(carriage.friction, key) > 0.0:
+            given = getattr(carriage.friction, key)
+            yield Fault((*path, "friction", key), f"given {given!r}; allowed: 0, what is clamped does not slide")
     if carriage.drive.mode not in (None, "free"):
         yield Fault(
             (*path, "drive", "mode"),

@@ -85,6 +85,11 @@ FAULTS = [
     ),
     (
         "carriages",
+        {"car": {"arc_length": 5.0, "joint": "clamped", "friction": {"rolling": 0.1}, "bodies": {"car": CHAIR}}},
+        "given 0.1; allowed: 0, what is clamped does not slide",
+    ),
+    (
+        "carriages",
         {"haul_rope": {"arc_length": 5.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
         "given the name of a carriage; allowed: another one, for commands name both",
     ),
