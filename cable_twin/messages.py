@@ -136,16 +136,18 @@ class MessageEncoder:
     The encoder remembers when it last gave the cable path, so frames have to come in the order of their time.
     """
 
-    def __init__(self, carriages: Mapping[str, Sequence[str]], epoch_ns: int) -> None:
+    def __init__(self, carriages: Mapping[str, Sequence[str]], epoch_ns: int, drives: Sequence[str] = ()) -> None:
         """Prepare what stays the same.
 
         Args:
             carriages: Names of the bodies by name of their carriage, in the order of the scenario.
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
+            drives: Names of the drives that move a cable.
         """
         self.epoch_ns = epoch_ns
         self._carriages = {name: tuple(bodies) for name, bodies in carriages.items()}
-        self._joints = [*self._carriages]
+        self._drives = tuple(drives)
+        self._joints = [*self._carriages, *self._drives]
         self._joints += [f"{name}/{body}" for name, bodies in self._carriages.items() for body in bodies]
         self._path_period = -1  # index of the period of simulated time in which the path was last given
         self._path: _PathTemplate | None = None
@@ -198,12 +200,16 @@ class MessageEncoder:
 
     def _joint_states(self, snapshot: Snapshot, header: Header) -> bytes:
         states = [snapshot.carriages[name] for name in self._carriages]
+        drives = [snapshot.drives[name] for name in self._drives]
         bodies = [
             state.bodies[body] for state, names in zip(states, self._carriages.values(), strict=True) for body in names
         ]
-        position = np.array([state.arc_length for state in states] + [body.pitch for body in bodies])
-        velocity = np.array([state.speed for state in states] + [body.pitch_rate for body in bodies])
-        effort = np.array([state.drive_force for state in states] + [0.0] * len(bodies))
+        places = [state.arc_length for state in states] + [drive.position for drive in drives]
+        speeds = [state.speed for state in states] + [drive.speed for drive in drives]
+        forces = [state.drive_force for state in states] + [drive.force for drive in drives]
+        position = np.array(places + [body.pitch for body in bodies])
+        velocity = np.array(speeds + [body.pitch_rate for body in bodies])
+        effort = np.array(forces + [0.0] * len(bodies))
         return serialize(JointState(header, self._joints, position, velocity, effort))
 
     def _cable_path(self, cable: CableSamples, stamp_ns: int) -> bytes:
@@ -351,7 +357,7 @@ def command_from_joint_state(
         CommandError: What was given has no clear meaning.
     """
     if not len(names):
-        msg = "joint command without names; name at least one carriage"
+        msg = "joint command without names; name at least one carriage or drive"
         raise CommandError(msg)
     if len(position):
         msg = (
@@ -370,7 +376,7 @@ def command_from_joint_state(
     values = dict(zip(names, map(float, numbers), strict=True))
     if len(values) != len(names):
         twice = next(name for name in names if list(names).count(name) > 1)
-        msg = f"joint command names {twice!r} more than once; name each carriage once"
+        msg = f"joint command names {twice!r} more than once; name each one once"
         raise CommandError(msg)
     for name, value in values.items():
         if not math.isfinite(value):

@@ -7,7 +7,7 @@ positive pitch turns x towards -z.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -21,8 +21,8 @@ CommandKind = Literal["speed", "force", "emergency_stop", "release", "reset"]
 class Command:
     """One accepted instruction to the twin; together with the scenario it determines the whole motion.
 
-    `speed` (m/s) and `force` (N) carry a value by carriage name; `emergency_stop`, `release` (of the emergency
-    stop) and `reset` (of the state, time runs on) carry none.
+    `speed` (m/s) and `force` (N) carry a value by name of a carriage or a drive; `emergency_stop`, `release` (of the
+    emergency stop) and `reset` (of the state, time runs on) carry none.
     """
 
     kind: CommandKind
@@ -64,6 +64,16 @@ class CarriageState:
     contact_force: FloatArray  # (dim,) N, of the cable on the carriage
     position: FloatArray  # (dim,) m, of the joint
     bodies: Mapping[str, BodyState]
+    attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
+
+
+@dataclass(frozen=True, slots=True)
+class DriveState:
+    """The drive of a cable that moves along itself."""
+
+    position: float  # m, unstrained cable that has gone by, towards the end
+    speed: float  # m/s
+    force: float  # N, on the cable; times speed the power into it and what hangs on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +128,12 @@ class Snapshot:
     supports: Mapping[str, SupportState]
     cable: CableSamples
     solver: SolverReport
+    drives: Mapping[str, DriveState] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Mechanical energy of cable and carriages (J); gravitational energy is zero at z = 0."""
+    """Mechanical energy of the cable and what is on it (J); gravitational energy is zero at z = 0."""
 
     kinetic: float
     elastic: float

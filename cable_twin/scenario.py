@@ -192,6 +192,8 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
         else:
             container = None
         below = node.setdefault(part, {}) if model is not None and container is not tuple else {}
+        if below is None:  # a section that is left out
+            below = node[part] = {}
         if not isinstance(below, dict):
             return  # a fault of its own
         node = below

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from itertools import pairwise
-from math import copysign, hypot, nan
+from math import ceil, copysign, hypot, nan
 from re import fullmatch
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from cable_twin.scenario_parameters import stop_stroke
-from cable_twin.scenario_schema import Cable, Scenario, Support
+from cable_twin.scenario_schema import Body, Cable, Carriage, Carriers, Scenario, Support
 
 KeyPath = tuple[str | int, ...]
 
@@ -65,7 +65,7 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
     """The model inside a field and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); else (None, None)."""
-    annotation: Any = field.annotation
+    annotation, _ = _scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation
     container, inner = get_origin(annotation), get_args(annotation)
@@ -170,7 +170,15 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         container, inner = inner_model(field)
         kind, _ = _scalar(field.annotation)
         given = data.get(name)
-        if inner is not None and container is None:
+        if (
+            inner is not None
+            and container is None
+            and given is None
+            and not field.is_required()
+            and _scalar(field.annotation)[1]
+        ):
+            values[name] = None
+        elif inner is not None and container is None:
             values[name] = _salvage(inner, given, bad, here)
         elif inner is not None and container is dict:
             items = given.items() if isinstance(given, dict) else ()
@@ -192,6 +200,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     yield from _towers(scenario)
     yield from _loads(scenario.cable)
     yield from _carriages(scenario)
+    yield from _moving_cable(scenario)
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:
@@ -356,7 +365,11 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
         path = ("carriages", name)
         yield from _name(path)
         stroke = stop_stroke(scenario, carriage)
-        if 2.0 * stroke >= length:
+        if carriage.joint == "clamped":
+            yield from _clamped(scenario, name, carriage)
+        elif scenario.drives and carriage.joint is not None:
+            yield Fault((*path, "joint"), f"given {carriage.joint!r} on a cable that moves; allowed: clamped")
+        elif 2.0 * stroke >= length:
             yield Fault(
                 (*path, "end_stop", "stroke"),
                 f"given {stroke!r} at both ends of a cable of {length:.9g} m; allowed: less than {length / 2:.9g} m",
@@ -367,16 +380,101 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
                 f"given {carriage.arc_length!r}; allowed: {stroke:.9g} to {length - stroke:.9g} m, "
                 "on the cable and between its end stops",
             )
-        last = list(carriage.bodies)[-1:]
-        for body_name, body in carriage.bodies.items():
-            yield from _name((*path, "bodies", body_name))
-            if body.lower_pivot is None and [body_name] != last:
+        yield from _bodies(path, carriage.bodies)
+
+
+def _bodies(path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
+    last = list(bodies)[-1:]
+    for name, body in bodies.items():
+        yield from _name((*path, "bodies", name))
+        if body.lower_pivot is None and [name] != last:
+            yield Fault(
+                (*path, "bodies", name, "lower_pivot"),
+                "nothing given, but another body hangs there; allowed: a list of 2 finite numbers, in m",
+            )
+
+
+def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Fault]:
+    """What of a carriage does not go with a moving cable."""
+    path = ("carriages", name)
+    if not scenario.drives:
+        yield Fault(
+            (*path, "joint"), "given 'clamped' on a cable that stands still; allowed: sliding, fixed, or drives"
+        )
+    elif carriage.arc_length < 0.0 or carriage.arc_length > scenario.loop_length:
+        yield Fault(
+            (*path, "arc_length"),
+            f"given {carriage.arc_length!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop of the cable",
+        )
+    for key in ("rolling", "viscous"):
+        if getattr(carriage.friction, key) > 0.0:
+            given = getattr(carriage.friction, key)
+            yield Fault((*path, "friction", key), f"given {given!r}; allowed: 0, what is clamped does not slide")
+    if carriage.drive.mode not in (None, "free"):
+        yield Fault(
+            (*path, "drive", "mode"),
+            f"given {carriage.drive.mode!r}; allowed: free, what is clamped goes with the cable",
+        )
+
+
+def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
+    """Drive and carriers of a cable that moves along itself."""
+    for name, drive in scenario.drives.items():
+        path = ("drives", name)
+        yield from _name(path)
+        if name != next(iter(scenario.drives)):
+            yield Fault(path, "given a second drive of the cable; allowed: one")
+        if name in scenario.carriages:
+            yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+        if drive.limits.force is not None:
+            yield Fault(
+                (*path, "limits", "force"),
+                f"given {drive.limits.force!r}; allowed: null, a moving cable keeps its speed",
+            )
+    if scenario.drives:
+        for end in ("start", "end"):
+            if getattr(scenario.cable, end).support == "free":
                 yield Fault(
-                    (*path, "bodies", body_name, "lower_pivot"),
-                    "nothing given, but another body hangs there; allowed: a list of 2 finite numbers, in m",
+                    ("cable", end, "support"),
+                    "given 'free' for a cable that moves; allowed: pinned or clamped, at a station",
                 )
+        if scenario.solver.integrator == "runge_kutta":
+            yield Fault(
+                ("solver", "integrator"), "given 'runge_kutta' for a cable that moves; allowed: generalized_alpha"
+            )
+    if scenario.carriers is not None:
+        yield from _carriers(scenario, scenario.carriers)
 
 
-def _name(path: tuple[str, ...]) -> Iterator[Fault]:
-    if not fullmatch(NAME, path[-1]):
-        yield Fault(path, f"given the name {path[-1]!r}; allowed: a letter, then letters, digits and underscores")
+def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
+    length = scenario.cable.unstrained_length
+    if not scenario.drives:
+        yield Fault(("carriers",), "given for a cable that stands still; allowed: with a drive in drives")
+    if carriers.name is not None:
+        yield from _name(("carriers", "name"), carriers.name)
+        taken = [name for name in (*scenario.carriages, *scenario.drives) if fullmatch(f"{carriers.name}_[0-9]+", name)]
+        if taken:
+            yield Fault(("carriers", "name"), f"given {carriers.name!r}, which would name {taken[0]!r} twice")
+    if carriers.spacing > length:
+        yield Fault(
+            ("carriers", "spacing"),
+            f"given {carriers.spacing!r}; allowed: at most {length:.9g} m, the length of the cable",
+        )
+    elif scenario.loop_length < length:
+        yield Fault(
+            ("carriers", "count"),
+            f"given {carriers.count!r} every {carriers.spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; "
+            f"allowed: at least {ceil(length / carriers.spacing - 1e-9)}, for the cable of {length:.9g} m to fit in",
+        )
+    if carriers.first is not None and carriers.first > scenario.loop_length:
+        yield Fault(
+            ("carriers", "first"), f"given {carriers.first!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop"
+        )
+    yield from _bodies(("carriers",), carriers.bodies)
+
+
+def _name(path: tuple[str, ...], name: str | None = None) -> Iterator[Fault]:
+    """The fault of a name that is no good: the last key of its path, or the value there."""
+    name = path[-1] if name is None else name
+    if not fullmatch(NAME, name):
+        yield Fault(path, f"given the name {name!r}; allowed: a letter, then letters, digits and underscores")

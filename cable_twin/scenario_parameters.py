@@ -53,6 +53,7 @@ def build_system(scenario: Scenario) -> parameters.System:
         carriages=_build_carriages(scenario),
         supports=_build_supports(scenario),
         counterweights=_build_counterweights(scenario),
+        haul_rope=_build_haul_rope(scenario),
         solver=parameters.Solver(
             step=solver.step,
             spectral_radius=solver.spectral_radius,
@@ -64,7 +65,9 @@ def build_system(scenario: Scenario) -> parameters.System:
 
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
-    """Length (m) of the end stops of a carriage: as given, or 0.5 % of the cable's length."""
+    """Length (m) of the end stops of a carriage: as given, or 0.5 % of the cable's length; none where it is clamped."""
+    if carriage.joint == "clamped":
+        return 0.0
     given = carriage.end_stop.stroke
     return DEFAULT_STROKE * scenario.cable.unstrained_length if given is None else given
 
@@ -74,8 +77,10 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
 
     What is not given follows from the reference speed v: the drive's limit, or sqrt(g L) / 2 without one. The
     stiffness stops the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well,
-    which counts only for slow drives; the damping is 0.5 / v.
+    which counts only for slow drives; the damping is 0.5 / v. What is clamped to a moving cable goes through.
     """
+    if carriage.joint == "clamped":
+        return 0.0, 0.0, 0.0
     stop = carriage.end_stop
     stroke = stop_stroke(scenario, carriage)
     speed = carriage.drive.limits.speed
@@ -183,8 +188,21 @@ def _counterweight(end: Support, gravity: float) -> tuple[FloatArray, float, flo
     return _direction(end), end.mass, end.force or end.mass * gravity, end.travel or (-inf, inf)
 
 
+def _build_haul_rope(scenario: Scenario) -> parameters.HaulRope:
+    for drive in scenario.drives.values():
+        limits = drive.limits
+        return parameters.HaulRope(
+            moving=True,
+            loop_length=scenario.loop_length,
+            acceleration_limit=limits.acceleration,
+            emergency_deceleration=limits.emergency_deceleration,
+            jerk_limit=inf if limits.jerk is None else limits.jerk,
+        )
+    return parameters.STANDING
+
+
 def _build_carriages(scenario: Scenario) -> parameters.Carriages:
-    carriages = list(scenario.carriages.values())
+    carriages = list(scenario.vehicles.values())
     bodies = [body for carriage in carriages for body in carriage.bodies.values()]
     limits = [carriage.drive.limits for carriage in carriages]
     stops = _array([end_stop(scenario, carriage) for carriage in carriages], 3)
@@ -195,6 +213,8 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         upper_pivot=_array([body.upper_pivot for body in bodies], 2),
         lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
+        clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
+        loop_place=_array([carriage.arc_length for carriage in carriages]),
         rolling_friction=_array([carriage.friction.rolling for carriage in carriages]),
         presliding=np.full(len(carriages), PRESLIDING),
         viscous_friction=_array([carriage.friction.viscous for carriage in carriages]),

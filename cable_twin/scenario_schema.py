@@ -160,13 +160,30 @@ class Carriage(Section):
     """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
 
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
-    joint: Literal["sliding", "fixed"] = Field(
-        default="sliding", description="whether the joint can move along the cable"
+    joint: Literal["sliding", "fixed", "clamped"] = Field(
+        default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
     )
     drive: Drive = Field(default_factory=Drive, description="what moves it")
     friction: Friction = Field(default_factory=Friction, description="what resists it")
     end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
+
+
+class RopeDrive(Section):
+    """What moves the cable along itself, through its held ends; commands name it."""
+
+    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
+    limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
+
+
+class Carriers(Section):
+    """Carriages of one kind, clamped to a moving cable at equal distances round its whole loop: NAME_1, NAME_2, ..."""
+
+    name: str = Field(default="carrier", description="what they are called, before their number")
+    count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
+    spacing: float = quantity("m", "unstrained distance of one to the next; the loop is count times as long", gt=0)
+    first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
+    bodies: dict[str, Body] = Field(description="bodies of each by name, from the cable downwards", min_length=1)
 
 
 class Solver(Section):
@@ -193,7 +210,32 @@ class Scenario(Section):
     cable: Cable = Field(description="the cable")
     towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
+    drives: dict[str, RopeDrive] = Field(default_factory=dict, description="the drive of a moving cable, by name")
+    carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
     solver: Solver = Field(default_factory=Solver, description="time integration")
+
+    @property
+    def vehicles(self) -> dict[str, Carriage]:
+        """All carriages by name: those of the file, then the carriers from the first on."""
+        carriers = self.carriers
+        if carriers is None:
+            return self.carriages
+        first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
+        return self.carriages | {
+            f"{carriers.name}_{number + 1}": Carriage(
+                arc_length=(first + number * carriers.spacing) % self.loop_length,
+                joint="clamped",
+                bodies=carriers.bodies,
+            )
+            for number in range(carriers.count)
+        }
+
+    @property
+    def loop_length(self) -> float:
+        """Unstrained length (m) of the loop of a moving cable; without carriers, there and back."""
+        if self.carriers is None:
+            return 2.0 * self.cable.unstrained_length
+        return self.carriers.count * self.carriers.spacing
 
     def resolved(self) -> dict[str, Any]:
         """The whole scenario with its defaults as plain data for JSON or YAML; `load_scenario` reads it back."""

@@ -13,6 +13,7 @@ from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.counterweight import counterweight_motion
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.modes import natural_modes
+from cable_twin.mechanics.moving_cable import haul_force, park
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
 from cable_twin.mechanics.runge_kutta import stable_step
@@ -25,6 +26,7 @@ from cable_twin.records import (
     CarriageState,
     Command,
     CommandError,
+    DriveState,
     Energy,
     Snapshot,
     SolverReport,
@@ -59,12 +61,15 @@ class Simulation:
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
         self.scenario = scenario
         self.system: System = build_system(scenario)
-        self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
+        self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
+        self.drives = tuple(scenario.drives)
         self._index = {name: index for index, name in enumerate(self.carriages)}
         self._state = allocate_state(self.system)
         self._work = allocate_workspace(self.system)
-        for index, carriage in enumerate(scenario.carriages.values()):
+        for index, carriage in enumerate(scenario.vehicles.values()):
             self._state.sliding_coordinate[index] = carriage.arc_length
+            if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
+                park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
                 self._state.drive_mode[index] = DRIVE_MODES[carriage.drive.mode]
         with compiling_ahead(scenario.solver.integrator):
@@ -112,10 +117,15 @@ class Simulation:
         return self._stopped
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:
-        """Drive one carriage at a speed (m/s) or with a force (N) along the cable, until the next command.
+        """Drive one carriage, or a moving cable by the name of its drive, until the next command.
+
+        Args:
+            name: of the carriage or the drive.
+            speed: m/s along the cable, of either sign.
+            force: N along the cable; a moving cable takes only speeds.
 
         Raises:
-            CommandError: when it is refused: unknown carriage, not finite, over the limit, emergency stop in force.
+            CommandError: when it is refused: unknown name, not finite, over the limit, emergency stop in force.
         """
         if (speed is None) == (force is None):
             raise CommandError(f"command for '{name}': give either speed (m/s) or force (N), one of them")
@@ -125,7 +135,7 @@ class Simulation:
         return self.apply(Command("force", {name: force}))
 
     def emergency_stop(self, active: bool = True) -> AppliedCommand:
-        """Bring every driven carriage to rest at its emergency deceleration, and refuse commands until released."""
+        """Bring all that is driven to rest at its emergency deceleration, and refuse commands until released."""
         return self.apply(Command("emergency_stop" if active else "release", {}))
 
     def reset(self) -> AppliedCommand:
@@ -141,9 +151,14 @@ class Simulation:
         if command.kind in ("speed", "force"):
             self._check(command)
             for name, value in command.values.items():
-                self._drive(self._index[name], command.kind, value)
+                if name in self.drives:
+                    self._state.rope_target[0] = value
+                else:
+                    self._drive(self._index[name], command.kind, value)
         elif command.kind == "emergency_stop":
             self._stopped = True
+            self._state.rope_target[0] = 0.0
+            self._state.rope_braking[0] = True
             for index in range(len(self.carriages)):
                 if self._state.drive_mode[index] in (SPEED, FORCE):
                     self._drive(index, "speed", 0.0)
@@ -151,6 +166,7 @@ class Simulation:
         elif command.kind == "release":
             self._stopped = False
             self._state.drive_braking[:] = False
+            self._state.rope_braking[:] = False
         else:
             self._stopped = False
             clock = int(self._state.clock[0])
@@ -242,17 +258,25 @@ class Simulation:
         if self._stopped:
             raise CommandError("the emergency stop is in force: release it before the next command")
         if not command.values:
-            raise CommandError("a command without a carriage")
+            raise CommandError("a command without a name")
         unit = "m/s" if command.kind == "speed" else "N"
         for name, value in command.values.items():
-            if name not in self._index:
-                known = ", ".join(self.carriages) or "none in this scenario"
-                raise CommandError(f"unknown carriage '{name}'; known: {known}")
-            if self.system.carriages.fixed[self._index[name]]:
+            if name not in self._index and name not in self.drives:
+                clamped = self.system.carriages.clamped
+                known = [*self.drives, *(other for other, index in self._index.items() if not clamped[index])]
+                raise CommandError(f"unknown carriage '{name}'; known: {', '.join(known) or 'none in this scenario'}")
+            if name in self.drives:
+                limits = self.scenario.drives[name].limits
+                if command.kind == "force":
+                    raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
+            elif self.system.carriages.clamped[self._index[name]]:
+                raise CommandError(f"'{name}' goes with the cable and takes no command; drive: {self.drives[0]}")
+            elif self.system.carriages.fixed[self._index[name]]:
                 raise CommandError(f"'{name}' is fixed to the cable and takes no command")
+            else:
+                limits = self.scenario.carriages[name].drive.limits
             if not math.isfinite(value):
                 raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-            limits = self.scenario.carriages[name].drive.limits
             limit = limits.speed if command.kind == "speed" else limits.force
             if limit is not None and abs(value) > limit:
                 raise CommandError(
@@ -273,11 +297,15 @@ class Simulation:
 
     def _observe(self, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds."""
+        joints = self.cable_positions(self._state.sliding_coordinate)
         forces = np.empty((2, len(self.system.cable.gravity)))
         support_forces(self.system, self._state, self._work, forces)
         return Snapshot(
             time=self.time,
-            carriages={name: self._carriage(index, bodies) for (name, bodies), index in self._ordered()},
+            carriages={
+                name: self._carriage(index, bodies, joints[index])
+                for index, (name, bodies) in enumerate(self.carriages.items())
+            },
             supports=self._supports(forces),
             cable=CableSamples(
                 arc_lengths=self._arc_lengths,
@@ -285,6 +313,7 @@ class Simulation:
                 tensions=self.cable_tension(self._arc_lengths),
             ),
             solver=report,
+            drives={name: self._rope_drive() for name in self.drives},
         )
 
     def _supports(self, ends: FloatArray) -> dict[str, SupportState]:
@@ -305,10 +334,12 @@ class Simulation:
             supports[name] = SupportState(forces[index], TowerState(load, lowest, rest, load == 0.0))
         return supports
 
-    def _ordered(self) -> list[tuple[tuple[str, tuple[str, ...]], int]]:
-        return [(item, index) for index, item in enumerate(self.carriages.items())]
+    def _rope_drive(self) -> DriveState:
+        """How the cable moves, and what that takes."""
+        position, speed, _ = self._state.rope.tolist()
+        return DriveState(position=position, speed=speed, force=float(haul_force(self.system, self._state)))
 
-    def _carriage(self, index: int, bodies: tuple[str, ...]) -> CarriageState:
+    def _carriage(self, index: int, bodies: tuple[str, ...], joint: FloatArray) -> CarriageState:
         state = self._state
         first = int(self.system.carriages.body_offset[index])
         coordinates = state.body_coordinates[first : first + len(bodies)].tolist()
@@ -321,8 +352,9 @@ class Simulation:
             speed=float(state.sliding_velocity[index]),
             drive_force=float(state.drive_force[index]),
             contact_force=state.multipliers[first].copy(),
-            position=self.cable_positions(state.sliding_coordinate[index : index + 1])[0],
+            position=joint,
             bodies=states,
+            attached=bool(state.attached[index]),
         )
 
 

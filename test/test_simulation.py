@@ -104,7 +104,7 @@ def test_a_time_that_is_none_is_refused(time):
         (Command("force", {"carriage": 51.0}), "force of 'carriage' is 51 N; allowed are -50 to 50 N"),
         (Command("speed", {"carriage": nan}), "speed of 'carriage' is nan m/s; a finite number is needed"),
         (Command("force", {"carriage": inf}), "force of 'carriage' is inf N; a finite number is needed"),
-        (Command("speed", {}), "a command without a carriage"),
+        (Command("speed", {}), "a command without a name"),
     ],
 )
 def test_refusals_say_what_is_allowed_and_change_nothing(command, message):

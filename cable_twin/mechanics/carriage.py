@@ -40,6 +40,35 @@ def pivot_velocity(state, body, offset):
 
 
 @kernel
+def hang_chain(carriages, state, carriage, joint_x, joint_z):
+    """Hang every body of a carriage upright below (joint_x, joint_z), in m."""
+    x, z = joint_x, joint_z
+    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+        state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
+        state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
+        state.body_coordinates[body, 2] = 0.0
+        x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
+        z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+
+
+@kernel
+def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
+    """Give all bodies of a carriage one velocity and acceleration (x, z) in m/s and m/s², and the forces of that."""
+    force_x, force_z = 0.0, 0.0
+    for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
+        for axis in range(2):
+            state.body_velocities[body, axis] = velocity[axis]
+            state.body_accelerations[body, axis] = acceleration[axis]
+            state.body_algorithmic[body, axis] = acceleration[axis]
+        state.body_velocities[body, 2] = 0.0
+        state.body_accelerations[body, 2] = 0.0
+        state.body_algorithmic[body, 2] = 0.0
+        force_x += carriages.mass[body] * (acceleration[0] - gravity[0])
+        force_z += carriages.mass[body] * (acceleration[1] - gravity[1])
+        state.multipliers[body, 0], state.multipliers[body, 1] = force_x, force_z
+
+
+@kernel
 def close_joints(carriages, state, carriage, joint_x, joint_z, work):
     """Gaps (eq. 14) of all joints of a carriage whose place on the cable is (joint_x, joint_z), in m."""
     above_x, above_z = joint_x, joint_z

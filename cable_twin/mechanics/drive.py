@@ -1,4 +1,4 @@
-"""What a driven joint follows: a reference that obeys the limits of its drive and stays between the end stops."""
+"""What a driven joint or a moving cable follows: a reference that obeys the limits of its drive."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ def braking_speed(distance, speed, deceleration, duration):
 def advance_reference(carriages, cable, state, carriage, duration):
     """Move the reference (position, speed, acceleration) of a driven joint by `duration` (s).
 
-    The speed goes to its target as fast as the acceleration limit allows, within the jerk limit where there is one;
-    without one the position is the exact integral of the trapezoid. It brakes in time for the ends of the track.
+    It goes to its target speed as `ramp` has it, and brakes in time for the ends of the track.
     """
     reference = state.reference[carriage]
-    position, speed, acceleration = reference[0], reference[1], reference[2]
+    position, speed = reference[0], reference[1]
     limit = carriages.acceleration_limit[carriage]
     jerk = carriages.jerk_limit[carriage]
     if state.drive_braking[carriage]:
@@ -37,18 +36,27 @@ def advance_reference(carriages, cable, state, carriage, duration):
     capped = max(capped, -braking_speed(behind, -speed, limit, duration))
     if capped != target:
         target, jerk = capped, inf  # the end of the track outranks comfort
+    ramp(reference, target, limit, jerk, duration)
 
+
+@kernel
+def ramp(reference, target, limit, jerk, duration):
+    """Move a reference (3,), in m, m/s and m/s², by `duration` (s) towards the speed `target` (m/s).
+
+    The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
+    is not inf; without one the position is the exact integral of the trapezoid.
+    """
+    position, speed, acceleration = reference[0], reference[1], reference[2]
     gap = target - speed
     direction = 1.0 if gap >= 0.0 else -1.0
     if jerk == inf:
-        ramp = min(limit, abs(gap) / duration)
         wanted = direction * limit
     else:
         # the acceleration from which the jerk limit still lands on the target without passing it
         half = 0.5 * jerk * duration
         landing = sqrt(half * half + 2.0 * jerk * abs(gap)) - half
-        ramp = min(limit, landing, abs(gap) / duration)
-        wanted = direction * ramp
+        size = min(limit, landing, abs(gap) / duration)
+        wanted = direction * size
         wanted = min(max(wanted, acceleration - jerk * duration), acceleration + jerk * duration)
     reached = abs(wanted) * duration >= abs(gap) and wanted * direction >= 0.0
     if jerk == inf and reached:

@@ -19,6 +19,7 @@ from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_ac
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.counterweight import add_counterweights
 from cable_twin.mechanics.memory import clear_array, copy_array
+from cable_twin.mechanics.moving_cable import add_flow
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
@@ -57,6 +58,9 @@ def measure_gaps(system, state, work, place):
     """
     worst = 0.0
     for carriage in range(system.carriages.fixed.size):
+        if not state.attached[carriage]:
+            leave_out(system.carriages, carriage, work)
+            continue
         if place:
             place_joint(system.cable, state, carriage)
         joint = joint_position(system.cable, state, carriage)
@@ -66,6 +70,15 @@ def measure_gaps(system, state, work, place):
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
+
+
+@kernel
+def leave_out(carriages, carriage, work):
+    """No gaps and no increments of a carriage that is not on the cable."""
+    bodies = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
+    work.joint_gap[bodies[0] : bodies[1]] = 0.0
+    work.body_increment[bodies[0] : bodies[1]] = 0.0
+    work.sliding_increment[carriage] = 0.0
 
 
 @kernel
@@ -97,10 +110,13 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """
     cable = system.cable
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.haul_rope.moving:
+        add_flow(cable, state, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     for carriage in range(system.carriages.fixed.size):
-        condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
-        add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+        if state.attached[carriage]:
+            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
     hold_supports(cable, work)
@@ -174,8 +190,9 @@ def solve(system, state, work):
     if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
         return False
     for carriage in range(system.carriages.fixed.size):
-        moved = recover_joint(system, state, carriage, work)
-        recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+        if state.attached[carriage]:
+            moved = recover_joint(system, state, carriage, work)
+            recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
     return True
 
 

@@ -6,14 +6,14 @@ from math import isfinite
 
 import numpy as np
 
+from cable_twin.mechanics.carriage import hang_chain, move_chain
 from cable_twin.mechanics.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
 from cable_twin.mechanics.memory import combine_arrays
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
-from cable_twin.mechanics.readout import sample_positions
-from cable_twin.mechanics.sliding_joint import driven_force
+from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
 from cable_twin.mechanics.support import settle_supports
 
@@ -41,17 +41,15 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     return rest_over_supports(system).place(arc_lengths)
 
 
-def hang_carriages(system: System, state: State) -> None:
+@kernel
+def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
-    places = np.empty((carriages.fixed.size, len(system.cable.gravity)))
-    sample_positions(system.cable, state, state.sliding_coordinate, places)
-    for carriage, place in enumerate(places):
-        x, z = place[0], place[1]
-        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            x, z = x - carriages.upper_pivot[body, 0], z - carriages.upper_pivot[body, 1]
-            state.body_coordinates[body] = x, z, 0.0
-            x, z = x + carriages.lower_pivot[body, 0], z + carriages.lower_pivot[body, 1]
+    for carriage in range(carriages.fixed.size):
+        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+        hang_chain(carriages, state, carriage, place[0], place[1])
+        if not state.attached[carriage]:
+            move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
 
 
 @kernel
@@ -172,7 +170,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
     """
     cable, supports = system.cable, system.supports
     for array in state[:-1]:
-        if array is not state.sliding_coordinate and array is not state.drive_mode:
+        if not any(array is given for given in (state.sliding_coordinate, state.drive_mode, state.attached)):
             array[:] = 0
     lay_cable(system, state)
     state.friction_origin[:] = state.sliding_coordinate
@@ -191,8 +189,8 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"no static equilibrium after {used} iterations: the last one moved a point by {increment:.3g} m, "
             f"allowed are {tolerance:.3g} m"
         )
-    state.support_origin[:] = state.support_arc_length
+    state.support_origin[:] = state.support_arc_length - state.rope[0]
     settle_supports(cable, supports, state)
     state.tower_load[:, 1] = state.tower_load[:, 0]
-    state.drive_force[modes != SPEED] = 0.0
+    state.drive_force[(modes != SPEED) | ~state.attached] = 0.0
     state.drive_mode[:] = modes

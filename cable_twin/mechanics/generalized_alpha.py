@@ -13,6 +13,7 @@ from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.memory import flat
+from cable_twin.mechanics.moving_cable import attach_carriers, move_rope
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
@@ -121,9 +122,12 @@ def step(system, state, h, work):
     """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
+    if system.haul_rope.moving:
+        move_rope(system, state, h)
     for carriage in range(system.carriages.fixed.size):
         if state.drive_mode[carriage] == SPEED:
-            advance_reference(system.carriages, system.cable, state, carriage, h)
+            if not system.carriages.clamped[carriage]:
+                advance_reference(system.carriages, system.cable, state, carriage, h)
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
             state.sliding_acceleration[carriage] = state.reference[carriage, 2]
 
@@ -171,6 +175,8 @@ def step(system, state, h, work):
             for carriage in range(system.carriages.fixed.size):
                 settle_friction(system.carriages, state, carriage)
             settle_supports(system.cable, system.supports, state)
+            if system.haul_rope.moving:
+                attach_carriers(system, state)
             return isfinite(gap), iteration, increment, gap
     return False, solver.max_iterations, increment, 0.0
 
@@ -272,6 +278,6 @@ def advance(system, state, good, before, work, steps):
             return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
+        if state.drive_mode[carriage] == SPEED and state.attached[carriage]:
             state.drive_force[carriage] = driven_force(system, state, carriage)
     return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

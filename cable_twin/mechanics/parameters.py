@@ -51,6 +51,8 @@ class Carriages(NamedTuple):
     upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
     lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
+    clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
+    loop_place: FloatArray  # (carriages,) m, of what is clamped: place on the loop when no cable has gone by yet
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
     presliding: FloatArray  # (carriages,) m, how far a joint yields before it slides
@@ -89,6 +91,19 @@ class Counterweights(NamedTuple):
     damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
 
 
+class HaulRope(NamedTuple):
+    """A cable that moves along itself through its fixed ends: its drive, and the loop of which it is one strand."""
+
+    moving: bool
+    loop_length: float  # m, unstrained; what is beyond the cable's own length is not simulated
+    acceleration_limit: float  # m/s^2, of the drive reference
+    emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
+    jerk_limit: float  # m/s^3, inf where there is none
+
+
+STANDING = HaulRope(moving=False, loop_length=1.0, acceleration_limit=0.0, emergency_deceleration=0.0, jerk_limit=0.0)
+
+
 class Solver(NamedTuple):
     """Time integration."""
 
@@ -107,3 +122,4 @@ class System(NamedTuple):
     supports: Supports
     counterweights: Counterweights
     solver: Solver
+    haul_rope: HaulRope = STANDING

@@ -6,6 +6,7 @@ from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_t
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies
 from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.moving_cable import add_flow, flow_energy
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
 from cable_twin.mechanics.support import contact_energy, contact_force
@@ -45,8 +46,12 @@ def support_forces(system, state, work, forces):
     """
     cable = system.cable
     add_cable(cable, state, 1.0, 0.0, 0.0, work)
+    if system.haul_rope.moving:
+        add_flow(cable, state, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
     for carriage in range(system.carriages.fixed.size):
+        if not state.attached[carriage]:
+            continue
         element, x = locate(cable, state.sliding_coordinate[carriage])
         shape = shape_functions(x, cable.element_length)
         contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
@@ -65,7 +70,7 @@ def support_forces(system, state, work, forces):
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of cable, carriages, tower contacts and counterweights.
+    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, tower contacts and counterweights.
 
     Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
     """
@@ -86,12 +91,17 @@ def energies(system, state):
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
             gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
-    for body in range(carriages.mass.size):
-        v = state.body_velocities[body]
-        kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
-        kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
-        q = state.body_coordinates[body]
-        gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    if system.haul_rope.moving:
+        kinetic += flow_energy(cable, state)
+    for carriage in range(carriages.fixed.size):
+        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+            if not state.attached[carriage]:
+                continue
+            v = state.body_velocities[body]
+            kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
+            kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            q = state.body_coordinates[body]
+            gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
     for contact in range(system.supports.stiffness.size):
         elastic += contact_energy(cable, system.supports, state, contact)
     for end in range(2):

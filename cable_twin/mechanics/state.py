@@ -41,9 +41,13 @@ class State(NamedTuple):
     reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
     support_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
     support_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
-    support_origin: FloatArray  # (contacts,) m, arc length at which that was so: the start of the step
+    support_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
     newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
+    attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
+    rope: FloatArray  # (3,) cable that has gone by (m), its speed (m/s) and acceleration (m/s²), towards the end
+    rope_target: FloatArray  # (1,) m/s
+    rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
@@ -75,7 +79,8 @@ def allocate_state(system: System) -> State:
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
     contacts = system.supports.stiffness.size
-    modes = np.where(system.carriages.fixed, SPEED, FREE).astype(np.int64)
+    driven = system.carriages.fixed | system.carriages.clamped
+    modes = np.where(driven, SPEED, FREE).astype(np.int64)
     return State(
         nodal_coordinates=np.zeros((nodes, 2, dim)),
         nodal_velocities=np.zeros((nodes, 2, dim)),
@@ -102,6 +107,10 @@ def allocate_state(system: System) -> State:
         support_origin=np.zeros(contacts),
         tower_load=np.zeros((system.supports.top.shape[0], 2)),
         newton_curvature=np.zeros(1),
+        attached=np.ones(carriages, dtype=np.bool_),
+        rope=np.zeros(3),
+        rope_target=np.zeros(1),
+        rope_braking=np.zeros(1, dtype=np.bool_),
         clock=np.zeros(1, dtype=np.int64),
     )
 
@@ -165,4 +174,7 @@ def copy_state(source, target):
     copy_array(source.support_origin, target.support_origin)
     copy_array(source.tower_load, target.tower_load)
     copy_array(source.newton_curvature, target.newton_curvature)
-    copy_array(source.clock, target.clock)
+    copy_array(source.attached, target.attached)
+    copy_array(source.rope, target.rope)
+    copy_array(source.rope_target, target.rope_target)
+    copy_array(source.rope_braking, target.rope_braking)

@@ -64,10 +64,9 @@ def nearest(coordinates, element_length, point, arc_length):
 def slid(state, contact):
     """Way (m) of the rope over a contact since the start of the step, positive towards the start of the rope.
 
-    The mesh moves with the rope. On a mesh through which the rope runs, its own way against the mesh is to be taken
-    off here.
+    The mesh moves with the rope, less what has run through it.
     """
-    return state.support_arc_length[contact] - state.support_origin[contact]
+    return state.support_arc_length[contact] - state.rope[0] - state.support_origin[contact]
 
 
 @kernel
@@ -199,7 +198,7 @@ def settle_supports(cable, supports, state):
             state.support_deflection[contact], _ = mobilise(
                 slid(state, contact), state.support_deflection[contact], supports.presliding[contact]
             )
-            state.support_origin[contact] = state.support_arc_length[contact]
+            state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
         state.tower_load[tower, 0] = total
         state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
 

@@ -32,6 +32,9 @@ LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
 FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
+CLOSE_UPS = 6  # of carriages, where there are more than that
+LEGEND_LINES = 12  # of a plot, up to which it has a legend
+LABELS = 8  # carriages up to which each has its name beside it
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
 COLOR_STOPS = (0x3B8BFFFF, 0x35C9E0FF, 0x6FE08AFF, 0xF4E04DFF, 0xFF9838FF, 0xFF4338FF)
 CARRIAGE_COLORS = (0xFFFFFFFF, 0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0xBDB2FFFF)
@@ -276,7 +279,8 @@ class RerunView:
         )
         reaches = {}
         for index, (name, state) in enumerate(snapshot.carriages.items()):
-            reaches[name] = self._begin_carriage(name, state, CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)])
+            color = CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)]
+            reaches[name] = self._begin_carriage(name, state, color, len(snapshot.carriages) <= LABELS)
         for plot in self._plots:
             stream.log(
                 plot.path,
@@ -286,14 +290,21 @@ class RerunView:
         self._log_legend(snapshot.time)
         stream.send_blueprint(self._blueprint(low, high, reaches))
 
-    def _begin_carriage(self, name: str, state: CarriageState, color: int) -> float:
+    def _begin_carriage(self, name: str, state: CarriageState, color: int, labelled: bool) -> float:
         """Log what moves rigidly with a carriage and return how far it reaches from its joint (m)."""
         stream = self._open()
         path = _path("track/carriages", name)
         self._moving_paths.append(path)
         stream.log(
             path,
-            rr.Points2D([(0.0, 0.0)], colors=[color], radii=_pixels(4.5), labels=[name], draw_order=40.0),
+            rr.Points2D(
+                [(0.0, 0.0)],
+                colors=[color],
+                radii=_pixels(4.5),
+                labels=[name],
+                show_labels=labelled,
+                draw_order=40.0,
+            ),
             static=True,
         )
         for index, body in enumerate(state.bodies):
@@ -322,9 +333,10 @@ class RerunView:
         plots = []
         carriages = snapshot.carriages
         lone = len(carriages) == 1
-        tints = iter(PLOT_COLORS * (1 + sum(2 + len(c.bodies) for c in carriages.values())))
-        for name in carriages:
-            titles = ["speed", "commanded"] if lone else [name, f"{name} commanded"]
+        driven = list(_driven(snapshot))
+        tints = iter(PLOT_COLORS * (1 + 2 * len(driven)))
+        for name in driven:
+            titles = ["speed", "commanded"] if len(driven) == 1 else [name, f"{name} commanded"]
             plots.append(_Plot(_path("plots/speed", name), titles, [next(tints), next(tints)]))
         titles = ["highest", "at the start", "at the end"]
         plots.append(_Plot("plots/tension", titles, [*PLOT_COLORS[2:0:-1], PLOT_COLORS[0]]))
@@ -333,8 +345,8 @@ class RerunView:
             if state.bodies:
                 titles = [body if lone else f"{name} {body}" for body in state.bodies]
                 plots.append(_Plot(_path("plots/swing", name), titles, [next(tints) for _ in titles]))
-        tints = iter(PLOT_COLORS * (1 + len(carriages)))
-        plots.extend(_Plot(_path("plots/drive_force", name), [name], [next(tints)]) for name in carriages)
+        tints = iter(PLOT_COLORS * (1 + len(driven)))
+        plots.extend(_Plot(_path("plots/drive_force", name), [name], [next(tints)]) for name in driven)
         tints = iter(PLOT_COLORS * (1 + len(snapshot.supports)))
         plots.extend(_Plot(_path("plots/tower_load", name), [name], [next(tints)]) for name in _towers(snapshot))
         return plots
@@ -344,12 +356,13 @@ class RerunView:
         scale = self._force_scale
         tensions = snapshot.cable.tensions
         row: list[float] = []
-        for name, state in snapshot.carriages.items():
-            row += (state.speed, self._commanded.get(name, np.nan))
+        driven = _driven(snapshot)
+        for name, (_, speed, _) in driven.items():
+            row += (speed, self._commanded.get(name, np.nan))
         row += (tensions.max() * scale, tensions[0] * scale, tensions[-1] * scale)
         for state in snapshot.carriages.values():
-            row += [body.pitch * _DEGREES for body in state.bodies.values()]
-        row += [state.drive_force * scale for state in snapshot.carriages.values()]
+            row += [body.pitch * _DEGREES if state.attached else np.nan for body in state.bodies.values()]
+        row += [force * scale for _, _, force in driven.values()]
         row += [tower.normal_load * scale for tower in _towers(snapshot).values()]
         return row
 
@@ -393,11 +406,18 @@ class RerunView:
         scale, unit = self._force_scale, self._force_unit
         tensions = snapshot.cable.tensions
         lines = [f"## {self._title}", f"| time | {snapshot.time:.2f} s |", "| :-- | --: |"]
-        for name, state in snapshot.carriages.items():
+        for name, (place, speed, force) in _driven(snapshot).items():
             lines += (
-                f"| {name} at | **{state.arc_length:.2f} m** |",
-                f"| speed | **{state.speed:.2f} m/s** |",
-                f"| drive force | **{state.drive_force * scale:.3g} {unit}** |",
+                f"| {name} {'by' if snapshot.drives else 'at'} | **{place:.2f} m** |",
+                f"| speed | **{speed:.2f} m/s** |",
+                f"| drive force | **{force * scale:.3g} {unit}** |",
+            )
+        if snapshot.drives:
+            on_line = [state for state in snapshot.carriages.values() if state.attached]
+            swing = max((abs(body.pitch) for state in on_line for body in state.bodies.values()), default=0.0)
+            lines += (
+                f"| on the line | **{len(on_line)} of {len(snapshot.carriages)}** |",
+                f"| largest swing | **{swing * _DEGREES:.1f} deg** |",
             )
         lines.append(f"| tension | **{tensions.min() * scale:.4g} … {tensions.max() * scale:.4g} {unit}** |")
         for name, tower in _towers(snapshot).items():
@@ -489,7 +509,7 @@ class RerunView:
                     x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]
                 ),
             )
-            for name, reach in reaches.items()
+            for name, reach in list(reaches.items())[:CLOSE_UPS]
         ]
         unit = self._force_unit
         titles = {
@@ -535,7 +555,7 @@ class RerunView:
             name=title,
             origin=path,
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=lines > 1),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=1 < lines <= LEGEND_LINES),
             time_ranges=window,
         )
 
@@ -638,6 +658,13 @@ def _open_stream(title: str, path: Path | None, live: bool, live_port: int, foot
 def _towers(snapshot: Snapshot) -> dict[str, TowerState]:
     """Return the towers among the supports."""
     return {name: support.tower for name, support in snapshot.supports.items() if support.tower is not None}
+
+
+def _driven(snapshot: Snapshot) -> dict[str, tuple[float, float, float]]:
+    """Return place (m), speed (m/s) and drive force (N) by name: of a moving cable, else of each carriage."""
+    if snapshot.drives:
+        return {name: (drive.position, drive.speed, drive.force) for name, drive in snapshot.drives.items()}
+    return {name: (one.arc_length, one.speed, one.drive_force) for name, one in snapshot.carriages.items()}
 
 
 def _planar(vector: FloatArray) -> FloatArray:

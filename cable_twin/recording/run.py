@@ -83,7 +83,7 @@ def open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
             )
             for name, body in parameters.bodies.items()
         }
-        for carriage, parameters in scenario.carriages.items()
+        for carriage, parameters in scenario.vehicles.items()
     }
     towers = {name: tower.position for name, tower in scenario.towers.items()}
     return RerunView(scenario.name, outlines, path=path, live=live, support_positions=towers)

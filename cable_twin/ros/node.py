@@ -89,7 +89,7 @@ class TwinNode(Node):
         scenario = load_scenario(self._settings["scenario"])
         self._simulation = self._build_simulation(scenario)
         self._epoch_ns = time.time_ns()
-        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns)
+        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
             self._simulation.carriages, clock=self._settings["publish_clock"], tf=TFMessage is not None
@@ -143,9 +143,13 @@ class TwinNode(Node):
         gc.freeze()  # what stays to the end need not be looked through between two frames
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
-        names = ", ".join(self._simulation.carriages)
+        scenario = self._simulation.scenario
+        names = list(scenario.carriages)
+        if scenario.carriers is not None:
+            names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
+        drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         self.get_logger().info(
-            f"'{self._simulation.scenario.name}' runs at {rate:g} Hz; carriages: {names}; "
+            f"'{scenario.name}' runs at {rate:g} Hz; {drives}carriages: {', '.join(names)}; "
             f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
         )
 

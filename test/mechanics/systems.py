@@ -46,6 +46,8 @@ def make_carriages(chains=(), **changes):
         upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
         lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
         fixed=np.zeros(count, dtype=np.bool_),
+        clamped=np.zeros(count, dtype=np.bool_),
+        loop_place=np.zeros(count),
         rolling_friction=np.zeros(count),
         viscous_friction=np.zeros(count),
         presliding=np.full(count, 1e-2),
