@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from itertools import pairwise
 from math import hypot, nan
 from re import fullmatch
 from types import UnionType
@@ -12,8 +13,8 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario_parameters import stop_stroke
-from cable_twin.scenario_schema import Cable, Scenario
+from cable_twin.scenario_parameters import BRAKES, stop_stroke
+from cable_twin.scenario_schema import Cable, Carriage, Scenario
 
 KeyPath = tuple[str | int, ...]
 
@@ -62,8 +63,8 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
 
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
-    """The model inside a field and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); else (None, None)."""
-    annotation: Any = field.annotation
+    """The model in a field, or null, and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); or no model."""
+    annotation, _ = _scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation
     container, inner = get_origin(annotation), get_args(annotation)
@@ -149,6 +150,9 @@ def _allowed(field: FieldInfo | None) -> str:
         text = "a list of mappings" if container is tuple else "a mapping"
     elif get_origin(kind) is Literal:
         text = f"one of {', '.join(get_args(kind))}"
+    elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+        words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
+        text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
     elif get_origin(kind) is tuple:
         text = f"a list of {len(get_args(kind))} finite numbers"
     else:
@@ -169,7 +173,8 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         kind, _ = _scalar(field.annotation)
         given = data.get(name)
         if inner is not None and container is None:
-            values[name] = _salvage(inner, given, bad, here)
+            absent = given is None and _scalar(field.annotation)[1]
+            values[name] = None if absent else _salvage(inner, given, bad, here)
         elif inner is not None and container is dict:
             items = given.items() if isinstance(given, dict) else ()
             values[name] = {key: _salvage(inner, item, bad, (*here, key)) for key, item in items}
@@ -189,6 +194,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     yield from _span(scenario.cable)
     yield from _loads(scenario.cable)
     yield from _carriages(scenario)
+    yield from _terrain(scenario)
 
 
 def _supports(cable: Cable) -> Iterator[Fault]:
@@ -272,6 +278,71 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
                     (*path, "bodies", body_name, "lower_pivot"),
                     "nothing given, but another body hangs there; allowed: a list of 2 finite numbers, in m",
                 )
+        yield from _payload(path, carriage)
+        yield from _drive(path, carriage, scenario.solver.integrator)
+
+
+def _payload(path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
+    payload = carriage.payload
+    if payload is None:
+        return
+    if payload.mass > payload.capacity:
+        yield Fault(
+            (*path, "payload", "mass"), f"given {payload.mass!r}; allowed: 0 to the capacity of {payload.capacity:g} kg"
+        )
+    if payload.body is not None and payload.body not in carriage.bodies:
+        yield Fault(
+            (*path, "payload", "body"), f"given {show(payload.body)}; allowed: one of {', '.join(carriage.bodies)}"
+        )
+
+
+def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
+    drive, limits = carriage.drive, carriage.drive.limits
+    path = (*path, "drive")
+    if limits.deceleration is not None and limits.deceleration > limits.emergency_deceleration:
+        yield Fault(
+            (*path, "limits", "deceleration"),
+            f"given {limits.deceleration!r}; allowed: at most the emergency_deceleration of "
+            f"{limits.emergency_deceleration:g} m/s^2",
+        )
+    means = drive.emergency_stop or ()
+    given = [name for name in BRAKES if getattr(drive, name) is not None]
+    for name in means:
+        if name != "drive" and name not in given:
+            yield Fault(
+                (*path, "emergency_stop"),
+                f"given {name!r}, which this drive does not have; allowed: {', '.join(['drive', *given])}",
+            )
+    sheave = [name for name in means if name in BRAKES[:2]]
+    if "drive" in means and sheave:
+        yield Fault(
+            (*path, "emergency_stop"),
+            f"given 'drive' and {sheave[0]!r}; allowed: either, for the drive decelerates at emergency_deceleration "
+            "with whatever force that takes",
+        )
+    if drive.haul_rope is not None and carriage.joint == "fixed":
+        yield Fault((*path, "haul_rope"), "given for a carriage whose joint is fixed; allowed: only where it slides")
+    for key, used in (("haul_rope", drive.haul_rope is not None), ("emergency_stop", tuple(means) != ("drive",))):
+        if used and integrator == "runge_kutta":
+            yield Fault((*path, key), "given with the integrator runge_kutta; allowed: only with generalized_alpha")
+
+
+def _terrain(scenario: Scenario) -> Iterator[Fault]:
+    terrain = scenario.terrain
+    if not isinstance(terrain, tuple) or not terrain:
+        return
+    x = [point[0] for point in terrain]
+    if len(x) < 2:
+        yield Fault(("terrain",), f"given {len(x)} point; allowed: at least 2 points x, z, in m")
+    for number, (before, after) in enumerate(pairwise(x), start=1):
+        if after <= before:
+            yield Fault(("terrain", number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
+    low, high = sorted((scenario.cable.start.position[0], scenario.cable.end.position[0]))
+    if x[0] > low or x[-1] < high:
+        yield Fault(
+            ("terrain",),
+            f"given from x = {x[0]:g} to {x[-1]:g} m; allowed: at least the whole track, {low:g} to {high:g} m",
+        )
 
 
 def _name(path: tuple[str, ...]) -> Iterator[Fault]:

@@ -13,11 +13,13 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import add_drag
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.haul_rope import condense_sheave, recover_sheave
+from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
     add_joint,
@@ -83,8 +85,12 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     cable = system.cable
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
+    if system.air.present:
+        add_drag(system, state, rate_factor, stiffness_factor, work)
     for carriage in range(system.carriages.fixed.size):
         condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+        if state.drive_mode[carriage] == HAULED:
+            condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
         add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     hold_supports(cable, work)
 
@@ -154,6 +160,8 @@ def solve(system, state, work):
     for carriage in range(system.carriages.fixed.size):
         moved = recover_joint(system, state, carriage, work)
         recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+        if state.drive_mode[carriage] == HAULED:
+            recover_sheave(carriage, work)
     return True
 
 

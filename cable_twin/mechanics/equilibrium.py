@@ -10,8 +10,8 @@ from scipy.optimize import root
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
-from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.sliding_joint import driven_force, local_stretch, position_on_cable
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
 
 MAX_RELAXATIONS = 5000
@@ -177,7 +177,9 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
 
 
 def settle(system: System, state: State, work: Workspace) -> None:
-    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest.
+    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
+
+    `drive_force` is left with what holds each joint that is driven or hauled.
 
     Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
     exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
@@ -195,8 +197,9 @@ def settle(system: System, state: State, work: Workspace) -> None:
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
+    given = state.wind
     for array in state[:-1]:
-        if array is not state.sliding_coordinate and array is not state.drive_mode:
+        if not any(array is kept for kept in (state.sliding_coordinate, state.drive_mode, state.sheave_mode, given)):
             array[:] = 0
     state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
     state.friction_origin[:] = state.sliding_coordinate
@@ -215,6 +218,8 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"allowed are {tolerance:.3g} m"
         )
     for carriage in range(state.drive_mode.size):
-        held = modes[carriage] == SPEED
+        held = modes[carriage] in (SPEED, HAULED)
         state.drive_force[carriage] = driven_force(system, state, carriage) if held else 0.0
+        if modes[carriage] == HAULED:  # as the rope has it, on the arc length
+            state.drive_force[carriage] *= local_stretch(cable, state, carriage)
     state.drive_mode[:] = modes

@@ -10,9 +10,10 @@ from math import isfinite
 from typing import NamedTuple
 
 from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.drive import advance_reference
+from cable_twin.mechanics.drive import advance_reference, follows_reference, force_limit
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.haul_rope import correct_sheaves, predict_sheaves, sheave_force
+from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
 
@@ -89,7 +90,8 @@ def largest_increment(system, work):
         total += x + z + work.body_increment[body, 2]
     for carriage in range(work.sliding_increment.size):
         worst = max(worst, abs(work.sliding_increment[carriage]))
-        total += work.sliding_increment[carriage]
+        worst = max(worst, abs(work.sheave_increment[carriage]))
+        total += work.sliding_increment[carriage] + work.sheave_increment[carriage]
     return worst if isfinite(total) else total - total
 
 
@@ -113,14 +115,18 @@ def step(system, state, h, work):
     solver = system.solver
     c = coefficients(solver.spectral_radius)
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
+        if state.drive_braking[carriage]:
+            state.braking_time[carriage] += h
+        if follows_reference(state, carriage):
             advance_reference(system.carriages, system.cable, state, carriage, h)
+        if state.drive_mode[carriage] == SPEED:
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
             state.sliding_acceleration[carriage] = state.reference[carriage, 2]
 
     predict(c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic)
     predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
     predict_sliding(state, h)
+    predict_sheaves(state, c, h)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
@@ -152,6 +158,7 @@ def step(system, state, h, work):
             state.body_algorithmic,
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
+        correct_sheaves(state, c, h, work)
         if increment < solver.tolerance:
             gap = measure_gaps(system, state, work, True)
             for carriage in range(system.carriages.fixed.size):
@@ -184,19 +191,48 @@ def correct_sliding(state, rate_factor, acceleration_factor, work):
 
 
 @kernel
-def limited_step(system, state, before, h, work):
-    """One step in which no driven joint takes more than its force limit.
+def drive_force(system, state, carriage):
+    """Force (N) of a drive that follows its reference, on its joint or on the sheave of its haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        return sheave_force(system, state, carriage)
+    return driven_force(system, state, carriage)
 
-    A drive that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at
-    the start of the step.
+
+@kernel
+def set_drive_mode(state, carriage, mode):
+    """Put a drive into FREE, FORCE or SPEED, be it on the joint itself or on the sheave of a haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        state.sheave_mode[carriage] = mode
+    else:
+        state.drive_mode[carriage] = mode
+
+
+@kernel
+def take_over(state, carriage):
+    """Let the reference go on from the place (m) and speed (m/s) of the joint or sheave that is to follow it."""
+    reference = state.reference[carriage]
+    if state.drive_mode[carriage] == HAULED:
+        reference[0], reference[1] = state.sheave[carriage, 0], state.sheave[carriage, 1]
+    else:
+        reference[0], reference[1] = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    reference[2] = 0.0
+
+
+@kernel
+def limited_step(system, state, before, h, work):
+    """One step in which no drive, and no brake on it, takes more than its force limit.
+
+    One that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at the
+    start of the step, whose speed counts for the power limit.
     """
     converged, iterations, increment, gap = step(system, state, h, work)
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if converged and before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
-            force, limit = driven_force(system, state, carriage), system.carriages.force_limit[carriage]
-            if abs(force) > limit and not system.carriages.fixed[carriage]:
+        if converged and follows_reference(before, carriage):
+            force = drive_force(system, state, carriage)
+            limit = force_limit(system.carriages, state, carriage, before.reference[carriage, 1])
+            if abs(force) > limit:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
                 saturated = True
     if not saturated:
@@ -204,15 +240,13 @@ def limited_step(system, state, before, h, work):
     copy_state(before, state)
     for carriage in range(system.carriages.fixed.size):
         if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = FORCE
+            set_drive_mode(state, carriage, FORCE)
             state.drive_force[carriage] = work.saturation[carriage]
     converged, more, increment, gap = step(system, state, h, work)
     for carriage in range(system.carriages.fixed.size):
         if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = SPEED
-            state.reference[carriage, 0] = state.sliding_coordinate[carriage]
-            state.reference[carriage, 1] = state.sliding_velocity[carriage]
-            state.reference[carriage, 2] = 0.0
+            set_drive_mode(state, carriage, SPEED)
+            take_over(state, carriage)
     return converged, iterations + more, increment, gap
 
 
@@ -248,6 +282,6 @@ def advance(system, state, good, before, work, steps):
             return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
-            state.drive_force[carriage] = driven_force(system, state, carriage)
+        if follows_reference(state, carriage):
+            state.drive_force[carriage] = drive_force(system, state, carriage)
     return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

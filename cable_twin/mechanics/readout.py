@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import add_drag
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.haul_rope import haul_energies
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
@@ -44,6 +46,8 @@ def support_forces(system, state, work, forces):
     cable = system.cable
     add_cable(cable, state, 1.0, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
+    if system.air.present:
+        add_drag(system, state, 0.0, 0.0, work)
     for carriage in range(system.carriages.fixed.size):
         element, x = locate(cable, state.sliding_coordinate[carriage])
         shape = shape_functions(x, cable.element_length)
@@ -57,11 +61,15 @@ def support_forces(system, state, work, forces):
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of cable and carriages; gravitational is zero at the origin."""
+    """Kinetic, elastic and gravitational energy (J) of cable, carriages and drives with their haul ropes.
+
+    Gravitational energy is zero at the origin.
+    """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     length = cable.element_length
-    kinetic, elastic, gravitational = 0.0, 0.0, 0.0
+    kinetic, elastic = haul_energies(system, state)
+    gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
         for i in range(4):

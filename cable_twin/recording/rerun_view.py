@@ -43,35 +43,6 @@ GROUND = 0x6B5F4FFF
 _LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
 
 
-def outline_from_pivots(
-    upper_pivot: ArrayLike, lower_pivot: ArrayLike | None = None, *, gyration_radius: float | None = None
-) -> FloatArray:
-    """Return a drawable outline of a body that is known by its pivots and inertia only.
-
-    A body that carries another one is a line from pivot to pivot through the centre of mass. The last body of a
-    chain is a slender rod where its inertia is that of one, else the square box of that inertia, hung from its
-    pivot.
-
-    Args:
-        upper_pivot: (2,) m, from the centre of mass in the body's axes.
-        lower_pivot: (2,) m, where the next body hangs; None for the last one of the chain.
-        gyration_radius: m, square root of inertia over mass; None draws a box as high as the pivot is above the
-            centre of mass.
-
-    Returns:
-        (n, 2) m, one line in the body's axes.
-    """
-    top = np.asarray(upper_pivot, dtype=np.float64)
-    if lower_pivot is not None:
-        return np.array([top, (0.0, 0.0), np.asarray(lower_pivot, dtype=np.float64)])
-    length = float(np.hypot(*top))
-    if gyration_radius is not None and abs(gyration_radius * np.sqrt(12.0) - 2.0 * length) < 0.1 * length:
-        return np.array([top, -top])
-    half = (length if gyration_radius is None else gyration_radius * np.sqrt(6.0)) / 2.0
-    box = np.array([(0.0, half), (half, half), (half, -half), (-half, -half), (-half, half), (0.0, half)])
-    return np.vstack([top, box])
-
-
 class RerunView:
     """One run of one scenario, drawn; used from one thread.
 
@@ -100,7 +71,7 @@ class RerunView:
         Args:
             scenario_name: Title of the recording.
             body_outlines: Carriage -> body -> (n, 2) m, one line in the body's axes from its centre of mass (see
-                `outline_from_pivots`). A body without one is drawn as a dot.
+                `cable_twin.outlines`). A body without one is drawn as a dot.
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
@@ -359,7 +330,7 @@ class RerunView:
             self._commanded.update(dict.fromkeys(command.values, np.nan))
         elif command.kind == "emergency_stop":
             self._commanded = dict.fromkeys(self._commanded, 0.0)
-        else:
+        elif command.kind in ("release", "reset"):
             self._commanded = {}
 
     def _collect_geometry(self, snapshot: Snapshot) -> None:
@@ -593,7 +564,7 @@ class _TensionColors:
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = {"speed": "m/s", "force": "N"}.get(command.kind, "")
+    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
     values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

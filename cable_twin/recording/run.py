@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
+from cable_twin.outlines import body_outlines
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.scenario import Scenario
@@ -73,18 +73,9 @@ def start_run(
 
 
 def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
-    from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
-    outlines = {
-        carriage: {
-            name: outline_from_pivots(
-                body.upper_pivot, body.lower_pivot, gyration_radius=math.sqrt(body.inertia / body.mass)
-            )
-            for name, body in parameters.bodies.items()
-        }
-        for carriage, parameters in scenario.carriages.items()
-    }
-    return RerunView(scenario.name, outlines, path=path, live=live)
+    return RerunView(scenario.name, body_outlines(scenario), path=path, live=live, ground=scenario.terrain or None)
 
 
 def _new_directory(parent: Path) -> Path:
