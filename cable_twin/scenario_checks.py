@@ -181,6 +181,8 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
+        elif here in bad and get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+            values[name] = ()
         elif here in bad or (name not in data and field.is_required()):
             values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
         else:
@@ -305,7 +307,7 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
             f"given {limits.deceleration!r}; allowed: at most the emergency_deceleration of "
             f"{limits.emergency_deceleration:g} m/s^2",
         )
-    means = drive.emergency_stop or ()
+    means = drive.emergency_stop
     given = [name for name in BRAKES if getattr(drive, name) is not None]
     for name in means:
         if name != "drive" and name not in given:
@@ -329,11 +331,12 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
 
 def _terrain(scenario: Scenario) -> Iterator[Fault]:
     terrain = scenario.terrain
-    if not isinstance(terrain, tuple) or not terrain:
+    if not terrain:
         return
     x = [point[0] for point in terrain]
     if len(x) < 2:
         yield Fault(("terrain",), f"given {len(x)} point; allowed: at least 2 points x, z, in m")
+        return
     for number, (before, after) in enumerate(pairwise(x), start=1):
         if after <= before:
             yield Fault(("terrain", number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")

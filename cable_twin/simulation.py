@@ -84,7 +84,6 @@ class Simulation:
             settle(self.system, self._state, self._work)
         self._state.payload[:] = loads
         self._hang_in_ropes()
-        self._initial = clone_state(self._state)
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
@@ -93,6 +92,7 @@ class Simulation:
         self._means = np.empty(self.system.cable.element_count)
         self._advance = INTEGRATORS[scenario.solver.integrator]
         self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
+        self._initial = clone_state(self._state)
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
             warnings.warn(
                 f"solver.step of {self.step:g} s is above the largest stable one of runge_kutta on this mesh, "
@@ -178,6 +178,9 @@ class Simulation:
                 self._brake(index)
         elif command.kind == "release":
             self._stopped = False
+            for index in np.flatnonzero(self._state.drive_braking).tolist():
+                if self._drive_mode(index) == FORCE:  # let go for its track-rope brake alone: the drive holds again
+                    self._drive(index, "speed", 0.0)
             self._state.drive_braking[:] = False
         elif command.kind == "payload":
             check_payload(command, self.scenario, self.system, self._state)

@@ -46,8 +46,8 @@ def force_limit(carriages, state, carriage, speed):
         if carriages.drive_stops[carriage]:
             return inf
         return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
-    limit, power = carriages.force_limit[carriage], carriages.power_limit[carriage]
-    return power / abs(speed) if abs(speed) * limit > power else limit
+    by_power = carriages.power_limit[carriage] / abs(speed) if speed != 0.0 else inf
+    return min(carriages.force_limit[carriage], by_power)
 
 
 @kernel
