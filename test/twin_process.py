@@ -62,7 +62,7 @@ def environment(directory: Path, domain: int) -> dict[str, str]:
 
 
 def write_quick_scenario(directory: Path) -> Path:
-    """A ropeway whose drive reaches its speed in a second or two, that feels the wind, and that costs little to solve."""
+    """A ropeway whose drive reaches its speed in a second or two, in wind or calm, and that costs little to solve."""
     yaml = YAML()
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
     content["cable"]["elements"] = 20

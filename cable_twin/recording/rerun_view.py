@@ -38,6 +38,7 @@ CARRIAGE_COLORS = (0xFFFFFFFF, 0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0
 BODY_COLORS = (0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0xBDB2FFFF)
 PLOT_COLORS = (0x4CC9F0FF, 0xFFD166FF, 0xFF6B6BFF, 0x80ED99FF, 0xC8B6FFFF, 0xFFADADFF)
 QUIET = 0x8A93A6FF
+WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
 GROUND = 0x6B5F4FFF
 
 _LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
@@ -118,7 +119,7 @@ class RerunView:
         self._colors = _TensionColors()
         self._legend_place = (0.0, 0.0, 1.0)
         self._commands: deque[AppliedCommand] = deque()  # not yet in effect at the last snapshot
-        self._last_command: Command | None = None
+        self._last_commands: dict[str, Command] = {}  # that were listed: of drives, payload, wind
         self._commanded: dict[str, float] = {}
         self._next_geometry = -np.inf
 
@@ -161,9 +162,15 @@ class RerunView:
         """
         self._open()
         self._commands.append(applied)
-        if applied.command == self._last_command:
+        kind = applied.command.kind if applied.command.kind in ("payload", "wind") else "drive"
+        last = self._last_commands.get(kind)
+        if applied.command == last:
             return  # a command that only goes on, as the time-out wants it
-        self._last_command = applied.command
+        if kind == "wind" and last is not None:
+            change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
+            if max(change) < WIND_CHANGE:
+                return
+        self._last_commands[kind] = applied.command
         self._command_times.append(applied.time)
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
