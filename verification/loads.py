@@ -115,10 +115,10 @@ def wind() -> Iterator[Result]:
     gusty.wind(0.0, 25.0)
     gusty.advance_to(2.0)
     gusty.wind(0.0, 0.0)
-    before, frame = gusty.energy().total, 0.005
+    before, frame = gusty.energy().total, 0.004  # s, two steps
     places = np.linspace(0.0, 100.0, 401)
     shapes = []
-    for k in range(801):
+    for k in range(1001):
         gusty.advance_to(2.0 + frame * k)
         shapes.append(gusty.cable_positions(places))
     velocities = np.gradient(np.array(shapes), frame, axis=0)
