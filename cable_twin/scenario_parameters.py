@@ -177,6 +177,7 @@ def _build_haul_ropes(scenario: Scenario) -> parameters.HaulRopes:
         beyond_track=_array([1.0 if rope is None else rope.beyond_track for rope in ropes]),
         pretension=_array([0.0 if rope is None else rope.pretension for rope in ropes]),
         drive_inertia=_array([0.0 if rope is None else rope.drive_inertia for rope in ropes]),
+        present=any(rope is not None for rope in ropes),
     )
 
 

@@ -21,10 +21,10 @@ def braking_speed(distance, speed, deceleration, duration):
 
 
 @kernel
-def follows_reference(state, carriage):
-    """Whether a joint, or the sheave of its haul rope, goes as the reference does."""
-    mode = state.drive_mode[carriage]
-    return mode == SPEED or (mode == HAULED and state.sheave_mode[carriage] == SPEED)
+def follows_reference(drive_mode, sheave_mode, carriage):
+    """Whether a joint, or the sheave of its haul rope, goes as the reference does; modes are those of the state."""
+    mode = drive_mode[carriage]
+    return mode == SPEED or (mode == HAULED and sheave_mode[carriage] == SPEED)
 
 
 @kernel

@@ -117,7 +117,7 @@ def step(system, state, h, work):
     for carriage in range(system.carriages.fixed.size):
         if state.drive_braking[carriage]:
             state.braking_time[carriage] += h
-        if follows_reference(state, carriage):
+        if follows_reference(state.drive_mode, state.sheave_mode, carriage):
             advance_reference(system.carriages, system.cable, state, carriage, h)
         if state.drive_mode[carriage] == SPEED:
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
@@ -126,7 +126,8 @@ def step(system, state, h, work):
     predict(c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic)
     predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
     predict_sliding(state, h)
-    predict_sheaves(state, c, h)
+    if system.haul_ropes.present:
+        predict_sheaves(state, c, h)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
@@ -158,7 +159,8 @@ def step(system, state, h, work):
             state.body_algorithmic,
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
-        correct_sheaves(state, c, h, work)
+        if system.haul_ropes.present:
+            correct_sheaves(state, c, h, work)
         if increment < solver.tolerance:
             gap = measure_gaps(system, state, work, True)
             for carriage in range(system.carriages.fixed.size):
@@ -229,7 +231,7 @@ def limited_step(system, state, before, h, work):
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if converged and follows_reference(before, carriage):
+        if converged and follows_reference(before.drive_mode, before.sheave_mode, carriage):
             force = drive_force(system, state, carriage)
             limit = force_limit(system.carriages, state, carriage, before.reference[carriage, 1])
             if abs(force) > limit:
@@ -282,6 +284,6 @@ def advance(system, state, good, before, work, steps):
             return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
-        if follows_reference(state, carriage):
+        if follows_reference(state.drive_mode, state.sheave_mode, carriage):
             state.drive_force[carriage] = drive_force(system, state, carriage)
     return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

@@ -83,6 +83,7 @@ class HaulRopes(NamedTuple):
     beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the sheave
     pretension: FloatArray  # (carriages,) N, pull of the counter rope: with how much the rope can push at most
     drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the sheave, reduced to the rope
+    present: bool  # whether there is any
 
 
 class Air(NamedTuple):

@@ -76,6 +76,7 @@ def make_haul_ropes(count, **changes):
         beyond_track=np.full(count, 0.4),
         pretension=np.full(count, 500.0),
         drive_inertia=np.full(count, 7.0),
+        present="axial_stiffness" in changes,
     )
     return ropes._replace(**changes)
 

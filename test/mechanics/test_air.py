@@ -6,7 +6,7 @@ from systems import disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, rows
 from test_haul_rope import check_newton_step
 
-from cable_twin.mechanics.air import add_drag
+from cable_twin.mechanics.air import POINTS, add_drag
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
 from cable_twin.mechanics.sliding_joint import place_joint
@@ -28,9 +28,9 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
 
 
 def drag_on_cable(system, state):
-    """Nodal forces (nodes 2, dim): the definition in numpy, three Gauss points."""
+    """Nodal forces (nodes 2, dim): the definition in numpy."""
     cable = system.cable
-    places, weights = np.polynomial.legendre.leggauss(3)
+    places, weights = np.polynomial.legendre.leggauss(POINTS)
     e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodal_coordinates, state.nodal_velocities))
     forces = np.zeros_like(e)
     for element in range(cable.element_count):

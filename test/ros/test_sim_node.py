@@ -199,12 +199,12 @@ def test_payload_and_wind_are_taken_from_their_topics_or_refused_by_name(running
         length = len(process.output)
         publisher.publish(message)
         twin.until(lambda length=length, reason=reason: reason in process.output[length:], what=reason)
-    twin.publish(**MOVING)
-    twin.until(lambda: twin.speed > 0.5)
-    twin.spin(1.05)
-    length = len(process.output)
-    loads.publish(JointState(name=["cabin"], effort=[0.0]))
-    twin.until(lambda: "payload of 'cabin', which" in process.output[length:], what="a refusal under way")
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.speed > 0.5)
+        twin.spin(1.05)
+        length = len(process.output)
+        loads.publish(JointState(name=["cabin"], effort=[0.0]))
+        twin.until(lambda: "payload of 'cabin', which" in process.output[length:], what="a refusal under way")
 
 
 def test_reset_puts_the_state_back_and_never_the_time(twin):
