@@ -34,66 +34,56 @@ WEIGHTS = tuple(float(weight) / 2.0 for weight in leggauss(POINTS)[1])
 
 
 @kernel
-def add_drag(system, state, rate_factor, stiffness_factor, work):
-    """Add the drag of the rope to residual and tangent of the nodes; leave that of the bodies for their chains."""
-    if system.air.rope_drag > 0.0:
-        for element in range(system.cable.element_count):
-            add_rope_drag(system, state, element, rate_factor, stiffness_factor, work)
-    drag_bodies(system, state, rate_factor, work)
-
-
-@kernel
-def add_rope_drag(system, state, element, rate_factor, stiffness_factor, work):
-    """Drag on one element, with its exact tangent by places, slopes and their rates."""
-    cable = system.cable
+def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, diagonal, upper, lower, right_side):
+    """Add the drag on all elements to residual and tangent of the nodes, exact by places, slopes and their rates."""
     like, length = cable.gravity, cable.element_length
-    wind = load(state.wind, like)
-    diagonal, upper, lower = work.diagonal, work.upper, work.lower
-    for point in range(POINTS):
-        x = PLACES[point] * length
-        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-        r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
-        norm = sqrt(dot(r_x, r_x))
-        t = scale(1.0 / norm, r_x)
-        relative = subtract(wind, interpolate(state.nodal_velocities, element, shape, like))
-        along = dot(relative, t)
-        across = add_scaled(-along, t, relative)
-        speed = sqrt(dot(across, across))
-        if speed == 0.0:
-            continue
-        q = system.air.rope_drag * WEIGHTS[point] * length
-        force = scale(q * speed, across)
-        # minus the derivatives of the force: q |w_n| (P + n nᵀ) by the velocity, and by the slope what turns t
-        both = add_scaled(1.0, symmetric(0.0, 1.0 / (speed * speed), across), symmetric(1.0, -1.0, t))
-        by_velocity = full(q * speed, both, 0.0)
-        turn = stiffness_factor / norm
-        by_turning = outer(q * speed * turn, t, across)
-        for j in range(4):
-            by_velocity_and_turn = rate_factor * shape[j] + along * turn * shape_x[j]
-            column = minus(block(by_velocity_and_turn, by_velocity, 0.0), block(-shape_x[j], by_turning, 0.0))
+    blowing = load(wind, like)
+    for element in range(cable.element_count):
+        for point in range(POINTS):
+            x = PLACES[point] * length
+            shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
+            r_x = interpolate(e, element, shape_x, like)
+            norm = sqrt(dot(r_x, r_x))
+            t = scale(1.0 / norm, r_x)
+            relative = subtract(blowing, interpolate(e_dot, element, shape, like))
+            along = dot(relative, t)
+            across = add_scaled(-along, t, relative)
+            speed = sqrt(dot(across, across))
+            if speed == 0.0:
+                continue
+            q = rope_drag * WEIGHTS[point] * length
+            force = scale(q * speed, across)
+            # minus the derivatives of the force: q |w_n| (P + n nᵀ) by the velocity, and by the slope what turns t
+            both = add_scaled(1.0, symmetric(0.0, 1.0 / (speed * speed), across), symmetric(1.0, -1.0, t))
+            by_velocity = full(q * speed, both, 0.0)
+            turn = stiffness_factor / norm
+            by_turning = outer(q * speed * turn, t, across)
+            for j in range(4):
+                by_velocity_and_turn = rate_factor * shape[j] + along * turn * shape_x[j]
+                column = minus(block(by_velocity_and_turn, by_velocity, 0.0), block(-shape_x[j], by_turning, 0.0))
+                for i in range(4):
+                    if j // 2 == i // 2:
+                        target = diagonal[element + i // 2, i % 2, j % 2]
+                    elif i // 2 == 0:
+                        target = upper[element, i % 2, j % 2]
+                    else:
+                        target = lower[element, i % 2, j % 2]
+                    accumulate(block(shape[i], column, 0.0), target)
             for i in range(4):
-                if j // 2 == i // 2:
-                    target = diagonal[element + i // 2, i % 2, j % 2]
-                elif i // 2 == 0:
-                    target = upper[element, i % 2, j % 2]
-                else:
-                    target = lower[element, i % 2, j % 2]
-                accumulate(block(shape[i], column, 0.0), target)
-        for i in range(4):
-            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
+                accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
 
 
 @kernel
-def drag_bodies(system, state, rate_factor, work):
+def drag_bodies(body_drag, wind, body_velocities, rate_factor, force, tangent):
     """Drag on every body (N), and minus its derivative by the place (N/m), which acts like a mass."""
-    for body in range(system.air.body_drag.size):
-        q = system.air.body_drag[body]
+    for body in range(body_drag.size):
+        q = body_drag[body]
         if q > 0.0:
-            x = state.wind[0] - state.body_velocities[body, 0]
-            z = state.wind[state.wind.size - 1] - state.body_velocities[body, 1]
+            x = wind[0] - body_velocities[body, 0]
+            z = wind[wind.size - 1] - body_velocities[body, 1]
             speed = sqrt(x * x + z * z)
-            work.body_drag[body, 0], work.body_drag[body, 1] = q * speed * x, q * speed * z
+            force[body, 0], force[body, 1] = q * speed * x, q * speed * z
             steep = rate_factor * q / speed if speed > 0.0 else 0.0
-            work.body_drag_tangent[body, 0] = steep * (speed * speed + x * x)
-            work.body_drag_tangent[body, 1] = steep * x * z
-            work.body_drag_tangent[body, 2] = steep * (speed * speed + z * z)
+            tangent[body, 0] = steep * (speed * speed + x * x)
+            tangent[body, 1] = steep * x * z
+            tangent[body, 2] = steep * (speed * speed + z * z)

@@ -13,7 +13,7 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.air import add_drag
+from cable_twin.mechanics.air import drag_bodies, drag_rope
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
@@ -86,7 +86,22 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        add_drag(system, state, rate_factor, stiffness_factor, work)
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            rate_factor,
+            stiffness_factor,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
+        drag_bodies(
+            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+        )
     for carriage in range(system.carriages.fixed.size):
         condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
         if state.drive_mode[carriage] == HAULED:

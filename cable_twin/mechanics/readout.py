@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.air import add_drag
+from cable_twin.mechanics.air import drag_rope
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import add_loads
@@ -47,7 +47,19 @@ def support_forces(system, state, work, forces):
     add_cable(cable, state, 1.0, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
     if system.air.present:
-        add_drag(system, state, 0.0, 0.0, work)
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            0.0,
+            0.0,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
     for carriage in range(system.carriages.fixed.size):
         element, x = locate(cable, state.sliding_coordinate[carriage])
         shape = shape_functions(x, cable.element_length)

@@ -6,7 +6,7 @@ from systems import disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, rows
 from test_haul_rope import check_newton_step
 
-from cable_twin.mechanics.air import POINTS, add_drag
+from cable_twin.mechanics.air import POINTS, drag_bodies, drag_rope
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
 from cable_twin.mechanics.sliding_joint import place_joint
@@ -25,6 +25,24 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
     for carriage in range(len(chains)):
         place_joint(system.cable, state, carriage)
     return system, state, work
+
+
+def add_drag(system, state, work):
+    """Drag on rope and bodies as `assemble` has it."""
+    drag_rope(
+        system.cable,
+        system.air.rope_drag,
+        state.wind,
+        state.nodal_coordinates,
+        state.nodal_velocities,
+        25.0,
+        1.0,
+        work.diagonal,
+        work.upper,
+        work.lower,
+        work.right_side,
+    )
+    drag_bodies(system.air.body_drag, state.wind, state.body_velocities, 25.0, work.body_drag, work.body_drag_tangent)
 
 
 def drag_on_cable(system, state):
@@ -56,7 +74,7 @@ def drag_on_bodies(system, state):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_force_on_the_rope(dim):
     system, state, work = setup(dim, chains=())
-    add_drag(system, state, 25.0, 1.0, work)
+    add_drag(system, state, work)
     np.testing.assert_allclose(work.right_side.reshape(-1, dim), drag_on_cable(system, state), atol=1e-12)
 
 
@@ -88,7 +106,7 @@ def test_no_wind_and_no_motion_is_no_force():
         array[:] = 0.0
     work.right_side[:] = 0.0
     work.diagonal[:] = 0.0
-    add_drag(system, state, 25.0, 1.0, work)
+    add_drag(system, state, work)
     assert not work.right_side.any()
     assert not work.diagonal.any()
     assert not work.body_drag.any()
@@ -103,5 +121,5 @@ def test_a_rope_that_runs_along_itself_feels_nothing():
     state.nodal_velocities[:, 0] = 9.0 * np.array([0.8, 0.6])
     state.wind[:] = 0.0
     work.right_side[:] = 0.0
-    add_drag(system, state, 25.0, 1.0, work)
+    add_drag(system, state, work)
     np.testing.assert_allclose(work.right_side, 0.0, atol=1e-12)
