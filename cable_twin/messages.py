@@ -29,6 +29,7 @@ Header = ros2_jazzy.std_msgs__msg__Header
 String = ros2_jazzy.std_msgs__msg__String
 Clock = ros2_jazzy.rosgraph_msgs__msg__Clock
 Point = ros2_jazzy.geometry_msgs__msg__Point
+Vector3Stamped = ros2_jazzy.geometry_msgs__msg__Vector3Stamped
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
@@ -52,6 +53,8 @@ CABLE = "cable"
 CABLE_PATH = "cable_path"
 SCENARIO = "scenario"
 JOINT_COMMANDS = "joint_commands"
+PAYLOAD = "payload"
+WIND = "wind"
 APPLIED_COMMANDS = "applied_commands"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
@@ -61,6 +64,7 @@ SECOND = 1_000_000_000  # ns
 PATH_PERIOD = SECOND // 10  # ns, of simulated time
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")
 UNITS = {"velocity": "m/s", "effort": "N"}
+VALUE_FIELDS = {"speed": "velocity", "force": "effort", "payload": "effort", "wind": "velocity"}  # of applied commands
 
 
 class Message(Protocol):
@@ -94,6 +98,8 @@ def topics(carriages: Mapping[str, Sequence[str]], *, clock: bool = False, tf: b
     table = [
         Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
         Topic(JOINT_COMMANDS, JointState.__msgtype__, depth=50),  # as received
+        Topic(PAYLOAD, JointState.__msgtype__, depth=50),
+        Topic(WIND, Vector3Stamped.__msgtype__, depth=50),
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__),
         Topic(CABLE, PointCloud2.__msgtype__),
@@ -296,8 +302,8 @@ def clock_message(stamp_ns: int) -> bytes:
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     """Encode a command that took effect as sensor_msgs/JointState.
 
-    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; velocity (m/s) or effort (N) by name for
-    `speed` and `force`, nothing for the other kinds.
+    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; by name velocity (m/s) for `speed` and
+    `wind`, effort for `force` (N) and `payload` (kg), nothing for the other kinds.
 
     Args:
         applied: The command; its time to the nanosecond.
@@ -310,9 +316,10 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     values = np.array([*command.values.values()], dtype=np.float64)
     nothing = np.empty(0)
     header = _header(epoch_ns + nanoseconds(applied.time), f"{command.kind}:{applied.source}")
-    speed = values if command.kind == "speed" else nothing
-    force = values if command.kind == "force" else nothing
-    return serialize(JointState(header, [*command.values], nothing, speed, force))
+    field = VALUE_FIELDS.get(command.kind)
+    velocity = values if field == "velocity" else nothing
+    effort = values if field == "effort" else nothing
+    return serialize(JointState(header, [*command.values], nothing, velocity, effort))
 
 
 def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
@@ -333,7 +340,7 @@ def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
     if not colon or kind not in get_args(CommandKind):
         msg = f"applied command {message.header.frame_id!r}; KIND:SOURCE with one of {', '.join(get_args(CommandKind))}"
         raise ValueError(msg)
-    given = {"speed": message.velocity, "force": message.effort}.get(kind, ())
+    given = getattr(message, VALUE_FIELDS[kind]) if kind in VALUE_FIELDS else ()
     values = dict(zip(message.name, map(float, given), strict=True))
     stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     return AppliedCommand((stamp - epoch_ns) / SECOND, Command(kind, values), source)
@@ -383,6 +390,41 @@ def command_from_joint_state(
             msg = f"joint command {field} of {name!r} is {value}; give a finite number ({UNITS[field]})"
             raise CommandError(msg)
     return Command("speed" if field == "velocity" else "force", values)
+
+
+def payload_from_joint_state(
+    names: Sequence[str], position: Collection[float], velocity: Collection[float], effort: Collection[float]
+) -> Command:
+    """Understand a payload; whether a carriage can take it now is for the simulation to say.
+
+    Args:
+        names: Carriages.
+        position: Has to be empty.
+        velocity: Has to be empty.
+        effort: kg for each name.
+
+    Raises:
+        CommandError: What was given has no clear meaning.
+    """
+    if not len(names) or len(position) or len(velocity) or len(effort) != len(names):
+        msg = (
+            f"payload with {len(names)} names, {len(position)} positions, {len(velocity)} velocities and "
+            f"{len(effort)} values of effort; give names, and effort as the mass (kg) for each"
+        )
+        raise CommandError(msg)
+    return Command("payload", command_from_joint_state(names, position, velocity, effort).values)
+
+
+def wind_from_vector(x: float, y: float, z: float) -> Command:
+    """Understand a wind (m/s).
+
+    Raises:
+        CommandError: It blows across the track, where nothing can move.
+    """
+    if y != 0.0:
+        msg = f"wind y is {y:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
+        raise CommandError(msg)
+    return Command("wind", {"x": float(x), "z": float(z)})
 
 
 def serialize(message: Message) -> bytes:

@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-CommandKind = Literal["speed", "force", "emergency_stop", "release", "reset"]
+CommandKind = Literal["speed", "force", "payload", "wind", "emergency_stop", "release", "reset"]
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
     """One accepted instruction to the twin; together with the scenario it determines the whole motion.
 
-    `speed` (m/s) and `force` (N) carry a value by name of a carriage or a drive; `emergency_stop`, `release` (of the
-    emergency stop) and `reset` (of the state, time runs on) carry none.
+    `speed` (m/s), `force` (N) and `payload` (kg) carry a value by name of a carriage or, the first, of a drive; `wind`
+    (m/s) carries one by each of the axes `x` and `z`; `emergency_stop`, `release` (of the emergency stop) and `reset`
+    (of the state, time runs on) carry none.
     """
 
     kind: CommandKind
@@ -44,7 +45,7 @@ class AppliedCommand:
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """Centre of mass (m), pitch (rad) and their rates of one rigid body."""
+    """Centre of mass (m) without payload, pitch (rad) and their rates of one rigid body."""
 
     x: float
     z: float
@@ -60,11 +61,13 @@ class CarriageState:
 
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
-    drive_force: float  # N, along the cable, on the carriage
+    drive_force: float  # N, along the cable, on the carriage or on the sheave of its haul rope
     contact_force: FloatArray  # (dim,) N, of the cable on the carriage
     position: FloatArray  # (dim,) m, of the joint
     bodies: Mapping[str, BodyState]
     attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
+    payload: float = 0.0  # kg
+    haul_rope: HaulRopeState | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,32 @@ class TowerState:
     def margin(self) -> float:
         """Load over that at rest (-): 0 where the cable lifts off."""
         return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HaulRopeState:
+    """The haul rope of one carriage, and the sheave that drives it."""
+
+    travel: float  # m, arc length at which the carriage would be if the rope did not stretch
+    speed: float  # m/s, of the rope at the sheave
+    force: float  # N, of the rope on the carriage, along the cable
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point of rope or vehicle, and its height above the ground."""
+
+    height: float  # m, negative below the ground
+    x: float  # m
+    z: float  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Least heights above the ground."""
+
+    rope: Place
+    vehicles: Mapping[str, Place]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario_parameters import stop_stroke
+from cable_twin.scenario_parameters import BRAKES, stop_stroke
 from cable_twin.scenario_schema import Body, Cable, Carriage, Carriers, Scenario, Support
 
 KeyPath = tuple[str | int, ...]
@@ -64,7 +64,7 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
 
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
-    """The model inside a field and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); else (None, None)."""
+    """The model in a field, or null, and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); or no model."""
     annotation, _ = _scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation
@@ -151,6 +151,9 @@ def _allowed(field: FieldInfo | None) -> str:
         text = "a list of mappings" if container is tuple else "a mapping"
     elif get_origin(kind) is Literal:
         text = f"one of {', '.join(get_args(kind))}"
+    elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+        words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
+        text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
     elif get_origin(kind) is tuple:
         text = f"a list of {len(get_args(kind))} finite numbers"
     else:
@@ -170,22 +173,17 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         container, inner = inner_model(field)
         kind, _ = _scalar(field.annotation)
         given = data.get(name)
-        if (
-            inner is not None
-            and container is None
-            and given is None
-            and not field.is_required()
-            and _scalar(field.annotation)[1]
-        ):
-            values[name] = None
-        elif inner is not None and container is None:
-            values[name] = _salvage(inner, given, bad, here)
+        if inner is not None and container is None:
+            absent = given is None and _scalar(field.annotation)[1]
+            values[name] = None if absent else _salvage(inner, given, bad, here)
         elif inner is not None and container is dict:
             items = given.items() if isinstance(given, dict) else ()
             values[name] = {key: _salvage(inner, item, bad, (*here, key)) for key, item in items}
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
+        elif here in bad and get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+            values[name] = ()
         elif here in bad or (name not in data and field.is_required()):
             values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
         else:
@@ -201,6 +199,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     yield from _loads(scenario.cable)
     yield from _carriages(scenario)
     yield from _moving_cable(scenario)
+    yield from _terrain(scenario)
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:
@@ -381,6 +380,8 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
                 "on the cable and between its end stops",
             )
         yield from _bodies(path, carriage.bodies)
+        yield from _payload(path, carriage)
+        yield from _drive(path, carriage, scenario.solver.integrator)
 
 
 def _bodies(path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
@@ -444,6 +445,70 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             )
     if scenario.carriers is not None:
         yield from _carriers(scenario, scenario.carriers)
+
+
+def _payload(path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
+    payload = carriage.payload
+    if payload is None:
+        return
+    if payload.mass > payload.capacity:
+        yield Fault(
+            (*path, "payload", "mass"), f"given {payload.mass!r}; allowed: 0 to the capacity of {payload.capacity:g} kg"
+        )
+    if payload.body is not None and payload.body not in carriage.bodies:
+        yield Fault(
+            (*path, "payload", "body"), f"given {show(payload.body)}; allowed: one of {', '.join(carriage.bodies)}"
+        )
+
+
+def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
+    drive, limits = carriage.drive, carriage.drive.limits
+    path = (*path, "drive")
+    if limits.deceleration is not None and limits.deceleration > limits.emergency_deceleration:
+        yield Fault(
+            (*path, "limits", "deceleration"),
+            f"given {limits.deceleration!r}; allowed: at most the emergency_deceleration of "
+            f"{limits.emergency_deceleration:g} m/s^2",
+        )
+    means = drive.emergency_stop
+    given = [name for name in BRAKES if getattr(drive, name) is not None]
+    for name in means:
+        if name != "drive" and name not in given:
+            yield Fault(
+                (*path, "emergency_stop"),
+                f"given {name!r}, which this drive does not have; allowed: {', '.join(['drive', *given])}",
+            )
+    sheave = [name for name in means if name in BRAKES[:2]]
+    if "drive" in means and sheave:
+        yield Fault(
+            (*path, "emergency_stop"),
+            f"given 'drive' and {sheave[0]!r}; allowed: either, for the drive decelerates at emergency_deceleration "
+            "with whatever force that takes",
+        )
+    if drive.haul_rope is not None and carriage.joint == "fixed":
+        yield Fault((*path, "haul_rope"), "given for a carriage whose joint is fixed; allowed: only where it slides")
+    for key, used in (("haul_rope", drive.haul_rope is not None), ("emergency_stop", tuple(means) != ("drive",))):
+        if used and integrator == "runge_kutta":
+            yield Fault((*path, key), "given with the integrator runge_kutta; allowed: only with generalized_alpha")
+
+
+def _terrain(scenario: Scenario) -> Iterator[Fault]:
+    terrain = scenario.terrain
+    if not terrain:
+        return
+    x = [point[0] for point in terrain]
+    if len(x) < 2:
+        yield Fault(("terrain",), f"given {len(x)} point; allowed: at least 2 points x, z, in m")
+        return
+    for number, (before, after) in enumerate(pairwise(x), start=1):
+        if after <= before:
+            yield Fault(("terrain", number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
+    low, high = sorted((scenario.cable.start.position[0], scenario.cable.end.position[0]))
+    if x[0] > low or x[-1] < high:
+        yield Fault(
+            ("terrain",),
+            f"given from x = {x[0]:g} to {x[-1]:g} m; allowed: at least the whole track, {low:g} to {high:g} m",
+        )
 
 
 def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:

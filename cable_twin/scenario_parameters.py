@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import inf, nan, sqrt
+from math import inf, nan, pi, sqrt
 
 import numpy as np
 
 from cable_twin.mechanics import parameters
-from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario_schema import Cable, Carriage, Scenario, Support, Tower
+from cable_twin.mechanics.parameters import FloatArray, Payloads
+from cable_twin.scenario_schema import Cable, Carriage, Drive, Scenario, Support, Tower
 
 ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
@@ -16,6 +16,8 @@ TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
 BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
 DEFAULT_STROKE = 0.005  # of the cable's length
+NO_BRAKE = (0.0, 0.0)  # N, s
+BRAKES = ("service_brake", "emergency_brake", "track_rope_brake")  # in the columns of `parameters`
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
 
 
@@ -35,7 +37,7 @@ def build_system(scenario: Scenario) -> parameters.System:
             element_count=cable.elements,
             element_length=cable.unstrained_length / cable.elements,
             unstrained_length=cable.unstrained_length,
-            mass_per_length=cable.mass_per_length,
+            mass_per_length=cable.mass_per_length + cable.ice,
             axial_stiffness=cable.axial_stiffness,
             bending_stiffness=cable.bending_stiffness,
             damping_time=cable.damping_time,
@@ -53,7 +55,9 @@ def build_system(scenario: Scenario) -> parameters.System:
         carriages=_build_carriages(scenario),
         supports=_build_supports(scenario),
         counterweights=_build_counterweights(scenario),
-        haul_rope=_build_haul_rope(scenario),
+        moving_cable=_build_moving_cable(scenario),
+        haul_ropes=_build_haul_ropes(scenario),
+        air=_build_air(scenario),
         solver=parameters.Solver(
             step=solver.step,
             spectral_radius=solver.spectral_radius,
@@ -62,6 +66,18 @@ def build_system(scenario: Scenario) -> parameters.System:
             max_halvings=solver.max_halvings,
         ),
     )
+
+
+def build_payloads(scenario: Scenario) -> Payloads:
+    """Say where each carriage can be loaded: the body in the order of the file, -1 for none, and the place in it."""
+    bodies, places, first = [], [], 0
+    for carriage in scenario.vehicles.values():
+        names, payload = list(carriage.bodies), carriage.payload
+        number = -1 if payload is None else first + names.index(payload.body or names[-1])
+        bodies.append(number)
+        places.append((0.0, 0.0) if payload is None else payload.position)
+        first += len(names)
+    return Payloads(body=np.array(bodies, dtype=np.int64), position=_array(places, 2))
 
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
@@ -87,6 +103,8 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
     if speed is None:
         speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
     mass = sum(body.mass for body in carriage.bodies.values())
+    if carriage.payload is not None:
+        mass += carriage.payload.capacity
     used = USED_STROKE * stroke
     stiffness = mass * max(speed**2 / used**2, scenario.gravity / used) if stop.stiffness is None else stop.stiffness
     damping = 0.5 / speed if stop.damping is None else stop.damping
@@ -188,10 +206,10 @@ def _counterweight(end: Support, gravity: float) -> tuple[FloatArray, float, flo
     return _direction(end), end.mass, end.force or end.mass * gravity, end.travel or (-inf, inf)
 
 
-def _build_haul_rope(scenario: Scenario) -> parameters.HaulRope:
+def _build_moving_cable(scenario: Scenario) -> parameters.MovingCable:
     for drive in scenario.drives.values():
         limits = drive.limits
-        return parameters.HaulRope(
+        return parameters.MovingCable(
             moving=True,
             loop_length=scenario.loop_length,
             acceleration_limit=limits.acceleration,
@@ -206,6 +224,7 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
     bodies = [body for carriage in carriages for body in carriage.bodies.values()]
     limits = [carriage.drive.limits for carriage in carriages]
     stops = _array([end_stop(scenario, carriage) for carriage in carriages], 3)
+    brakes = _array([_brakes(carriage.drive) for carriage in carriages]).reshape(-1, len(BRAKES), 2)
     return parameters.Carriages(
         body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
         mass=_array([body.mass for body in bodies]),
@@ -220,13 +239,52 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         viscous_friction=_array([carriage.friction.viscous for carriage in carriages]),
         speed_limit=_array([inf if limit.speed is None else limit.speed for limit in limits]),
         acceleration_limit=_array([limit.acceleration for limit in limits]),
+        deceleration_limit=_array([limit.deceleration or limit.acceleration for limit in limits]),
         emergency_deceleration=_array([limit.emergency_deceleration for limit in limits]),
         jerk_limit=_array([inf if limit.jerk is None else limit.jerk for limit in limits]),
         force_limit=_array([inf if limit.force is None else limit.force for limit in limits]),
+        power_limit=_array([inf if limit.power is None else limit.power for limit in limits]),
+        drive_stops=np.array(["drive" in carriage.drive.emergency_stop for carriage in carriages], dtype=np.bool_),
+        brake_force=brakes[:, :, 0].copy(),
+        brake_rise_time=brakes[:, :, 1].copy(),
         stop_stroke=stops[:, 0].copy(),
         stop_stiffness=stops[:, 1].copy(),
         stop_damping=stops[:, 2].copy(),
     )
+
+
+def _brakes(drive: Drive) -> list[tuple[float, float]]:
+    """Force (N) and rise time (s) of the brakes that an emergency stop applies."""
+    applied = [getattr(drive, name) if name in drive.emergency_stop else None for name in BRAKES]
+    return [NO_BRAKE if brake is None else (brake.force, brake.rise_time) for brake in applied]
+
+
+def _build_haul_ropes(scenario: Scenario) -> parameters.HaulRopes:
+    ropes = [carriage.drive.haul_rope for carriage in scenario.vehicles.values()]
+    return parameters.HaulRopes(
+        axial_stiffness=_array([0.0 if rope is None else rope.axial_stiffness for rope in ropes]),
+        mass_per_length=_array([0.0 if rope is None else rope.mass_per_length for rope in ropes]),
+        damping_ratio=_array([0.0 if rope is None else rope.damping_ratio for rope in ropes]),
+        station=np.array(
+            [parameters.START if rope is None or rope.station == "start" else parameters.END for rope in ropes],
+            dtype=np.int64,
+        ),
+        beyond_track=_array([1.0 if rope is None else rope.beyond_track for rope in ropes]),
+        pretension=_array([0.0 if rope is None else rope.pretension for rope in ropes]),
+        drive_inertia=_array([0.0 if rope is None else rope.drive_inertia for rope in ropes]),
+        present=any(rope is not None for rope in ropes),
+    )
+
+
+def _build_air(scenario: Scenario) -> parameters.Air:
+    cable, density = scenario.cable, scenario.air.density
+    rope_drag = 0.0
+    if cable.diameter is not None:
+        diameter = sqrt(cable.diameter**2 + 4.0 * cable.ice / (pi * cable.ice_density))
+        rope_drag = 0.5 * density * cable.drag_coefficient * diameter
+    areas = [body.drag_area for carriage in scenario.vehicles.values() for body in carriage.bodies.values()]
+    body_drag = 0.5 * density * _array(areas)
+    return parameters.Air(rope_drag=rope_drag, body_drag=body_drag, present=bool(rope_drag > 0.0 or body_drag.any()))
 
 
 def _array(values: list, columns: int = 0) -> FloatArray:

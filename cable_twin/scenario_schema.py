@@ -97,6 +97,10 @@ class Cable(Section):
     start: Support = Field(description="what holds it at arc length 0")
     end: Support = Field(description="what holds it at its other end")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
+    diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
+    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
+    ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
+    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
 
 
 class Tower(Section):
@@ -120,16 +124,53 @@ class Limits(Section):
 
     speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
+    deceleration: float | None = quantity("m/s^2", "deceleration of a service stop; null as acceleration", None, gt=0)
     jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
     force: float | None = quantity("N", "highest drive force along the cable", None, gt=0)
+    power: float | None = quantity("W", "highest power, driving or braking: force times speed", None, gt=0)
     emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
 
 
+class HaulRope(Section):
+    """The rope through which a drive in a station pulls a carriage."""
+
+    axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
+    mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
+    damping_ratio: float = quantity("-", "damping ratio of the carriage's bounce on it", 0.01, ge=0)
+    station: Literal["start", "end"] = Field(default="end", description="end of the track where the drive sheave is")
+    beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)
+    pretension: float = quantity(
+        "N", "pull of the counter rope: with how much the loop can push the carriage; 0 where there is none", 0.0, ge=0
+    )
+    drive_inertia: float = quantity(
+        "kg", "mass of all that moves with the drive sheave, counter rope too, reduced to the rope", gt=0
+    )
+
+
+class Brake(Section):
+    """A brake that holds, or slips at its force."""
+
+    force: float = quantity("N", "force along the rope, fully applied", gt=0)
+    rise_time: float = quantity("s", "time from release to full force", 0.0, ge=0)
+
+
+StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_brake"]
+
+
 class Drive(Section):
-    """What moves a carriage along the cable."""
+    """What moves a carriage along the cable, and stops it."""
 
     mode: Literal["free", "speed", "force"] = Field(default="free", description="what moves it until a command comes")
     limits: Limits = Field(default_factory=Limits, description="limits of the drive")
+    haul_rope: HaulRope | None = Field(
+        default=None, description="rope through which the drive pulls; without one it acts on the carriage itself"
+    )
+    service_brake: Brake | None = Field(default=None, description="brake on the drive")
+    emergency_brake: Brake | None = Field(default=None, description="second brake on the drive")
+    track_rope_brake: Brake | None = Field(default=None, description="brake of the carriage on the cable")
+    emergency_stop: Annotated[tuple[StopMeans, ...], FromList] = Field(
+        default=("drive",), description="what an emergency stop applies", min_length=1
+    )
 
 
 class Friction(Section):
@@ -154,6 +195,21 @@ class Body(Section):
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
     upper_pivot: Vector = quantity("m", "where it hangs")
     lower_pivot: Vector | None = quantity("m", "where the next body hangs from it; not needed for the last one", None)
+    size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
+    drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
+
+
+class Payload(Section):
+    """What a carriage can carry; it may be changed while the carriage stands in a station."""
+
+    capacity: float = quantity("kg", "most that it can carry", gt=0)
+    mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
+    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    position: Vector = quantity("m", "where, from the centre of mass of the empty body, in its axes", (0.0, 0.0))
+    station_distance: float | None = quantity(
+        "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
+    )
+    station_speed: float = quantity("m/s", "below what speed it counts as standing", 0.05, gt=0)
 
 
 class Carriage(Section):
@@ -167,6 +223,14 @@ class Carriage(Section):
     friction: Friction = Field(default_factory=Friction, description="what resists it")
     end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
+    payload: Payload | None = Field(default=None, description="what it can carry")
+
+
+class Air(Section):
+    """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
+
+    density: float = quantity("kg/m^3", "density, by default of 15 degrees at sea level", 1.225, ge=0)
+    wind: Vector = quantity("m/s", "wind along the track and upwards until another comes", (0.0, 0.0))
 
 
 class RopeDrive(Section):
@@ -212,6 +276,8 @@ class Scenario(Section):
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
     drives: dict[str, RopeDrive] = Field(default_factory=dict, description="the drive of a moving cable, by name")
     carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
+    air: Air = Field(default_factory=Air, description="wind and drag")
+    terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
     solver: Solver = Field(default_factory=Solver, description="time integration")
 
     @property

@@ -16,15 +16,26 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
-BELOW_RECORDING = ("messages", "records", "simulation", "first_compilation", "mechanics", *SCENARIO)
+BELOW_RECORDING = ("messages", "records", "simulation", "first_compilation", "outlines", "mechanics", *SCENARIO)
 ALLOWED = {
     "mechanics": (),
     "records": (),
     **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
     "first_compilation": ("mechanics", *SCENARIO),
-    "simulation": ("first_compilation", "mechanics", "records", *SCENARIO),
+    "outlines": SCENARIO,
+    "clearance": ("outlines", "records"),
+    "command_checks": ("mechanics", "records", *SCENARIO),
+    "simulation": (
+        "clearance",
+        "command_checks",
+        "first_compilation",
+        "mechanics",
+        "outlines",
+        "records",
+        *SCENARIO,
+    ),
     "messages": ("records",),
-    "recording": ("messages", "records", "simulation", *SCENARIO),
+    "recording": ("messages", "outlines", "records", "simulation", *SCENARIO),
     "ros": ("recording", *BELOW_RECORDING),
     "offline": ("recording", *BELOW_RECORDING),
 }

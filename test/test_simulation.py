@@ -26,6 +26,8 @@ def driven(**limits):
 
 def numbers(record):
     """Every number of a snapshot but those of its solver report, in order; what a support has not is left out."""
+    if record is None:
+        return []
     if dataclasses.is_dataclass(record):
         return [
             number

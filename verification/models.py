@@ -34,9 +34,15 @@ def beam(
     gravity: float = GRAVITY,
     carriages: dict[str, Any] | None = None,
     loads: list[dict[str, Any]] | None = None,
+    cable: dict[str, Any] | None = None,
+    air: dict[str, Any] | None = None,
+    terrain: list[list[float]] | None = None,
     **solver: Any,
 ) -> Simulation:
-    """A cable from the origin, by default unstrained and level, pinned at its start and free at its end."""
+    """A cable from the origin, by default unstrained and level, pinned at its start and free at its end.
+
+    `cable` has what else its section of the scenario is to hold.
+    """
     place = (length, 0.0) if end is None else end
     return Simulation(
         load_scenario(
@@ -53,7 +59,10 @@ def beam(
                     "start": {"position": [0.0, 0.0], "support": supports[0]},
                     "end": {"position": list(place), "support": supports[1]},
                     "loads": loads or [],
+                    **(cable or {}),
                 },
+                "air": air or {},
+                "terrain": terrain or [],
                 "carriages": carriages or {},
                 "solver": solver,
             }

@@ -13,14 +13,16 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import drag_bodies, drag_rope
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.counterweight import add_counterweights
+from cable_twin.mechanics.haul_rope import condense_sheave, recover_sheave
 from cable_twin.mechanics.memory import clear_array, copy_array
 from cable_twin.mechanics.moving_cable import add_flow
-from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
     add_joint,
@@ -110,12 +112,31 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """
     cable = system.cable
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    if system.haul_rope.moving:
+    if system.moving_cable.moving:
         add_flow(cable, state, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
+    if system.air.present:
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            rate_factor,
+            stiffness_factor,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
+        drag_bodies(
+            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+        )
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            if state.drive_mode[carriage] == HAULED:
+                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
@@ -193,6 +214,8 @@ def solve(system, state, work):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
             recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+            if state.drive_mode[carriage] == HAULED:
+                recover_sheave(carriage, work)
     return True
 
 

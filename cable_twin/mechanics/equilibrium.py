@@ -12,8 +12,8 @@ from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
 from cable_twin.mechanics.memory import combine_arrays
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
-from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.sliding_joint import driven_force, local_stretch, position_on_cable
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
 from cable_twin.mechanics.support import settle_supports
 
@@ -157,7 +157,9 @@ def lay_cable(system: System, state: State) -> None:
 
 
 def settle(system: System, state: State, work: Workspace) -> None:
-    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest.
+    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
+
+    `drive_force` is left with what holds each joint that is driven or hauled.
 
     The cable lies on its towers as if they had no friction; what they then mobilise starts from none.
 
@@ -169,8 +171,9 @@ def settle(system: System, state: State, work: Workspace) -> None:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable, supports = system.cable, system.supports
+    given = (state.sliding_coordinate, state.drive_mode, state.sheave_mode, state.attached, state.wind)
     for array in state[:-1]:
-        if not any(array is given for given in (state.sliding_coordinate, state.drive_mode, state.attached)):
+        if not any(array is kept for kept in given):
             array[:] = 0
     lay_cable(system, state)
     state.friction_origin[:] = state.sliding_coordinate
@@ -192,5 +195,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
     state.support_origin[:] = state.support_arc_length - state.rope[0]
     settle_supports(cable, supports, state)
     state.tower_load[:, 1] = state.tower_load[:, 0]
-    state.drive_force[(modes != SPEED) | ~state.attached] = 0.0
+    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
+    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
+        state.drive_force[carriage] *= local_stretch(cable, state, carriage)
     state.drive_mode[:] = modes

@@ -10,11 +10,12 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.drive import advance_reference
+from cable_twin.mechanics.drive import advance_reference, follows_reference, force_limit
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.haul_rope import correct_sheaves, predict_sheaves, sheave_force
 from cable_twin.mechanics.memory import flat
 from cable_twin.mechanics.moving_cable import attach_carriers, move_rope
-from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
 from cable_twin.mechanics.support import settle_supports
@@ -95,7 +96,8 @@ def largest_increment(system, work):
         total += x + z + work.body_increment[body, 2]
     for carriage in range(work.sliding_increment.size):
         worst = max(worst, abs(work.sliding_increment[carriage]))
-        total += work.sliding_increment[carriage]
+        worst = max(worst, abs(work.sheave_increment[carriage]))
+        total += work.sliding_increment[carriage] + work.sheave_increment[carriage]
     return worst if isfinite(total) else total - total
 
 
@@ -122,18 +124,22 @@ def step(system, state, h, work):
     """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
-    if system.haul_rope.moving:
+    if system.moving_cable.moving:
         move_rope(system, state, h)
     for carriage in range(system.carriages.fixed.size):
+        if state.drive_braking[carriage]:
+            state.braking_time[carriage] += h
+        if follows_reference(state.drive_mode, state.sheave_mode, carriage) and not system.carriages.clamped[carriage]:
+            advance_reference(system.carriages, system.cable, state, carriage, h)
         if state.drive_mode[carriage] == SPEED:
-            if not system.carriages.clamped[carriage]:
-                advance_reference(system.carriages, system.cable, state, carriage, h)
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
             state.sliding_acceleration[carriage] = state.reference[carriage, 2]
 
     predict(c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic)
     predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
     predict_sliding(state, h)
+    if system.haul_ropes.present:
+        predict_sheaves(state, c, h)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
@@ -166,6 +172,8 @@ def step(system, state, h, work):
             state.body_algorithmic,
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
+        if system.haul_ropes.present:
+            correct_sheaves(state, c, h, work)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
         before = increment
@@ -175,7 +183,7 @@ def step(system, state, h, work):
             for carriage in range(system.carriages.fixed.size):
                 settle_friction(system.carriages, state, carriage)
             settle_supports(system.cable, system.supports, state)
-            if system.haul_rope.moving:
+            if system.moving_cable.moving:
                 attach_carriers(system, state)
             return isfinite(gap), iteration, increment, gap
     return False, solver.max_iterations, increment, 0.0
@@ -205,11 +213,39 @@ def correct_sliding(state, rate_factor, acceleration_factor, work):
 
 
 @kernel
-def limited_step(system, state, before, h, work):
-    """One step in which no driven joint takes more than its force limit.
+def drive_force(system, state, carriage):
+    """Force (N) of a drive that follows its reference, on its joint or on the sheave of its haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        return sheave_force(system, state, carriage)
+    return driven_force(system, state, carriage)
 
-    A drive that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at
-    the start of the step.
+
+@kernel
+def set_drive_mode(state, carriage, mode):
+    """Put a drive into FREE, FORCE or SPEED, be it on the joint itself or on the sheave of a haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        state.sheave_mode[carriage] = mode
+    else:
+        state.drive_mode[carriage] = mode
+
+
+@kernel
+def take_over(state, carriage):
+    """Let the reference go on from the place (m) and speed (m/s) of the joint or sheave that is to follow it."""
+    reference = state.reference[carriage]
+    if state.drive_mode[carriage] == HAULED:
+        reference[0], reference[1] = state.sheave[carriage, 0], state.sheave[carriage, 1]
+    else:
+        reference[0], reference[1] = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    reference[2] = 0.0
+
+
+@kernel
+def limited_step(system, state, before, h, work):
+    """One step in which no drive, and no brake on it, takes more than its force limit.
+
+    One that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at the
+    start of the step, whose speed counts for the power limit.
     """
     iterations = 0
     for attempt in range(2):
@@ -238,9 +274,13 @@ def find_saturated(system, state, before, work):
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
-            force, limit = driven_force(system, state, carriage), system.carriages.force_limit[carriage]
-            if abs(force) > limit and not system.carriages.fixed[carriage]:
+        if (
+            follows_reference(before.drive_mode, before.sheave_mode, carriage)
+            and not system.carriages.clamped[carriage]
+        ):
+            force = drive_force(system, state, carriage)
+            limit = force_limit(system.carriages, state, carriage, before.reference[carriage, 1])
+            if abs(force) > limit:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
                 saturated = True
     return saturated
@@ -278,6 +318,6 @@ def advance(system, state, good, before, work, steps):
             return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED and state.attached[carriage]:
-            state.drive_force[carriage] = driven_force(system, state, carriage)
+        if state.attached[carriage] and follows_reference(state.drive_mode, state.sheave_mode, carriage):
+            state.drive_force[carriage] = drive_force(system, state, carriage)
     return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

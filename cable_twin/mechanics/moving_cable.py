@@ -128,7 +128,7 @@ def haul_force(system, state):
 @kernel
 def loop_coordinate(system, state, carriage):
     """Place (m) from 0 to the length of the loop of what is clamped; on the mesh up to the length of the cable."""
-    length = system.haul_rope.loop_length
+    length = system.moving_cable.loop_length
     place = system.carriages.loop_place[carriage] + state.rope[0]
     return place - length * floor(place / length)
 
@@ -139,16 +139,16 @@ def move_rope(system, state, duration):
 
     What leaves the mesh by that is taken off. What comes onto it stays off until `attach_carriers`.
     """
-    haul_rope, cable = system.haul_rope, system.cable
-    limit, jerk = haul_rope.acceleration_limit, haul_rope.jerk_limit
+    moving, cable = system.moving_cable, system.cable
+    limit, jerk = moving.acceleration_limit, moving.jerk_limit
     if state.rope_braking[0]:
-        limit, jerk = haul_rope.emergency_deceleration, inf
+        limit, jerk = moving.emergency_deceleration, inf
     ramp(state.rope, state.rope_target[0], limit, jerk, duration)
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage]:
             place = loop_coordinate(system, state, carriage)
             moved = abs(place - state.sliding_coordinate[carriage])
-            if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * haul_rope.loop_length:
+            if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:
                 state.reference[carriage, 0] = place
                 state.reference[carriage, 1], state.reference[carriage, 2] = state.rope[1], state.rope[2]
             else:
@@ -160,7 +160,9 @@ def park(system, state, carriage, place):
     """Take a carriage off the cable: it hangs at rest in the station that is nearer to its place (m) on the loop."""
     cable = system.cable
     beyond = place - cable.unstrained_length
-    station = cable.unstrained_length if 2.0 * beyond < system.haul_rope.loop_length - cable.unstrained_length else 0.0
+    station = (
+        cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
+    )
     state.attached[carriage] = False
     state.sliding_coordinate[carriage] = station
     state.reference[carriage, 0], state.reference[carriage, 1], state.reference[carriage, 2] = station, 0.0, 0.0

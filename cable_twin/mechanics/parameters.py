@@ -20,6 +20,10 @@ ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each el
 FREE = 0  # drive mode: nothing acts along the cable but friction and stops
 FORCE = 1  # drive mode: a given force along the cable
 SPEED = 2  # drive mode: the joint follows a reference position, its multiplier is the drive force
+HAULED = 3  # drive mode: the joint is free, a haul rope pulls it; its sheave is FREE, FORCE or SPEED
+
+START, END = 0, 1  # stations of a track
+SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 
 
 class Cable(NamedTuple):
@@ -58,9 +62,14 @@ class Carriages(NamedTuple):
     presliding: FloatArray  # (carriages,) m, how far a joint yields before it slides
     speed_limit: FloatArray  # (carriages,) m/s, inf where there is none
     acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
+    deceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference towards rest
     emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop
     jerk_limit: FloatArray  # (carriages,) m/s^3, inf where there is none
     force_limit: FloatArray  # (carriages,) N, inf where there is none
+    power_limit: FloatArray  # (carriages,) W, force times speed, inf where there is none
+    drive_stops: NDArray[np.bool_]  # (carriages,) an emergency stop is the drive's, at its emergency deceleration
+    brake_force: FloatArray  # (carriages, 3) N, of the brakes that an emergency stop applies, 0 of all others
+    brake_rise_time: FloatArray  # (carriages, 3) s, from release to full force
     stop_stroke: FloatArray  # (carriages,) m, length of the elastic buffer at both ends of the cable
     stop_stiffness: FloatArray  # (carriages,) N/m
     stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
@@ -91,7 +100,7 @@ class Counterweights(NamedTuple):
     damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
 
 
-class HaulRope(NamedTuple):
+class MovingCable(NamedTuple):
     """A cable that moves along itself through its fixed ends: its drive, and the loop of which it is one strand."""
 
     moving: bool
@@ -101,7 +110,37 @@ class HaulRope(NamedTuple):
     jerk_limit: float  # m/s^3, inf where there is none
 
 
-STANDING = HaulRope(moving=False, loop_length=1.0, acceleration_limit=0.0, emergency_deceleration=0.0, jerk_limit=0.0)
+STANDING = MovingCable(
+    moving=False, loop_length=1.0, acceleration_limit=0.0, emergency_deceleration=0.0, jerk_limit=0.0
+)
+
+
+class HaulRopes(NamedTuple):
+    """The haul rope of each carriage: an elastic rope between the drive sheave in a station and the joint."""
+
+    axial_stiffness: FloatArray  # (carriages,) N, 0 where the drive acts on the carriage itself
+    mass_per_length: FloatArray  # (carriages,) kg/m
+    damping_ratio: FloatArray  # (carriages,) -, of carriage and rope on a sheave that is held
+    station: IntArray  # (carriages,) START or END, where the sheave is
+    beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the sheave
+    pretension: FloatArray  # (carriages,) N, pull of the counter rope: with how much the rope can push at most
+    drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the sheave, reduced to the rope
+    present: bool  # whether there is any
+
+
+class Air(NamedTuple):
+    """What the air does: quadratic drag on rope and bodies."""
+
+    rope_drag: float  # kg/m^2, half of density, drag coefficient and diameter multiplied; 0 for none
+    body_drag: FloatArray  # (bodies,) kg/m, half of density and drag area multiplied; 0 for none
+    present: bool  # whether any of them is not 0
+
+
+class Payloads(NamedTuple):
+    """Where each carriage can be loaded."""
+
+    body: IntArray  # (carriages,) number of the body, -1 where there is no room
+    position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
 
 
 class Solver(NamedTuple):
@@ -121,5 +160,7 @@ class System(NamedTuple):
     carriages: Carriages
     supports: Supports
     counterweights: Counterweights
+    haul_ropes: HaulRopes
+    air: Air
     solver: Solver
-    haul_rope: HaulRope = STANDING
+    moving_cable: MovingCable = STANDING

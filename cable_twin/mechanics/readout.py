@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import drag_rope
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies
 from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.haul_rope import haul_energies
 from cable_twin.mechanics.moving_cable import add_flow, flow_energy
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
@@ -46,9 +48,23 @@ def support_forces(system, state, work, forces):
     """
     cable = system.cable
     add_cable(cable, state, 1.0, 0.0, 0.0, work)
-    if system.haul_rope.moving:
+    if system.moving_cable.moving:
         add_flow(cable, state, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
+    if system.air.present:
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            0.0,
+            0.0,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
     for carriage in range(system.carriages.fixed.size):
         if not state.attached[carriage]:
             continue
@@ -70,14 +86,15 @@ def support_forces(system, state, work, forces):
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, tower contacts and counterweights.
+    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, supports, drives and haul ropes.
 
     Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     length = cable.element_length
-    kinetic, elastic, gravitational = 0.0, 0.0, 0.0
+    kinetic, elastic = haul_energies(system, state)
+    gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
         for i in range(4):
@@ -91,7 +108,7 @@ def energies(system, state):
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
             gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
-    if system.haul_rope.moving:
+    if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)
     for carriage in range(carriages.fixed.size):
         for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):

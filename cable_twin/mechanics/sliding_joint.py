@@ -10,7 +10,8 @@ from __future__ import annotations
 from math import exp, sqrt
 
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.drive import brake_force
+from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
 
@@ -85,6 +86,14 @@ def joint_velocity(cable, state, carriage):
 
 
 @kernel
+def local_stretch(cable, state, carriage):
+    """|r_x| (-) at the joint: way along the cable by arc length."""
+    element, x = joint_place(cable, state, carriage)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    return sqrt(dot(r_x, r_x))
+
+
+@kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     element, x = joint_place(cable, state, carriage)
@@ -134,11 +143,17 @@ def deflection(carriages, state, carriage):
 
 @kernel
 def friction_force(carriages, state, carriage, normal):
-    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force."""
+    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
+
+    A track-rope brake grips with its own force, and holds and slips by the same law.
+    """
     z, z_by_s = deflection(carriages, state, carriage)
     rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
-    force = -rolling * normal * z - viscous * state.sliding_velocity[carriage]
-    return force, -rolling * normal * z_by_s, -viscous, -rolling * z
+    grip = rolling * normal
+    if state.drive_braking[carriage]:
+        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
+    force = -grip * z - viscous * state.sliding_velocity[carriage]
+    return force, -grip * z_by_s, -viscous, -rolling * z
 
 
 @kernel
@@ -180,7 +195,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot, right = 1.0, work.sliding_increment[carriage]
         d_along, across = scale(0.0, like), scale(0.0, like)
     else:
-        f_t = state.drive_force[carriage] + f_friction + f_stop
+        given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
+        f_t = given + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, r_x)
@@ -189,6 +205,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
+        if state.drive_mode[carriage] == HAULED:
+            right += work.haul_force[carriage]
+            pivot -= work.haul_by_s[carriage]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
     d = (impedance[0], impedance[1], impedance[2])

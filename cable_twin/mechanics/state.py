@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.lanes import WIDTH
 from cable_twin.mechanics.memory import copy_array
-from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, System
+from cable_twin.mechanics.parameters import FREE, HAULED, SPEED, FloatArray, System
 
 
 class State(NamedTuple):
@@ -35,9 +35,11 @@ class State(NamedTuple):
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
     multipliers: FloatArray  # lambda, (bodies, 2) N on each body at its upper pivot; first of a chain: sliding joint
     drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
-    drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED
+    drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE, SPEED, or HAULED
+    sheave_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED of the drive sheave where HAULED
     drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
-    drive_braking: NDArray[np.bool_]  # (carriages,) the emergency deceleration is in force
+    drive_braking: NDArray[np.bool_]  # (carriages,) an emergency stop is in force
+    braking_time: FloatArray  # (carriages,) s, since then
     reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
     support_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
     support_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
@@ -48,6 +50,10 @@ class State(NamedTuple):
     rope: FloatArray  # (3,) cable that has gone by (m), its speed (m/s) and acceleration (m/s²), towards the end
     rope_target: FloatArray  # (1,) m/s
     rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
+    sheave: FloatArray  # (carriages, 4) rope travel m, its rate m/s, m/s², and its algorithmic acceleration
+    hauled_acceleration: FloatArray  # (carriages,) m/s², true one of a joint at a haul rope; 0 elsewhere
+    payload: FloatArray  # (carriages,) kg, already in the masses of the system
+    wind: FloatArray  # (dim,) m/s
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
@@ -72,6 +78,12 @@ class Workspace(NamedTuple):
     sliding_right: FloatArray  # (carriages,)
     sliding_increment: FloatArray  # (carriages,)
     saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
+    haul_force: FloatArray  # (carriages,) N on the arc length, the sheave eliminated
+    haul_by_s: FloatArray  # (carriages,) N/m, its derivative by the arc length
+    sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of s, right side
+    sheave_increment: FloatArray  # (carriages,)
+    body_drag: FloatArray  # (bodies, 2) N
+    body_drag_tangent: FloatArray  # (bodies, 3) N/m, minus its derivative by the place: xx, xz, zz
 
 
 def allocate_state(system: System) -> State:
@@ -79,8 +91,8 @@ def allocate_state(system: System) -> State:
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
     contacts = system.supports.stiffness.size
-    driven = system.carriages.fixed | system.carriages.clamped
-    modes = np.where(driven, SPEED, FREE).astype(np.int64)
+    modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
+    modes = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes).astype(np.int64)
     return State(
         nodal_coordinates=np.zeros((nodes, 2, dim)),
         nodal_velocities=np.zeros((nodes, 2, dim)),
@@ -99,8 +111,10 @@ def allocate_state(system: System) -> State:
         multipliers=np.zeros((bodies, 2)),
         drive_force=np.zeros(carriages),
         drive_mode=modes,
+        sheave_mode=np.full(carriages, FREE, dtype=np.int64),
         drive_target=np.zeros(carriages),
         drive_braking=np.zeros(carriages, dtype=np.bool_),
+        braking_time=np.zeros(carriages),
         reference=np.zeros((carriages, 3)),
         support_arc_length=np.zeros(contacts),
         support_deflection=np.zeros(contacts),
@@ -111,6 +125,10 @@ def allocate_state(system: System) -> State:
         rope=np.zeros(3),
         rope_target=np.zeros(1),
         rope_braking=np.zeros(1, dtype=np.bool_),
+        sheave=np.zeros((carriages, 4)),
+        hauled_acceleration=np.zeros(carriages),
+        payload=np.zeros(carriages),
+        wind=np.zeros(dim),
         clock=np.zeros(1, dtype=np.int64),
     )
 
@@ -138,6 +156,12 @@ def allocate_workspace(system: System) -> Workspace:
         sliding_right=np.zeros(carriages),
         sliding_increment=np.zeros(carriages),
         saturation=np.zeros(carriages),
+        haul_force=np.zeros(carriages),
+        haul_by_s=np.zeros(carriages),
+        sheave_row=np.zeros((carriages, 3)),
+        sheave_increment=np.zeros(carriages),
+        body_drag=np.zeros((bodies, 2)),
+        body_drag_tangent=np.zeros((bodies, 3)),
     )
 
 
@@ -178,3 +202,10 @@ def copy_state(source, target):
     copy_array(source.rope, target.rope)
     copy_array(source.rope_target, target.rope_target)
     copy_array(source.rope_braking, target.rope_braking)
+    copy_array(source.sheave_mode, target.sheave_mode)
+    copy_array(source.braking_time, target.braking_time)
+    copy_array(source.sheave, target.sheave)
+    copy_array(source.hauled_acceleration, target.hauled_acceleration)
+    copy_array(source.payload, target.payload)
+    copy_array(source.wind, target.wind)
+    copy_array(source.clock, target.clock)

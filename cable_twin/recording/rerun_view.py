@@ -41,38 +41,10 @@ CARRIAGE_COLORS = (0xFFFFFFFF, 0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0
 BODY_COLORS = (0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0xBDB2FFFF)
 PLOT_COLORS = (0x4CC9F0FF, 0xFFD166FF, 0xFF6B6BFF, 0x80ED99FF, 0xC8B6FFFF, 0xFFADADFF)
 QUIET = 0x8A93A6FF
+WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
 GROUND = 0x6B5F4FFF
 
 _LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
-
-
-def outline_from_pivots(
-    upper_pivot: ArrayLike, lower_pivot: ArrayLike | None = None, *, gyration_radius: float | None = None
-) -> FloatArray:
-    """Return a drawable outline of a body that is known by its pivots and inertia only.
-
-    A body that carries another one is a line from pivot to pivot through the centre of mass. The last body of a
-    chain is a slender rod where its inertia is that of one, else the square box of that inertia, hung from its
-    pivot.
-
-    Args:
-        upper_pivot: (2,) m, from the centre of mass in the body's axes.
-        lower_pivot: (2,) m, where the next body hangs; None for the last one of the chain.
-        gyration_radius: m, square root of inertia over mass; None draws a box as high as the pivot is above the
-            centre of mass.
-
-    Returns:
-        (n, 2) m, one line in the body's axes.
-    """
-    top = np.asarray(upper_pivot, dtype=np.float64)
-    if lower_pivot is not None:
-        return np.array([top, (0.0, 0.0), np.asarray(lower_pivot, dtype=np.float64)])
-    length = float(np.hypot(*top))
-    if gyration_radius is not None and abs(gyration_radius * np.sqrt(12.0) - 2.0 * length) < 0.1 * length:
-        return np.array([top, -top])
-    half = (length if gyration_radius is None else gyration_radius * np.sqrt(6.0)) / 2.0
-    box = np.array([(0.0, half), (half, half), (half, -half), (-half, -half), (-half, half), (0.0, half)])
-    return np.vstack([top, box])
 
 
 class RerunView:
@@ -103,7 +75,7 @@ class RerunView:
         Args:
             scenario_name: Title of the recording.
             body_outlines: Carriage -> body -> (n, 2) m, one line in the body's axes from its centre of mass (see
-                `outline_from_pivots`). A body without one is drawn as a dot.
+                `cable_twin.outlines`). A body without one is drawn as a dot.
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
@@ -150,7 +122,7 @@ class RerunView:
         self._colors = _TensionColors()
         self._legend_place = (0.0, 0.0, 1.0)
         self._commands: deque[AppliedCommand] = deque()  # not yet in effect at the last snapshot
-        self._last_command: Command | None = None
+        self._last_commands: dict[str, Command] = {}  # that were listed: of drives, payload, wind
         self._commanded: dict[str, float] = {}
         self._next_geometry = -np.inf
 
@@ -193,9 +165,15 @@ class RerunView:
         """
         self._open()
         self._commands.append(applied)
-        if applied.command == self._last_command:
+        kind = applied.command.kind if applied.command.kind in ("payload", "wind") else "drive"
+        last = self._last_commands.get(kind)
+        if applied.command == last:
             return  # a command that only goes on, as the time-out wants it
-        self._last_command = applied.command
+        if kind == "wind" and last is not None:
+            change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
+            if max(change) < WIND_CHANGE:
+                return
+        self._last_commands[kind] = applied.command
         self._command_times.append(applied.time)
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
@@ -375,7 +353,7 @@ class RerunView:
             self._commanded.update(dict.fromkeys(command.values, np.nan))
         elif command.kind == "emergency_stop":
             self._commanded = dict.fromkeys(self._commanded, 0.0)
-        else:
+        elif command.kind in ("release", "reset"):
             self._commanded = {}
 
     def _collect_geometry(self, snapshot: Snapshot) -> None:
@@ -623,7 +601,7 @@ class _TensionColors:
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = {"speed": "m/s", "force": "N"}.get(command.kind, "")
+    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
     values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

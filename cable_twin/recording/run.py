@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
+from cable_twin.outlines import body_outlines
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.scenario import Scenario
@@ -74,19 +74,16 @@ def start_run(
 
 def open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
     """Open the rerun recording of a scenario at `path`, or its live view, with a shape for every body."""
-    from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
-    outlines = {
-        carriage: {
-            name: outline_from_pivots(
-                body.upper_pivot, body.lower_pivot, gyration_radius=math.sqrt(body.inertia / body.mass)
-            )
-            for name, body in parameters.bodies.items()
-        }
-        for carriage, parameters in scenario.vehicles.items()
-    }
-    towers = {name: tower.position for name, tower in scenario.towers.items()}
-    return RerunView(scenario.name, outlines, path=path, live=live, support_positions=towers)
+    return RerunView(
+        scenario.name,
+        body_outlines(scenario),
+        path=path,
+        live=live,
+        ground=scenario.terrain or None,
+        support_positions={name: tower.position for name, tower in scenario.towers.items()},
+    )
 
 
 def _new_directory(parent: Path) -> Path:

@@ -226,7 +226,7 @@ class FrameLoop:
                     self._deadlines[name] = until
                 else:
                     self._deadlines.pop(name, None)
-        else:
+        elif command.kind in ("emergency_stop", "release", "reset"):
             self._deadlines.clear()
             if command.kind == "reset" and self.fault:
                 self.fault = ""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import gc
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -27,16 +28,20 @@ from cable_twin.messages import (
     CLOCK,
     DIAGNOSTICS,
     JOINT_COMMANDS,
+    PAYLOAD,
     SCENARIO,
     TF,
+    WIND,
     MessageEncoder,
     applied_command_message,
     clock_message,
     command_from_joint_state,
     decode,
     diagnostics_message,
+    payload_from_joint_state,
     scenario_message,
     topics,
+    wind_from_vector,
 )
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
@@ -54,6 +59,12 @@ MESSAGE_TYPES = {
     f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
     for kind in (DiagnosticArray, PoseStamped, PathMessage, Clock, JointState, PointCloud2, String, TFMessage)
     if kind is not None
+}
+# what is subscribed: type, and how it is understood
+INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
+    JOINT_COMMANDS: (JointState, lambda m: command_from_joint_state(m.name, m.position, m.velocity, m.effort)),
+    PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
+    WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
 }
 SERVICE_TIMEOUT = 5.0  # s
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
@@ -105,7 +116,7 @@ class TwinNode(Node):
                 ),
             )
             for topic in self._topics
-            if topic.name != JOINT_COMMANDS
+            if topic.name not in INPUTS
         }
         self._loop = FrameLoop(
             self._simulation,
@@ -117,7 +128,8 @@ class TwinNode(Node):
             on_fault=self._report_fault,
             paused=self._settings["start_paused"],
         )
-        self.create_subscription(JointState, f"~/{JOINT_COMMANDS}", self._on_command, 50, raw=True)
+        for name, (kind, _) in INPUTS.items():
+            self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
@@ -271,33 +283,33 @@ class TwinNode(Node):
                 f"from {applied.time:.2f} s of simulated time on"
             )
 
-    def _on_command(self, data: bytes) -> None:
-        """A drive command: record it as it came, then apply it whole or refuse it whole."""
+    def _on_command(self, topic: str, data: bytes) -> None:
+        """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
+        kind, understand = INPUTS[topic]
         if self._run is not None:
             stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
-            self._run.recorder.record([(JOINT_COMMANDS, data)], stamp_ns)
+            self._run.recorder.record([(topic, data)], stamp_ns)
         try:
-            message = decode(data, "sensor_msgs/msg/JointState")
-            command = command_from_joint_state(message.name, message.position, message.velocity, message.effort)
+            command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
         except CommandError as error:
-            self._refuse(error)
+            self._refuse(topic, error)
             return
         except Exception as error:
-            self._refuse(CommandError(f"not a JointState: {error}"))
+            self._refuse(topic, CommandError(f"not a {kind.__name__}: {error}"))
             return
-        self._loop.submit(command, JOINT_COMMANDS).add_done_callback(self._on_obeyed)
+        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
 
-    def _on_obeyed(self, future: Any) -> None:
+    def _on_obeyed(self, topic: str, future: Any) -> None:
         if not future.cancelled() and future.exception() is not None:
-            self._refuse(future.exception())
+            self._refuse(topic, future.exception())
 
-    def _refuse(self, error: BaseException) -> None:
+    def _refuse(self, topic: str, error: BaseException) -> None:
         self._refused += 1
         now = time.monotonic()
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self.get_logger().warning(
-                f"{self.get_fully_qualified_name()}/{JOINT_COMMANDS}: command refused, "
+                f"{self.get_fully_qualified_name()}/{topic}: command refused, "
                 f"the last good one stays: {error} ({self._refused} refused so far)"
             )
 

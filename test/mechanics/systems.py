@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import CONTINUUM, Cable, Carriages, Counterweights, Solver, Supports, System
+from cable_twin.mechanics.parameters import (
+    CONTINUUM,
+    END,
+    Air,
+    Cable,
+    Carriages,
+    Counterweights,
+    HaulRopes,
+    Solver,
+    Supports,
+    System,
+)
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 
 
@@ -53,9 +64,14 @@ def make_carriages(chains=(), **changes):
         presliding=np.full(count, 1e-2),
         speed_limit=np.full(count, np.inf),
         acceleration_limit=np.full(count, 0.5),
+        deceleration_limit=np.full(count, 0.5),
         emergency_deceleration=np.full(count, 1.5),
         jerk_limit=np.full(count, np.inf),
         force_limit=np.full(count, np.inf),
+        power_limit=np.full(count, np.inf),
+        drive_stops=np.ones(count, dtype=np.bool_),
+        brake_force=np.zeros((count, 3)),
+        brake_rise_time=np.zeros((count, 3)),
         stop_stroke=np.full(count, 0.1),
         stop_stiffness=np.full(count, 800.0),
         stop_damping=np.full(count, 0.3),
@@ -95,13 +111,33 @@ def make_counterweights(dim=2, **changes):
     return weights._replace(**changes)
 
 
-def make_system(dim=2, *, chains=(), cable=None, carriages=None, supports=None, counterweights=None):
-    """System of those above."""
+def make_haul_ropes(count, **changes):
+    """No haul rope for any of `count` carriages, unless an axial stiffness is given."""
+    ropes = HaulRopes(
+        axial_stiffness=np.zeros(count),
+        mass_per_length=np.full(count, 2.0),
+        damping_ratio=np.full(count, 0.05),
+        station=np.full(count, END, dtype=np.int64),
+        beyond_track=np.full(count, 0.4),
+        pretension=np.full(count, 500.0),
+        drive_inertia=np.full(count, 7.0),
+        present="axial_stiffness" in changes,
+    )
+    return ropes._replace(**changes)
+
+
+def make_system(
+    dim=2, *, chains=(), cable=None, carriages=None, supports=None, counterweights=None, haul_ropes=None, air=None
+):
+    """System of those above; no drag unless `air` is given."""
+    bodies = sum(chains)
     return System(
         cable=make_cable(dim, **(cable or {})),
         carriages=make_carriages(chains, **(carriages or {})),
         supports=make_supports(dim, **(supports or {})),
         counterweights=make_counterweights(dim, **(counterweights or {})),
+        haul_ropes=make_haul_ropes(len(chains), **(haul_ropes or {})),
+        air=Air(rope_drag=0.0, body_drag=np.zeros(bodies), present=False) if air is None else air,
         solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
     )
 

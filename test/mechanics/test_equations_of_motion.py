@@ -75,7 +75,7 @@ def rows(system, state, work):
     cable, carriages = system.cable, system.carriages
     e = state.nodal_coordinates.reshape(-1, 2)
     add_cable(cable, state, 0.0, 0.0, 0.0, work)
-    if system.haul_rope.moving:
+    if system.moving_cable.moving:
         add_flow(cable, state, 0.0, 0.0, work)
     on_cable = -work.right_side.reshape(-1, 2)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):

@@ -15,7 +15,7 @@ from cable_twin.mechanics.moving_cable import (
     loop_coordinate,
     move_rope,
 )
-from cable_twin.mechanics.parameters import SPEED, HaulRope
+from cable_twin.mechanics.parameters import SPEED, MovingCable
 from cable_twin.mechanics.shape_functions import (
     FLOW,
     SLOPE,
@@ -26,7 +26,7 @@ from cable_twin.mechanics.shape_functions import (
 from cable_twin.mechanics.sliding_joint import joint_velocity
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 
-MOVING = HaulRope(
+MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
 )  # of which 2.1 m are the cable
 
@@ -39,7 +39,7 @@ def gauss(points=6):
 
 def moving_system(**changes):
     """Bare cable in general position that moves at 1.7 m/s and speeds up at 0.6 m/s²."""
-    system = make_system(**changes)._replace(haul_rope=MOVING)
+    system = make_system(**changes)._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
     state.rope[:] = 0.3, 1.7, 0.6
     return system, state, work
@@ -155,7 +155,7 @@ def test_haul_force_is_the_rate_of_its_momentum():
 def test_newton_step_of_a_moving_cable(rope):
     """Condensed against dense, carriages clamped to it included; `add_flow` is held against its definition above."""
     system, state, work = setup([1, 2], modes=SPEED, cable=ELASTIC)
-    moving = system._replace(haul_rope=MOVING)
+    moving = system._replace(moving_cable=MOVING)
     state.rope[:] = rope
     check_newton_step(moving, state, work)
 
@@ -173,7 +173,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
             "stop_stiffness": np.zeros(count),
             **changes,
         },
-    )._replace(haul_rope=MOVING)
+    )._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
     for array in state[:-1]:
         array[...] = 0
@@ -260,7 +260,7 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
 def test_a_loop_no_longer_than_the_cable_has_every_carrier_on_it(direction):
     """What leaves at one end is on again at the other within the same step, and hangs at rest in no station."""
     system, state, work = loop([0.3, 1.0, 1.7], speed=direction, mass=np.full(3, 0.3))
-    system = system._replace(haul_rope=MOVING._replace(loop_length=2.1))
+    system = system._replace(moving_cable=MOVING._replace(loop_length=2.1))
     good, before = clone_state(state), clone_state(state)
     passed = 0
     places = state.sliding_coordinate.copy()

@@ -18,7 +18,8 @@ psutil = pytest.importorskip("psutil")  # rerun brings it
 
 from rerun.chunk import RrdReader  # noqa: E402
 
-from cable_twin.recording.rerun_view import RerunView, describe_command, outline_from_pivots  # noqa: E402
+from cable_twin.outlines import outline_from_pivots  # noqa: E402
+from cable_twin.recording.rerun_view import RerunView, describe_command  # noqa: E402
 from cable_twin.records import (  # noqa: E402
     AppliedCommand,
     BodyState,
@@ -162,6 +163,25 @@ def test_commanded_speed_holds_from_its_command_on(recording):
     times, texts = column(path, "/commands", "TextLog:text")
     np.testing.assert_allclose(times, [0.5, 13.0])
     assert texts == [["speed cabin 12 m/s (topic)"], ["emergency stop (service)"]]
+
+
+def test_payload_and_gusts_are_listed_and_leave_the_commanded_speed_alone(tmp_path):
+    path = tmp_path / "loads.rrd"
+    view = RerunView(
+        "test ropeway", OUTLINES, path=path, live=False, ground=[(0.0, -60.0), (500.0, -20.0), (SPAN, 90.0)]
+    )
+    drive = Command("speed", {"cabin": 12.0})
+    gusts = [Command("wind", {"x": 5.0 + 0.4 * k, "z": 0.0}) for k in range(6)]
+    orders = [Command("payload", {"cabin": 640.0}), *(order for gust in gusts for order in (drive, gust))]
+    for index, order in enumerate(orders):
+        view.log_command(AppliedCommand(0.1 * index, order, "desk"))
+        view.log(snapshot_at(0.1 * index))
+    view.close()
+    _, texts = column(path, "/commands", "TextLog:text")
+    shown = ["payload cabin 640 kg", "speed cabin 12 m/s", *(f"wind x {x:g} m/s, z 0 m/s" for x in (5.0, 6.2))]
+    assert [text[0] for text in texts] == [f"{line} (desk)" for line in shown]
+    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    assert [speed[1] for speed in speeds[1:]] == [12.0] * (len(orders) - 1)
 
 
 def test_tension_and_swing_have_the_units_of_their_titles(recording):
