@@ -23,9 +23,11 @@ ALLOWED = {
     **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
     "simulation": ("mechanics", "records", *SCENARIO),
     "messages": ("records",),
+    "key_figures": ("records", *SCENARIO),
+    "command_line": (),
     "recording": ("messages", "records", "simulation", *SCENARIO),
-    "ros": ("recording", *BELOW_RECORDING),
-    "offline": ("recording", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
 }
 
 

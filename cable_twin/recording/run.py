@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
 from cable_twin.recording.mcap_log import McapLog, run_metadata
@@ -61,7 +61,7 @@ def start_run(
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = _open_view(scenario, directory / f"{directory.name}.rrd", live=live)
+            view = open_view(scenario, directory / f"{directory.name}.rrd", live=live)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
@@ -72,7 +72,18 @@ def start_run(
     return Run(directory, recorder, view.url if view is not None else None)
 
 
-def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
+def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
+    """Open a rerun view of a scenario, with its bodies drawn from their pivots.
+
+    Args:
+        scenario: What runs.
+        path: The .rrd to write, or None.
+        live: Serve the picture as well.
+        **options: What else `RerunView` takes.
+
+    Raises:
+        OSError: When the file cannot be created or the port is in use.
+    """
     from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
 
     outlines = {
@@ -84,7 +95,7 @@ def _open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
         }
         for carriage, parameters in scenario.carriages.items()
     }
-    return RerunView(scenario.name, outlines, path=path, live=live)
+    return RerunView(scenario.name, outlines, path=path, live=live, **options)
 
 
 def _new_directory(parent: Path) -> Path:
