@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -46,7 +47,9 @@ class _RootedStream:
             return entity
         names = entity.names.as_arrow_array().to_pylist()
         colors = [PLOT_COLORS[(self._first_color + index) % len(PLOT_COLORS)] for index in range(len(names))]
-        return rr.SeriesLines(names=[f"{self._root}: {name}" for name in names], colors=colors, widths=[1.5])
+        return rr.SeriesLines(
+            names=[f"{self._root}: {name}" for name in names], colors=np.array(colors, dtype=np.uint32), widths=[1.5]
+        )
 
 
 class ComparisonView:

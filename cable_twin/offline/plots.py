@@ -110,13 +110,18 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
-    """Runs and signals of a quantity that have any number."""
-    return [
-        (index, name)
-        for index, run in enumerate(runs)
-        for name, series in run.signals.series.items()
-        if name.partition("/")[0] == quantity and np.isfinite(series.line()[1]).any()
-    ]
+    """Runs and signals of a quantity that have any number; of two runs only the last body of each carriage."""
+    lines = []
+    for index, run in enumerate(runs):
+        names = [
+            name
+            for name, series in run.signals.series.items()
+            if name.partition("/")[0] == quantity and np.isfinite(series.line()[1]).any()
+        ]
+        if len(runs) > 1:
+            names = list({name.split("/")[1]: name for name in names}.values())
+        lines += [(index, name) for name in names]
+    return lines
 
 
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str) -> None:
@@ -160,7 +165,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
     axes.margins(x=0.01)
     if len(lines) > 1:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 6), borderaxespad=0.0)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
 
 
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:

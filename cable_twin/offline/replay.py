@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import json
 import math
+import signal
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
@@ -243,7 +244,7 @@ def parser() -> OneLineParser:
         "--tolerance",
         type=_tolerance,
         metavar="NUMBER",
-        help=f"greatest difference of two numbers; default: 0 for a log made here, {ELSEWHERE:g} for one made elsewhere",
+        help=f"greatest difference of two numbers; default: 0 for a log made here, else {ELSEWHERE:g}",
     )
     return result
 
@@ -261,6 +262,8 @@ def _tolerance(text: str) -> float:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Replay a log and report; 0 agree, 1 differ, 2 cannot read."""
+    if argv is None:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `replay BAG | head` ends without a word
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[simulated]}"), TimeRemainingColumn())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -37,7 +38,6 @@ from cable_twin.scenario import ScenarioError, load_scenario
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 FOOTER_SIZE = 200_000_000  # bytes of a bag above which its recording gets no index: that would stay in memory
-SHOWN_UNITS = {"rad": ("deg", 180.0 / math.pi)}
 EPILOG = """\
 exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read
 
@@ -134,6 +134,8 @@ def parser() -> OneLineParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Review one or two bags; see the exit codes above."""
+    if argv is None:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `review BAG | head` ends without a word
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if len(options.bags) > 2:
@@ -262,54 +264,64 @@ class _Recording:
 
 def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
     """Summaries, key figures, and the differences of two runs."""
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False, soft_wrap=False)
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
     for label, reading in zip("ab", readings, strict=False):
-        prefix = f"{label}: " if comparison is not None else ""
-        print(f"{prefix}{reading.summary()}")
-        _print_figures(console, reading.figures.figures())
+        print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
+    _print_figures(console, [{figure.name: figure for figure in reading.figures.figures()} for reading in readings])
     if comparison is not None:
         _print_differences(console, readings, comparison)
 
 
-def _print_figures(console: Console, figures: Sequence[KeyFigure]) -> None:
+def _print_figures(console: Console, runs: Sequence[Mapping[str, KeyFigure]]) -> None:
+    """One table, with a column for each run; when and where only for a single one."""
+    lone = len(runs) == 1
     table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("value", "unit", "limit", "", "at s"):
-        table.add_column(title, justify="left" if title in ("unit", "") else "right", no_wrap=True)
-    table.add_column("where")
-    sources = list(dict.fromkeys(figure.source for figure in figures if figure.source))
-    for figure in figures:
-        unit, scale = _shown_unit(figure)
-        limit = ""
-        if figure.limit is not None:
-            note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-            limit = f"{figure.bound} {figure.limit * scale:.4g}{note}"
-        verdict = {None: "", True: "kept", False: "[bold red]passed[/]"}[figure.kept]
-        value = f"{figure.value * scale:.4g}"
-        table.add_row(figure.name, value, unit, limit, verdict, f"{figure.time:.2f}", figure.place)
+    for title in ("value",) if lone else ("a", "b"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
+        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
+    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
+    for name in dict.fromkeys(name for run in runs for name in run):
+        figures = [run.get(name) for run in runs]
+        present = [figure for figure in figures if figure is not None]
+        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
+        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in figures]
+        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
+        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
+        table.add_row(name, *values, unit, "; ".join(limits), _verdict(figures), *where)
     console.print(table)
     for number, source in enumerate(sources, start=1):
         console.print(f"  ({number}) {source}", markup=False)
     print()
 
 
-def _shown_unit(figure: KeyFigure) -> tuple[str, float]:
-    """Unit in which a figure reads well, and what to multiply it by."""
-    if figure.unit in ("N", "W"):
-        for prefix, size in (("M", 1e6), ("k", 1e3)):
-            if abs(figure.value) >= size and (prefix == "k" or figure.unit == "W"):
-                return f"{prefix}{figure.unit}", 1.0 / size
-    return SHOWN_UNITS.get(figure.unit, (figure.unit, 1.0))
+def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
+    """Limit of a figure with the number of its source."""
+    if figure.limit is None:
+        return ""
+    note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
+    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
+
+
+def _verdict(figures: Sequence[KeyFigure | None]) -> str:
+    """Whether the limit is kept, and by which run it is not."""
+    kept = [figure.kept if figure is not None else None for figure in figures]
+    if False not in kept:
+        return "kept" if True in kept else ""
+    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
+    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
 
 
 def _print_differences(console: Console, readings: Sequence[Reading], comparison: Comparison) -> None:
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("largest difference", "rms", "unit", "at s", "a there", "b there"):
+    for title in ("largest difference", "rms", "unit", "at", "a there", "b there"):
         table.add_column(title, justify="left" if title == "unit" else "right", no_wrap=True)
     for name, difference in comparison.differences.items():
         if difference.count:
-            a, b = difference.values
-            numbers = (f"{difference.largest:.4g}", f"{difference.rms:.4g}", unit_of(name), f"{difference.time:.2f}")
-            table.add_row(name, *numbers, f"{a:.6g}", f"{b:.6g}")
+            unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
+            numbers = [f"{value * scale:.4g}" for value in (difference.largest, difference.rms)]
+            there = [f"{value * scale:.6g}" for value in difference.values]
+            table.add_row(name, *numbers, unit, f"{difference.time:.2f} s", *there)
     print(f"differences at {comparison.frames} common frames")
     if comparison.frames:
         console.print(table)
@@ -318,6 +330,17 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
             print(f"only in {label}: {', '.join(sorted(names))}")
     if abs(readings[0].end - readings[1].end) > 1e-3:
         print(f"a ends at {readings[0].end:.2f} s, b at {readings[1].end:.2f} s")
+
+
+def shown_unit(unit: str, value: float) -> tuple[str, float]:
+    """Unit in which a value in SI reads well, and what to multiply it by."""
+    if unit == "rad":
+        return "deg", 180.0 / math.pi
+    if unit in ("N", "W"):
+        for prefix, size in (("M", 1e6), ("k", 1e3)):
+            if abs(value) >= size and (prefix == "k" or unit == "W"):
+                return f"{prefix}{unit}", 1.0 / size
+    return unit, 1.0
 
 
 def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
