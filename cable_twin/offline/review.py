@@ -37,7 +37,7 @@ from cable_twin.records import AppliedCommand, Snapshot
 from cable_twin.scenario import ScenarioError, load_scenario
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
-FOOTER_SIZE = 200_000_000  # bytes of a bag above which its recording gets no index: that would stay in memory
+BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 EPILOG = """\
 exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read
 
@@ -247,8 +247,7 @@ class _Recording:
             self._view = ComparisonView(scenarios, names, self._partial, readings[0].first)
             readings[0].view, readings[1].view = self._view.views
         else:
-            footer = readings[0].log.size < FOOTER_SIZE
-            self._view = open_view(readings[0].scenario, self._partial, footer=footer, batch_frames=500)
+            self._view = open_view(readings[0].scenario, self._partial, batch_frames=BATCH)
             readings[0].view = self._view
 
     def finish(self) -> Path:

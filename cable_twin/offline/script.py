@@ -140,9 +140,8 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]
     if content is None:
         return
     if not isinstance(content, list):
-        raise ScriptError(
-            f"{file}:1: a {type(content).__name__} given; allowed: a list of commands, '- {{time: 1, ...}}'"
-        )
+        kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
+        raise ScriptError(f"{file}:1: a {kind} given; allowed: a list of commands, '- {{time: 1, ...}}'")
     places: Any = content
     for index, item in enumerate(content):
         line = places.lc.item(index)[0] + 1
@@ -162,10 +161,10 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
     given = [key for key in VALUES if key in row]
     if "event" in row:
-        if given or "name" in row or row["event"] not in EVENTS:
+        if given or "name" in row or str(row["event"]) not in EVENTS:
             what = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
             raise ScriptError(f"{place}: {what} given; allowed: {', '.join(EVENTS)}, alone")
-        return ScriptedCommand(float(time), Command(EVENTS[row["event"]], {}), "script", place)
+        return ScriptedCommand(float(time), Command(EVENTS[str(row["event"])], {}), "script", place)
     if len(given) != 1 or not isinstance(row.get("name"), str):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
         raise ScriptError(f"{place}: {what} given; {ALLOWED}")
