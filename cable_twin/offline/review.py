@@ -62,12 +62,15 @@ class Reading:
         on_position: Called with the bytes read so far.
 
     Raises:
-        ScenarioError: The scenario of the log cannot be understood.
+        LogError: The log holds no frame, or its scenario cannot be understood.
     """
 
     def __init__(self, log: Log, on_position: Callable[[int], None] | None = None) -> None:
         self.log = log
-        self.scenario = load_scenario(log.scenario)
+        try:
+            self.scenario = load_scenario(log.scenario)
+        except ScenarioError as error:
+            raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
         self.figures = KeyFigures(self.scenario)
         self.signals = Signals()
         self.view: _View | None = None
@@ -146,9 +149,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         logs = [read_log(bag) for bag in options.bags]
         return _review(logs, options.plots, options.no_viewer, console)
-    except (LogError, ScenarioError) as error:
+    except LogError as error:
         for line in str(error).splitlines():
-            print(f"review: {line if str(options.bags[0]) in line else f'{options.bags[0]}: {line}'}", file=sys.stderr)
+            print(f"review: {line}", file=sys.stderr)
         return CANNOT
 
 
