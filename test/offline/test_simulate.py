@@ -10,7 +10,7 @@ import pytest
 from bags import NO_BAGS, bag
 from twin_process import TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
-from cable_twin.offline import replay
+from cable_twin.offline import replay, review
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.records import Command
@@ -140,6 +140,31 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path):
     log = read_log(the_run(tmp_path / "logs"))
     assert log.complete
     assert log.end > 0.5
+
+
+def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
+    process = TwinProcess(
+        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
+        module="simulate",
+        command=[os.sys.executable],
+        variables=environment(tmp_path, 0),
+    )
+    try:
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 500_000, 60.0)
+    finally:
+        process.kill()
+    run = the_run(tmp_path / "logs")
+    assert review.main([str(run), "--plots", str(tmp_path / "plots")]) == 0
+    output = capsys.readouterr().out
+    assert "cut short, read as far as it goes" in output
+    assert f"look at it with: rerun {run / run.name}.rrd" in output
+    assert len([*(tmp_path / "plots").glob("*.png")]) == 6
+    assert replay.main([str(run)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
