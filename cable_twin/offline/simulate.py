@@ -58,6 +58,7 @@ class Outcome:
     wall_time: float = 0.0  # s
     applied: int = 0
     refused: list[str] = field(default_factory=list)  # a line each
+    left: int = 0  # commands at or after the end
     fault: str = ""  # why it ended early
 
 
@@ -113,6 +114,7 @@ def simulate(
                 break
     except SolverError as error:
         outcome.fault = str(error)
+    outcome.left = len(waiting)
     outcome.time, outcome.wall_time = simulation.time, time.monotonic() - started
     return outcome
 
@@ -331,6 +333,8 @@ def _report(scenario: Scenario, outcome: Outcome, run: Run | None, faults: Seque
         print(f"simulate: {len(outcome.refused) - 5} more refused", file=sys.stderr)
     for fault in faults:
         print(f"simulate: {fault}", file=sys.stderr)
+    if outcome.left:
+        print(f"simulate: not given, at or after the end: {outcome.left} commands of the script", file=sys.stderr)
     factor = outcome.time / max(outcome.wall_time, 1e-9)
     print(
         f"{scenario.name}: {outcome.time:.2f} s in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
