@@ -34,6 +34,7 @@ Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
 PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
+WrenchStamped = ros2_jazzy.geometry_msgs__msg__WrenchStamped
 Transform = ros2_jazzy.geometry_msgs__msg__Transform
 TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
 TFMessage = ros2_jazzy.tf2_msgs__msg__TFMessage
@@ -48,6 +49,7 @@ KeyValue = ros2_jazzy.diagnostic_msgs__msg__KeyValue
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 NAMESPACE = "/cable_twin"
 FRAME_ID = "map"
+SUPPORTS = ("start", "end")
 JOINT_STATES = "joint_states"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
@@ -84,11 +86,18 @@ class Topic:
     depth: int = 10
 
 
-def topics(carriages: Mapping[str, Sequence[str]], *, clock: bool = False, tf: bool = False) -> tuple[Topic, ...]:
+def topics(
+    carriages: Mapping[str, Sequence[str]],
+    *,
+    supports: Sequence[str] = SUPPORTS,
+    clock: bool = False,
+    tf: bool = False,
+) -> tuple[Topic, ...]:
     """Tell what the twin publishes.
 
     Args:
         carriages: Names of the bodies by name of their carriage, in the order of the scenario.
+        supports: Names of what holds the cable.
         clock: With `/clock`, off by default.
         tf: With `/tf`, only where tf2_msgs exists.
 
@@ -108,6 +117,8 @@ def topics(carriages: Mapping[str, Sequence[str]], *, clock: bool = False, tf: b
     for carriage, bodies in carriages.items():
         table.append(Topic(pose_topic(carriage), PoseStamped.__msgtype__))
         table += [Topic(pose_topic(carriage, body), PoseStamped.__msgtype__) for body in bodies]
+        table.append(Topic(contact_force_topic(carriage), WrenchStamped.__msgtype__))
+    table += [Topic(support_force_topic(support), WrenchStamped.__msgtype__) for support in supports]
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1))
@@ -119,6 +130,16 @@ def topics(carriages: Mapping[str, Sequence[str]], *, clock: bool = False, tf: b
 def pose_topic(carriage: str, body: str | None = None) -> str:
     """Give the relative name of the pose topic of a carriage, or of one of its bodies."""
     return f"carriages/{carriage}/pose" if body is None else f"carriages/{carriage}/{body}/pose"
+
+
+def contact_force_topic(carriage: str) -> str:
+    """Give the relative name of the topic with the force (N) of the cable on a carriage."""
+    return f"carriages/{carriage}/contact_force"
+
+
+def support_force_topic(support: str) -> str:
+    """Give the relative name of the topic with the force (N) of a support on the cable."""
+    return f"supports/{support}/force"
 
 
 def full_name(name: str, namespace: str = NAMESPACE) -> str:
@@ -169,8 +190,8 @@ class MessageEncoder:
             snapshot: The twin at the time of the frame.
 
         Returns:
-            Pairs of relative topic name and CDR: joint states, cable, poses, and the first time in each tenth of a
-            simulated second the cable path.
+            Pairs of relative topic name and CDR: joint states, cable, poses, forces, and the first time in each
+            tenth of a simulated second the cable path.
         """
         stamp = self.stamp_ns(snapshot)
         header = _header(stamp)
@@ -185,6 +206,9 @@ class MessageEncoder:
             for body_name in bodies:
                 body = carriage.bodies[body_name]
                 frame.append((pose_topic(name, body_name), _pose(header, body.x, body.z, body.pitch)))
+            frame.append((contact_force_topic(name), _force(stamp, carriage.contact_force)))
+        for name, support in snapshot.supports.items():
+            frame.append((support_force_topic(name), _force(stamp, support.force)))
         period = nanoseconds(snapshot.time) // PATH_PERIOD
         if period != self._path_period:
             self._path_period = period
@@ -448,10 +472,18 @@ def _pose(header: Header, x: float, z: float, pitch: float) -> bytes:
     return serialize(PoseStamped(header, Pose(Point(x, 0.0, z), _quaternion(pitch))))
 
 
+def _force(stamp_ns: int, force: NDArray[np.float64]) -> bytes:
+    """WrenchStamped of a force (dim,) in N without a moment, packed in a microsecond: its layout never changes."""
+    second, nanosecond = divmod(stamp_ns, SECOND)
+    return _WRENCH.pack(_LITTLE_ENDIAN, second, nanosecond, 4, b"map", force[0], 0.0, force[-1], 0.0, 0.0, 0.0)
+
+
 def _transform(header: Header, child: str, x: float, z: float, pitch: float) -> TransformStamped:
     return TransformStamped(header, child, Transform(Vector3(x, 0.0, z), _quaternion(pitch)))
 
 
+_WRENCH = struct.Struct("<4s3I4s6d")  # encapsulation, stamp, length of the frame id, `map` and a zero, six numbers
+_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _POINT_FIELDS = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(CABLE_FIELDS)]
 _POINT_STEP = 4 * len(CABLE_FIELDS)
 

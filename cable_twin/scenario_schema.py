@@ -85,6 +85,7 @@ class Cable(Section):
     unstrained_length: float = quantity("m", "length without tension", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
     axial_stiffness: float = quantity("N", "EA", gt=0)
+    breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
     bending_stiffness: float = quantity("N m^2", "EI", ge=0)
     elements: int = quantity("-", "number of elements, all of one unstrained length", ge=1, le=100_000)
     elastic_model: Literal["continuum", "element_frame"] = Field(
@@ -263,6 +264,17 @@ class Solver(Section):
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)
 
 
+class KeyFigureLimits(Section):
+    """What key figures are held against; null where there is no limit. `key_figures` names the source of each."""
+
+    rope_safety_factor: float | None = quantity("-", "lowest breaking force over tension", 3.15, gt=0)
+    tension_per_transverse_load: float | None = quantity("-", "lowest tension over load of a carriage", 10.0, gt=0)
+    swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
+    acceleration: float | None = quantity("m/s^2", "highest acceleration of the last body of a carriage", 1.5, gt=0)
+    stopping_distance: float | None = quantity("m", "longest way to a standstill", None, gt=0)
+    sag: float | None = quantity("m", "largest depth of the cable below its chord", None, gt=0)
+
+
 class Scenario(Section):
     """Everything that determines a run but the commands."""
 
@@ -278,6 +290,7 @@ class Scenario(Section):
     carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
     air: Air = Field(default_factory=Air, description="wind and drag")
     terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
+    limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
     solver: Solver = Field(default_factory=Solver, description="time integration")
 
     @property

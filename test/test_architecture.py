@@ -35,9 +35,11 @@ ALLOWED = {
         *SCENARIO,
     ),
     "messages": ("records",),
+    "key_figures": ("records", *SCENARIO),
+    "command_line": (),
     "recording": ("messages", "outlines", "records", "simulation", *SCENARIO),
-    "ros": ("recording", *BELOW_RECORDING),
-    "offline": ("recording", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
 }
 
 

@@ -6,6 +6,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.messages import (
     PATH_PERIOD,
@@ -22,6 +23,7 @@ from cable_twin.messages import (
     Time,
     Vector3,
     Vector3Stamped,
+    WrenchStamped,
     applied_command_from_message,
     applied_command_message,
     clock_message,
@@ -44,8 +46,10 @@ from cable_twin.records import (
     Command,
     Snapshot,
     SolverReport,
+    SupportState,
 )
 
+Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
 CARRIAGES = {"cabin": ("hanger", "cabin"), "load": ()}
 EPOCH = 1_700_000_000_123_456_789
 
@@ -60,7 +64,8 @@ def make_snapshot(time: float, samples: int = 5) -> Snapshot:
     arc_lengths = np.linspace(0.0, 4.0, samples)
     positions = np.column_stack([np.linspace(0.0, 3.0, samples), np.linspace(0.0, -1.0, samples)])
     cable = CableSamples(arc_lengths, positions, np.linspace(900.0, 1000.0, samples))
-    return Snapshot(time, {"cabin": cabin, "load": load}, {}, cable, SolverReport(1, 2, 0, 1e-12))
+    supports = {"start": SupportState(np.array([-900.0, 30.0])), "end": SupportState(np.array([950.0, 70.0]))}
+    return Snapshot(time, {"cabin": cabin, "load": load}, supports, cable, SolverReport(1, 2, 0, 1e-12))
 
 
 def frame_at(time: float) -> dict[str, bytes]:
@@ -106,6 +111,16 @@ def test_every_message_of_a_frame_has_the_stamp_of_its_simulated_time():
         header = decode(data, TYPES[name]).header
         assert header.stamp.sec * SECOND + header.stamp.nanosec == EPOCH + 1_230_000_000
         assert header.frame_id == "map"
+
+
+@pytest.mark.parametrize(
+    ("topic", "force"),
+    [("carriages/cabin/contact_force", (1.0, 0.0, 2.0)), ("supports/end/force", (950.0, 0.0, 70.0))],
+)
+def test_packed_forces_are_what_the_typestore_writes(topic, force):
+    stamp = Time(*divmod(EPOCH + 1_230_000_000, SECOND))
+    wrench = Wrench(Vector3(*force), Vector3(0.0, 0.0, 0.0))
+    assert frame_at(1.23)[topic] == serialize(WrenchStamped(Header(stamp, "map"), wrench))
 
 
 def test_cable_points():

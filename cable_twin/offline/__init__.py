@@ -1,1 +1,1 @@
-"""What needs no ROS: replaying a log."""
+"""What needs no ROS: running a scenario, looking at a log, and replaying it."""

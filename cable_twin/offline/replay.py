@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
+import signal
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from cable_twin.command_line import OneLineParser
 from cable_twin.messages import (
     CABLE,
     CABLE_PATH,
@@ -23,21 +27,35 @@ from cable_twin.messages import (
     SECOND,
     TF,
     MessageEncoder,
+    applied_command_message,
     decode,
     topics,
 )
 from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
+from cable_twin.recording.mcap_log import run_metadata
 from cable_twin.records import CommandError
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
-EPILOG = """\
+ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
+MADE_BY = {  # what the bits of a result depend on: key of the metadata and how it is called
+    "package_version": "cable_twin",
+    "numba_version": "numba",
+    "numpy_version": "numpy",
+    "machine": "machine",
+    "cpu": "CPU",
+}
+EPILOG = f"""\
+On the machine that made a log, with the same versions, all samples agree to the last bit, and that is the default. A
+log made elsewhere is compared to {ELSEWHERE:g}: two numbers a and b agree where |a - b| is at most the tolerance times
+the largest of |a|, |b| and 1, each in its own unit.
+
 exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated
 
 examples:
   replay cable_twin_logs/2026-01-31_09-30-00
-  replay run.mcap --tolerance 1e-9         for a log of another machine
+  replay run.mcap --tolerance 1e-9
 """
 
 
@@ -62,7 +80,7 @@ class Comparison:
     samples: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
     first: Difference | None = None
-    largest: float = 0.0  # greatest difference of two numbers
+    largest: float = 0.0  # greatest difference of two numbers found, relative where they are above 1
     commands: int = 0
     end: float = 0.0  # s
 
@@ -77,7 +95,8 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
 
     Args:
         log: what to replay.
-        tolerance: greatest difference of two numbers that counts as agreement; 0 compares to the last bit.
+        tolerance: greatest difference of two numbers that counts as agreement, relative to the greater of them where
+            that is above 1; 0 compares to the last bit.
         progress: shows how far it is.
 
     Raises:
@@ -87,14 +106,22 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
     compared = [
-        name for name in types if name in (JOINT_STATES, CABLE, CABLE_PATH, TF) or name.startswith("carriages/")
+        name
+        for name in types
+        if name in (JOINT_STATES, CABLE, CABLE_PATH, TF) or name.startswith(("carriages/", "supports/"))
     ]
     waiting = deque(log.commands)
     result = Comparison(commands=len(waiting))
-    task = progress.add_task("replay", total=None, simulated="0.0 s") if progress is not None else None
+    task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None
+    position = 0
+
+    def note_position(value: int) -> None:
+        nonlocal position
+        position = value
+
     stamp = -1
     expected: dict[str, bytes] = {}
-    for topic, stamp_ns, data in log.messages(compared):
+    for topic, stamp_ns, data in log.messages(compared, note_position):
         if stamp_ns != stamp:
             stamp = stamp_ns
             time = (stamp_ns - log.epoch_ns) / SECOND
@@ -106,7 +133,7 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
             expected[TF] = b""
             result.end = time
             if progress is not None and task is not None:
-                progress.update(task, simulated=f"{time:.1f} s")
+                progress.update(task, completed=position, simulated=f"{time:.1f} s")
         if topic == TF:
             expected[TF] = encoder.transforms(simulation.snapshot)
         result.samples[topic] += 1
@@ -115,10 +142,11 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
             continue
         for difference in _differences(topic, types[topic], stamp_ns - log.epoch_ns, data, replayed):
             if isinstance(difference.logged, float) and isinstance(difference.replayed, float):
-                size = abs(difference.logged - difference.replayed)
+                scale = max(abs(difference.logged), abs(difference.replayed), 1.0)
+                size = abs(difference.logged - difference.replayed) / scale
+                result.largest = max(result.largest, size if math.isfinite(size) else math.inf)
                 if size <= tolerance:
                     continue
-                result.largest = max(result.largest, size if math.isfinite(size) else math.inf)
             result.first = result.first or difference
             result.differing[topic] += 1
             break
@@ -172,21 +200,51 @@ def _points(cloud: Any) -> Iterator[tuple[str, float]]:
         yield f"point {row}, {cloud.fields[column].name}", float(number)
 
 
-def parser() -> argparse.ArgumentParser:
+def origin(log: Log) -> list[str]:
+    """Say in a few lines which version, scenario and command stream made a log, and what is different here."""
+    here = run_metadata(scenario="", epoch_ns=0, frame_period=0.0, sample_count=0)
+    made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
+    other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
+    kinds = Counter(applied.command.kind for applied in log.commands)
+    sources = Counter(applied.source for applied in log.commands)
+    stream = sha256()
+    for applied in log.commands:
+        stream.update(applied_command_message(applied, 0))
+    scenario = json.dumps(log.scenario, sort_keys=True).encode()
+    return [
+        f"made by: {made}, format {log.metadata['format_version']}",
+        *([f"here:    {', '.join(other)}"] if other else []),
+        f"scenario: {log.scenario.get('name')}, sha256 {sha256(scenario).hexdigest()[:12]}",
+        f"commands: {_counted(kinds)}{' from ' if sources else ''}{_counted(sources) if sources else ''}, "
+        f"sha256 {stream.hexdigest()[:12]}",
+    ]
+
+
+def made_here(log: Log) -> bool:
+    """Whether the same bits can be expected: same versions, numba, numpy and kind of CPU."""
+    here = run_metadata(scenario="", epoch_ns=0, frame_period=0.0, sample_count=0)
+    return all(log.metadata.get(key) == here[key] for key in MADE_BY)
+
+
+def _counted(counts: Counter[Any]) -> str:
+    """Words with their numbers."""
+    return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"
+
+
+def parser() -> OneLineParser:
     """Options of `replay`."""
-    result = argparse.ArgumentParser(
-        prog="replay",
-        description="Simulate a log again from its own scenario and commands, and compare every sample.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    result = OneLineParser(
+        "replay",
+        "Simulate a log again from its own scenario and commands, and compare every sample.",
+        EPILOG,
+        failure=CANNOT,
     )
     result.add_argument("log", type=Path, help="directory of a run, or its .mcap")
     result.add_argument(
         "--tolerance",
         type=_tolerance,
-        default=0.0,
         metavar="NUMBER",
-        help="greatest difference of two numbers, each in its own unit; default 0: to the last bit",
+        help=f"greatest difference of two numbers; default: 0 for a log made here, else {ELSEWHERE:g}",
     )
     return result
 
@@ -204,15 +262,20 @@ def _tolerance(text: str) -> float:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Replay a log and report; 0 agree, 1 differ, 2 cannot read."""
+    if argv is None:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `replay BAG | head` ends without a word
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
-    columns = (TextColumn("[progress.description]{task.description}"), TextColumn("{task.fields[simulated]}"))
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[simulated]}"), TimeRemainingColumn())
     try:
         log = read_log(options.log)
         # a file gets nothing of it, not even the empty line in the end
         visible = console.is_terminal
-        with Progress(*columns, TimeElapsedColumn(), console=console, transient=True, disable=not visible) as progress:
-            result = replay(log, tolerance=options.tolerance, progress=progress)
+        tolerance = options.tolerance
+        if tolerance is None:
+            tolerance = 0.0 if made_here(log) else ELSEWHERE
+        with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
+            result = replay(log, tolerance=tolerance, progress=progress)
     except (LogError, ScenarioError, EquilibriumError, CommandError, SolverError) as error:
         for line in str(error).splitlines():
             named = line if line.startswith(str(options.log)) else f"{options.log}: {line}"
@@ -226,13 +289,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         f"{log.path}: {state}, cable_twin {log.metadata.get('package_version')}, scenario {log.scenario.get('name')}, "
         f"{result.end:.2f} s, {result.commands} commands"
     )
+    for line in origin(log):
+        print(f"  {line}")
     for topic, count in sorted(result.samples.items()):
         print(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
     if result.first is not None:
         print(f"they part {result.first}")
-        print(f"greatest difference among the first of each message: {result.largest:.3g}")
+        print(f"greatest difference found: {result.largest:.3g}; the tolerance is {tolerance:g}")
         return DIFFER
-    print("every sample agrees" + (" to the last bit" if options.tolerance == 0.0 else f" to {options.tolerance:g}"))
+    if tolerance == 0.0:
+        print("every sample agrees to the last bit")
+    else:
+        print(f"every sample agrees to {tolerance:g}; greatest difference found: {result.largest:.3g}")
     return AGREE
 
 

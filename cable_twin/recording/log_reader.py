@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -53,21 +53,44 @@ class Log:
         """All commands in the order in which they took effect; found with the index, or in one pass without."""
         commands = []
         for _, stamp_ns, data in self.messages([APPLIED_COMMANDS]):
-            commands.append(self._command(stamp_ns, data))
+            commands.append(self.command(stamp_ns, data))
         return commands
 
-    def _command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
+    def command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
+        """Read a message of applied_commands; raises LogError where it is unreadable."""
         try:
             return applied_command_from_message(data, self.epoch_ns)
         except UNREADABLE as error:
             when = f"{(stamp_ns - self.epoch_ns) / SECOND:.6f} s"
-            raise LogError(f"{self.path}: command at {when} is unreadable: {_one_line(error)}") from error
+            raise LogError(f"{self.path}: command at {when} is unreadable: {one_line(error)}") from error
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+    @cached_property
+    def end(self) -> float:
+        """Simulated time (s) of the last message; from the index, or in one pass without."""
+        last = self.epoch_ns
+        if self.complete:
+            with _open(self.path) as stream:
+                summary = SeekingReader(stream).get_summary()
+                chunks = summary.chunk_indexes if summary is not None else ()
+                last = max((chunk.message_end_time for chunk in chunks), default=last)
+        else:
+            for _, stamp_ns, _ in self.messages():
+                last = max(last, stamp_ns)
+        return (last - self.epoch_ns) / SECOND
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.path.stat().st_size
+
+    def messages(
+        self, topics: Collection[str] | None = None, on_position: Callable[[int], None] | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
         """Stream messages in the order in which they were written, never more than a chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
+            on_position: Called before each message with the bytes of the file read so far, to show progress.
 
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
@@ -80,10 +103,12 @@ class Log:
         with _open(self.path) as stream:
             try:
                 for topic, message in _indexed(stream, wanted) if self.complete else _streamed(stream, wanted):
+                    if on_position is not None:
+                        on_position(stream.tell())
                     yield topic.removeprefix(prefix), message.log_time, message.data
             except UNREADABLE as error:
                 if self.complete:
-                    raise LogError(f"{self.path}: damaged: {_one_line(error)}") from error
+                    raise LogError(f"{self.path}: damaged: {one_line(error)}") from error
 
 
 def read_log(path: Path | str) -> Log:
@@ -102,9 +127,7 @@ def read_log(path: Path | str) -> Log:
     with _open(file) as stream:
         metadata = _read_metadata(file, stream)
         complete = _has_index(stream)
-    if metadata.get("format_version") != FORMAT_VERSION:
-        given = metadata.get("format_version")
-        raise LogError(f"{file}: format version {given!r}, this package reads {FORMAT_VERSION!r}")
+    _check_format(file, metadata)
     if not metadata.get("epoch_ns", "").isdecimal():
         raise LogError(f"{file}: epoch_ns is {metadata.get('epoch_ns')!r}, a whole number of nanoseconds is expected")
     log = Log(file, metadata, {}, int(metadata["epoch_ns"]), complete)
@@ -116,11 +139,24 @@ def read_log(path: Path | str) -> Log:
     raise LogError(f"{file}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used"))
 
 
+def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
+    """Refuse a format that this version does not know; a newer one says what to do."""
+    given = metadata.get("format_version", "")
+    if given == FORMAT_VERSION:
+        return
+    if given.isdecimal() and int(given) > int(FORMAT_VERSION):
+        raise LogError(
+            f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
+            f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
+        )
+    raise LogError(f"{file}: format version {given!r}, this package reads {FORMAT_VERSION!r}")
+
+
 def _read_scenario(file: Path, data: bytes) -> dict[str, Any]:
     try:
         return scenario_from_message(data)
     except UNREADABLE as error:
-        raise LogError(f"{file}: scenario is unreadable: {_one_line(error)}") from error
+        raise LogError(f"{file}: scenario is unreadable: {one_line(error)}") from error
 
 
 def _find(path: Path) -> Path:
@@ -152,7 +188,7 @@ def _read_metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
     except InvalidMagic as error:
         raise LogError(f"{file}: not a bag: no MCAP file") from error
     except UNREADABLE as error:
-        raise LogError(f"{file}: not a bag, or empty: {_one_line(error)}") from error
+        raise LogError(f"{file}: not a bag, or empty: {one_line(error)}") from error
     raise LogError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
 
 
@@ -200,5 +236,6 @@ def _streamed(stream: IO[bytes], topics: Collection[str] | None) -> Iterator[tup
             yield names[record.channel_id], record
 
 
-def _one_line(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
+    """Text of an error without line breaks, or the name of its class."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -18,6 +18,7 @@ from io import StringIO
 from pathlib import Path
 from typing import IO, Any
 
+from llvmlite.binding import get_host_cpu_name
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from ruamel.yaml import YAML
 
@@ -52,6 +53,7 @@ def run_metadata(*, scenario: str, epoch_ns: int, frame_period: float, sample_co
         "numpy_version": _version("numpy"),
         "numba_version": _version("numba"),
         "machine": f"{platform.system()} {platform.machine()}",
+        "cpu": get_host_cpu_name(),  # what the kernels were compiled for
         "scenario": scenario,
         "epoch_ns": str(epoch_ns),
         "frame_period": repr(frame_period),

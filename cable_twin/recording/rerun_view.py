@@ -69,6 +69,7 @@ class RerunView:
         plot_window: float | None = None,
         geometry_rate: float = 25.0,
         batch_frames: int | None = None,
+        stream: rr.RecordingStream | None = None,
     ) -> None:
         """Open the file and the server; the picture is laid out with the first snapshot.
 
@@ -88,12 +89,13 @@ class RerunView:
             geometry_rate: Hz, at which rope, carriages and readout are drawn.
             batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
                 live, else 50, which halves the file.
+            stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
 
         Raises:
-            ValueError: When neither a file nor a live view is asked for, or the unit is unknown.
+            ValueError: When neither a file, a live view nor a stream is given, or the unit is unknown.
             OSError: When the file cannot be created or the port is in use.
         """
-        if path is None and not live:
+        if path is None and not live and stream is None:
             raise ValueError("a view without a file and without a live server shows nothing")
         if force_unit not in (None, "N", "kN"):
             raise ValueError(f"force_unit is {force_unit!r}, allowed are 'N' and 'kN'")
@@ -112,7 +114,7 @@ class RerunView:
         self._geometry_interval = 1.0 / geometry_rate
         self._batch_frames = batch_frames or (20 if live else 50)
 
-        self._stream: rr.RecordingStream | None = _open_stream(scenario_name, path, live, live_port, footer)
+        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port, footer)
         if live:
             self.url = f"rerun+http://{LIVE_ADDRESS}:{live_port}/proxy"
 
@@ -607,7 +609,9 @@ def describe_command(applied: AppliedCommand) -> str:
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
 
 
-def _open_stream(title: str, path: Path | None, live: bool, live_port: int, footer: bool) -> rr.RecordingStream:
+def open_stream(
+    title: str, path: Path | None, live: bool = False, live_port: int = 9876, footer: bool = True
+) -> rr.RecordingStream:
     """Return a stream of its own into a file, a server on the local interface, or both."""
     stream = _Stream(APPLICATION)
     # One timeline only: wall-clock times would be those of the batches.

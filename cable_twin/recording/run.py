@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
 from cable_twin.outlines import body_outlines
@@ -72,8 +72,18 @@ def start_run(
     return Run(directory, recorder, view.url if view is not None else None)
 
 
-def open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
-    """Open the rerun recording of a scenario at `path`, or its live view, with a shape for every body."""
+def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
+    """Open a rerun view of a scenario, with its bodies drawn from their pivots.
+
+    Args:
+        scenario: What runs.
+        path: The .rrd to write, or None.
+        live: Serve the picture as well.
+        **options: What else `RerunView` takes.
+
+    Raises:
+        OSError: When the file cannot be created or the port is in use.
+    """
     from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
     return RerunView(
@@ -83,6 +93,7 @@ def open_view(scenario: Scenario, path: Path, *, live: bool) -> RerunView:
         live=live,
         ground=scenario.terrain or None,
         support_positions={name: tower.position for name, tower in scenario.towers.items()},
+        **options,
     )
 
 

@@ -1,40 +1,19 @@
-"""What the commands `sim` and `drive` share: options that answer in one line, signals, the hint without ROS 2."""
+"""What the commands `sim` and `drive` share: signals, the hint without ROS 2."""
 
 from __future__ import annotations
 
-import argparse
 import os
-import re
 import signal
 import sys
 import threading
-from typing import NoReturn
+
+from cable_twin.command_line import OneLineParser
 
 INSTALL_HINT = (
     "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"
     "    pip install 'cable_twin[ros]'      (in a clone: pip install '.[ros]')\n"
     "or source a ROS 2 workspace first: source /opt/ros/jazzy/setup.sh"
 )
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """Says in one line what is wrong with an option, not below a screen of usage."""
-
-    def __init__(self, prog: str, description: str, epilog: str) -> None:
-        super().__init__(
-            prog=prog,
-            description=description,
-            epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-        # argparse takes -2e5 for an option
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
-
-    def error(self, message: str) -> NoReturn:
-        """Print the line and end with 1."""
-        print(f"{self.prog}: {message}; all options: {self.prog} --help", file=sys.stderr)
-        sys.exit(1)
 
 
 class Ending:
@@ -65,3 +44,6 @@ class Ending:
 def print_hint(command: str, error: ImportError) -> None:
     """Say what to install."""
     print(INSTALL_HINT.format(command=command, reason=error), file=sys.stderr)
+
+
+__all__ = ["Ending", "OneLineParser", "print_hint"]

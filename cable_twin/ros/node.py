@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -57,7 +57,17 @@ except ImportError:
 
 MESSAGE_TYPES = {
     f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
-    for kind in (DiagnosticArray, PoseStamped, PathMessage, Clock, JointState, PointCloud2, String, TFMessage)
+    for kind in (
+        DiagnosticArray,
+        PoseStamped,
+        WrenchStamped,
+        PathMessage,
+        Clock,
+        JointState,
+        PointCloud2,
+        String,
+        TFMessage,
+    )
     if kind is not None
 }
 # what is subscribed: type, and how it is understood

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap.writer import Writer
+from bags import NO_BAGS, alter, bag, unchanged
 from twin_process import run_module, write_quick_scenario
 
 from cable_twin.messages import (
@@ -24,6 +23,7 @@ from cable_twin.messages import (
 )
 from cable_twin.offline.replay import main
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.mcap_log import FORMAT_VERSION
 from cable_twin.recording.run import start_run
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
@@ -77,30 +77,6 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
     assert not run.recorder.faults
     assert run.recorder.dropped == 0
     return run.directory
-
-
-def alter(source: Path, target: Path, change) -> None:
-    """Copy a bag by mcap's own writer; `change` gives what stands for topic, stamp and data, None for nothing."""
-    with source.open("rb") as stream, target.open("wb") as output:
-        reader = make_reader(stream)
-        writer = Writer(output)
-        writer.start("ros2", "test")
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
-            data = change(channel.topic.removeprefix("/cable_twin/"), message.log_time, message.data)
-            if data is not None:
-                writer.add_message(channels[channel.id], message.log_time, data, message.publish_time, message.sequence)
-        writer.finish()
-
-
-def bag(run: Path) -> Path:
-    (file,) = run.glob("*.mcap")
-    return file
 
 
 @pytest.fixture(scope="module")
@@ -172,12 +148,12 @@ def test_single_altered_sample_is_found_to_the_last_bit(recorded, tmp_path, caps
     assert "they part at 12.340000 s on joint_states, position[0]: logged " in output
     assert re.search(r"joint_states +3001 samples, +1 differ", output)
     assert main([str(target), "--tolerance", "1e-9"]) == 0
-    assert "every sample agrees to 1e-09" in capsys.readouterr().out
+    assert "every sample agrees to 1e-09; greatest difference found: " in capsys.readouterr().out
 
 
 def test_unaltered_copy_agrees(recorded, tmp_path):
     target = tmp_path / "copy.mcap"
-    alter(bag(recorded), target, lambda topic, _, data: data)
+    alter(bag(recorded), target, unchanged)
     assert main([str(target)]) == 0
 
 
@@ -214,42 +190,7 @@ def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_p
     assert "every sample agrees to the last bit" in result.stdout
 
 
-def foreign_bag(path: Path) -> Path:
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start("ros2", "somebody else")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        writer.add_message(writer.register_channel("/chatter", "cdr", schema), 0, b"\x00\x01\x00\x00", 0)
-        writer.finish()
-    return path
-
-
-def text_file(path: Path) -> Path:
-    path.write_text("not a bag")
-    return path
-
-
-def empty_file(path: Path) -> Path:
-    path.touch()
-    return path
-
-
-def empty_directory(path: Path) -> Path:
-    path.mkdir()
-    return path
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda path: path, "no such file or directory"),
-        (foreign_bag, "not a bag made by cable_twin"),
-        (text_file, "not a bag"),
-        (empty_file, "not a bag"),
-        (empty_directory, "not a log: 0 .mcap files in it, one is expected"),
-    ],
-    ids=["missing", "foreign", "text", "empty", "directory"],
-)
+@pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
 def test_what_is_no_log_is_named_in_a_line(tmp_path, make, said):
     path = make(tmp_path / "thing.mcap")
     result = run_module("offline.replay", str(path), directory=tmp_path)
@@ -287,3 +228,63 @@ def test_bad_tolerance_is_refused(tmp_path, value):
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
     assert "--tolerance" in result.stderr
+
+
+def test_it_says_what_made_the_log(recorded, capsys):
+    assert main([str(recorded)]) == 0
+    output = capsys.readouterr().out
+    metadata = read_log(recorded).metadata
+    assert (
+        f"made by: cable_twin {metadata['package_version']}, numba {metadata['numba_version']}, numpy "
+        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 1"
+    ) in output
+    assert "here:" not in output
+    assert re.search(r"scenario: quick, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
+    assert re.search(r"commands: .*\d+ emergency_stop.* from \d+ python, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
+
+
+def nudge(relative: float):
+    """Move one arc length a little, as another machine would."""
+
+    def change(topic, stamp_ns, data):
+        if topic == "joint_states" and stamp_ns == EPOCH + 12_340_000_000:
+            message = decode(data, "sensor_msgs/msg/JointState")
+            message.position = message.position.copy()
+            message.position[0] *= 1.0 + relative
+            return serialize(message)
+        return data
+
+    return change
+
+
+def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tmp_path, capsys):
+    other = {"cpu": "elsewhere", "numpy_version": "0.1"}
+    near = alter(bag(recorded), tmp_path / "near.mcap", nudge(1e-9), metadata=other)
+    assert main([str(near)]) == 0
+    output = capsys.readouterr().out
+    assert "CPU elsewhere" in output
+    assert re.search(r"here: +numpy [\d.]+, CPU \w+$", output, re.MULTILINE)
+    assert "every sample agrees to 1e-06; greatest difference found: 1" in output
+    assert main([str(near), "--tolerance", "0"]) == 1
+    assert "the tolerance is 0" in capsys.readouterr().out
+    far = alter(bag(recorded), tmp_path / "far.mcap", nudge(1e-5), metadata=other)
+    assert main([str(far)]) == 1
+    assert "the tolerance is 1e-06" in capsys.readouterr().out
+
+
+def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
+    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "2"})
+    assert main([str(target)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "format version 2 is newer than this cable_twin reads (1); update cable_twin" in line
+
+
+@pytest.mark.parametrize("golden", sorted(Path(__file__).parent.glob("golden_*.mcap")), ids=lambda path: path.stem)
+def test_logs_of_earlier_versions_keep_replaying(golden):
+    """To 0.01 %: room for a solver that computes the same motion in another way, none for another motion."""
+    assert main([str(golden), "--tolerance", "1e-4"]) == 0
+
+
+def test_there_is_a_golden_log_for_every_format():
+    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1"}
+    assert FORMAT_VERSION == "1"

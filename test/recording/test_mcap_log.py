@@ -320,7 +320,8 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         writer.write(connection, 1, scenario_message({}))
     assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
     for name, metadata, words in [
-        ("later", {**METADATA, "format_version": "2"}, "format version '2'"),
+        ("later", {**METADATA, "format_version": "2"}, "format version 2 is newer than this cable_twin reads (1)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads '1'"),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
     ]:
         log = McapLog(tmp_path / name, topics(CARRIAGES), metadata)

@@ -1,0 +1,133 @@
+"""Two runs in one rerun recording: each below a root of its own, their plots laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from cable_twin.recording.rerun_view import FLUSH_TIMEOUT, PLOT_COLORS, TIMELINE, RerunView, open_stream
+from cable_twin.recording.run import open_view
+from cable_twin.records import Snapshot
+from cable_twin.scenario import Scenario
+
+ROOTS = ("a", "b")
+
+
+class _RootedStream:
+    """A stream that puts everything below a root, and names lines of plots after it; the blueprint is another's."""
+
+    def __init__(self, stream: rr.RecordingStream, root: str, first_color: int) -> None:
+        self._stream = stream
+        self._root = root
+        self._first_color = first_color
+        self.set_time = stream.set_time
+
+    def log(self, path: str, *entities: Any, **options: Any) -> None:
+        self._stream.log(f"{self._root}/{path}", *map(self._named, entities), **options)
+
+    def send_columns(self, path: str, *columns: Any, **options: Any) -> None:
+        self._stream.send_columns(f"{self._root}/{path}", *columns, **options)
+
+    def send_blueprint(self, *_: Any) -> None:
+        """Leave it to the comparison."""
+
+    def flush(self, *, timeout_sec: float) -> None:
+        self._stream.flush(timeout_sec=timeout_sec)
+
+    def disconnect(self) -> None:
+        """Leave it to the comparison."""
+
+    def _named(self, entity: Any) -> Any:
+        if not isinstance(entity, rr.SeriesLines) or entity.names is None:
+            return entity
+        names = entity.names.as_arrow_array().to_pylist()
+        colors = [PLOT_COLORS[(self._first_color + index) % len(PLOT_COLORS)] for index in range(len(names))]
+        return rr.SeriesLines(
+            names=[f"{self._root}: {name}" for name in names], colors=np.array(colors, dtype=np.uint32), widths=[1.5]
+        )
+
+
+class ComparisonView:
+    """One recording of two runs.
+
+    Args:
+        scenarios: Of both runs.
+        titles: What names each run.
+        path: The .rrd to write.
+        first: The first snapshot of the first run, for the unit of forces.
+
+    Raises:
+        OSError: The file cannot be created.
+    """
+
+    def __init__(self, scenarios: Sequence[Scenario], titles: Sequence[str], path: Path, first: Snapshot) -> None:
+        self._stream = open_stream(" and ".join(titles), path)
+        unit = "N" if abs(first.cable.tensions).max() < 1e3 else "kN"
+        self.views: list[RerunView] = []
+        for index, (root, scenario) in enumerate(zip(ROOTS, scenarios, strict=True)):
+            stream: Any = _RootedStream(self._stream, root, 3 * index)
+            self.views.append(open_view(scenario, None, stream=stream, force_unit=unit, batch_frames=500))
+        self._stream.send_blueprint(_blueprint(titles, unit))
+
+    def close(self) -> None:
+        """Send what waits and close the file.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        for view in self.views:
+            view.close()
+        self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        self._stream.disconnect()
+
+
+def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
+    """Tracks and commands side by side, plots of both runs below."""
+    tracks = [
+        rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")
+        for root, title in zip(ROOTS, titles, strict=True)
+    ]
+    quantities = {
+        "speed": "Speed [m/s]",
+        "tension": f"Tension [{unit}]",
+        "swing": "Swing [deg]",
+        "drive_force": f"Drive force [{unit}]",
+    }
+    plots = [
+        rrb.TimeSeriesView(
+            name=title,
+            origin="/",
+            contents=[f"+ /{root}/plots/{path}/**" for root in ROOTS],
+            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
+        )
+        for path, title in quantities.items()
+    ]
+    commands = [
+        rrb.TextLogView(
+            name=f"Commands of {root}",
+            origin=f"{root}/commands",
+            columns=rrb.TextLogColumns(text_log_columns=["Body"]),
+        )
+        for root in ROOTS
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(rrb.Horizontal(*tracks), rrb.Grid(*plots, grid_columns=2), row_shares=[2, 3]),
+            rrb.Vertical(*commands),
+            column_shares=[5, 1],
+        ),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+__all__ = ["ROOTS", "ComparisonView"]

@@ -1,0 +1,209 @@
+"""Plots of one run or of two over each other, as PNG: rope, tension, speed, swing, drive, contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")  # no screen needed
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from cable_twin.offline.signals import Signals
+
+INK = "#22303C"
+QUIET = "#7B8794"
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
+DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6))  # of the first and the second run
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": QUIET,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "bold",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E3E8EC",
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.3,
+    "savefig.dpi": 130,
+}
+# file: title, and for each panel quantities and what the axis says; {k} stands for a prefix of the unit
+PLOTS: Mapping[str, tuple[str, Sequence[tuple[str, str]]]] = {
+    "tension": ("Rope tension", [("tension", "tension [{k}N]")]),
+    "speed": ("Speed and place along the rope", [("speed", "speed [m/s]"), ("arc_length", "arc length [m]")]),
+    "swing": ("Swing along the track", [("swing", "pitch [deg]")]),
+    "drive": ("Drive", [("drive_force", "force [{k}N]"), ("drive_power", "power [{k}W]")]),
+    "contact_forces": (
+        "Contact and support forces",
+        [("contact_force", "rope on carriage [{k}N]"), ("support_force", "support on rope [{k}N]")],
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedRun:
+    """One run to draw."""
+
+    label: str  # a or b where there are two, else empty
+    scenario: str
+    run: str
+    signals: Signals
+
+
+def write_plots(
+    runs: Sequence[PlottedRun], directory: Path, on_file: Callable[[Path], None] | None = None
+) -> list[Path]:
+    """Write all plots.
+
+    Args:
+        runs: One run, or two to lay over each other.
+        directory: Made where it does not exist.
+        on_file: Called with each file before it is drawn.
+
+    Returns:
+        The files; a plot without a number in it is left out.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    written = []
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+        for name, (title, panels) in PLOTS.items():
+            shown = [panel for panel in panels if _lines(runs, panel[0])]
+            if shown:
+                written.append(_write(partial(_time_plot, runs, title, shown), directory / f"{name}.png", on_file))
+        if all(run.signals.shapes() for run in runs):
+            written.append(_write(partial(_rope_plot, runs), directory / "rope.png", on_file))
+    return written
+
+
+def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], None] | None) -> Path:
+    if on_file is not None:
+        on_file(file)
+    figure = draw()
+    figure.savefig(file)
+    plt.close(figure)
+    return file
+
+
+def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
+    """Runs and signals of a quantity that have any number; of two runs only the last body of each carriage."""
+    lines = []
+    for index, run in enumerate(runs):
+        names = [
+            name
+            for name, series in run.signals.series.items()
+            if name.partition("/")[0] == quantity and np.isfinite(series.line()[1]).any()
+        ]
+        if len(runs) > 1:
+            names = list({name.split("/")[1]: name for name in names}.values())
+        lines += [(index, name) for name in names]
+    return lines
+
+
+def _title(figure: Figure, runs: Sequence[PlottedRun], title: str) -> None:
+    """What, and of which runs."""
+    figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
+    names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
+    figure.text(0.012, 1.0 - 0.5 / figure.get_figheight(), "     ".join(names), color=QUIET, va="top", fontsize=9.0)
+
+
+def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[tuple[str, str]]) -> Figure:
+    """Panels of one quantity each above a common time axis."""
+    height = 3.4 if len(panels) == 1 else 2.6 * len(panels)
+    figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
+    for axes, (quantity, label) in zip(rows[:, 0], panels, strict=True):
+        _panel(axes, runs, quantity, label)
+    rows[-1, 0].set_xlabel("simulated time [s]")
+    _title(figure, runs, title)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.2 / figure.get_figheight()))
+    return figure
+
+
+def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) -> None:
+    """All signals of one quantity."""
+    lines = _lines(runs, quantity)
+    names = list(dict.fromkeys(name for _, name in lines))
+    lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
+    for index, name in lines:
+        parts = name.split("/")[1:]
+        times, values = runs[index].signals.series[name].line()
+        whose = " ".join(parts[1:] if lone else parts)
+        color = COLORS[(names.index(name) + (3 * index if len(names) <= 3 else 0)) % len(COLORS)]
+        legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
+        axes.plot(times, values, color=color, dashes=DASHES[index], label=legend)
+    largest = max(abs(value) for value in axes.get_ylim())
+    scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= s), (1.0, ""))
+    if "{k}" in label:
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / scale:g}"))
+    axes.set_ylabel(label.format(k=prefix))
+    low, high = axes.get_ylim()
+    if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
+        axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
+    axes.margins(x=0.01)
+    if len(lines) > 1:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
+
+
+def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
+    """The rope at a row of times, coloured by time, and below it how far it is from its chord."""
+    figure, rows = plt.subplots(
+        2, len(runs), figsize=(10.0 if len(runs) == 1 else 14.0, 6.6), sharex="col", sharey="row", squeeze=False
+    )
+    end = max(run.signals.shapes()[-1].time for run in runs)
+    norm = Normalize(0.0, end or 1.0)
+    for column, run in enumerate(runs):
+        shapes = run.signals.shapes()
+        colors = plt.get_cmap("viridis")(norm([shape.time for shape in shapes]))
+        ropes = [shape.positions for shape in shapes]
+        depths = [np.column_stack([rope[:, 0], _height(rope, rope)]) for rope in ropes]
+        for axes, lines in ((rows[0, column], ropes), (rows[1, column], depths)):
+            axes.add_collection(LineCollection(lines, colors=colors, linewidths=1.0))
+            axes.autoscale_view()
+        for shape, color in zip(shapes, colors, strict=True):
+            joints = np.array(list(shape.carriages.values())).reshape(-1, 2)
+            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=4.0)
+            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=4.0)
+        rows[1, column].set_xlabel("x, along the track [m]")
+        if run.label:
+            rows[0, column].set_title(run.label)
+    rows[0, 0].set_ylabel("z, height [m]")
+    rows[1, 0].set_ylabel("z above the chord [m]")
+    _title(figure, runs, "Rope over time, with the places of the carriages")
+    figure.tight_layout(rect=(0.0, 0.0, 0.9, 1.0 - 0.2 / figure.get_figheight()))
+    bar = figure.add_axes((0.915, 0.12, 0.015, 0.7))
+    figure.colorbar(ScalarMappable(norm, "viridis"), cax=bar, label="simulated time [s]")
+    return figure
+
+
+def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
+    """Height (m) of points above the chord of a rope; above its start where the chord is vertical."""
+    chord = rope[-1] - rope[0]
+    slope = chord[1] / chord[0] if chord[0] else 0.0
+    return points[:, 1] - rope[0, 1] - slope * (points[:, 0] - rope[0, 0])
+
+
+__all__ = ["PlottedRun", "write_plots"]

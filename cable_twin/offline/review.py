@@ -1,0 +1,382 @@
+"""The command `review`: what a recorded run, or two beside each other, showed: key figures, plots and rerun."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from itertools import chain
+from pathlib import Path
+from typing import Any, Protocol
+
+from rich import box
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TaskID,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from cable_twin.command_line import OneLineParser
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.signals import Comparison, Signals, compare, signal_values, unit_of
+from cable_twin.recording.log_reader import Log, LogError, read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.scenario import ScenarioError, load_scenario
+
+SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
+BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
+EPILOG = """\
+exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read
+
+examples:
+  review cable_twin_logs/2026-01-31_09-30-00
+  review run.mcap --no-viewer --plots pictures
+  review cable_twin_logs/2026-01-31_09-30-00 cable_twin_logs/2026-01-31_09-45-00 --plots pictures
+"""
+
+
+class _View(Protocol):
+    def log(self, snapshot: Snapshot) -> None: ...
+
+    def log_command(self, applied: AppliedCommand) -> None: ...
+
+
+class Reading:
+    """One bag being read: everything that is gathered from it in one pass.
+
+    Args:
+        log: The bag.
+        on_position: Called with the bytes read so far.
+
+    Raises:
+        LogError: The log holds no frame, or its scenario cannot be understood.
+    """
+
+    def __init__(self, log: Log, on_position: Callable[[int], None] | None = None) -> None:
+        self.log = log
+        try:
+            self.scenario = load_scenario(log.scenario)
+        except ScenarioError as error:
+            raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
+        self.figures = KeyFigures(self.scenario)
+        self.signals = Signals()
+        self.view: _View | None = None
+        self.frames, self.commands, self.end = 0, 0, 0.0
+        self._items = read_snapshots(log, on_position=on_position)
+        self._early: list[AppliedCommand] = []
+        self.first = self._find_first()
+
+    @property
+    def name(self) -> str:
+        """What names the run: its directory, or its file where that is alone."""
+        parent = self.log.path.resolve().parent
+        return parent.name if (parent / "metadata.yaml").exists() else self.log.path.stem
+
+    def _find_first(self) -> Snapshot:
+        for item in self._items:
+            if isinstance(item, Snapshot):
+                return item
+            self._early.append(item)
+        raise LogError(f"{self.log.path}: no frame of the twin in it")
+
+    def values(self) -> Iterator[tuple[float, Mapping[str, float]]]:
+        """Read the bag; yields time (s) and signals of each frame after taking it in."""
+        for item in chain(self._early, [self.first], self._items):
+            yield from self._take(item)
+
+    def _take(self, item: Snapshot | AppliedCommand) -> Iterator[tuple[float, Mapping[str, float]]]:
+        if isinstance(item, AppliedCommand):
+            self.commands += 1
+            self.figures.command(item)
+            if self.view is not None:
+                self.view.log_command(item)
+            return
+        values = signal_values(item)
+        self.figures.update(item)
+        self.signals.update(item, values)
+        if self.view is not None:
+            self.view.log(item)
+        self.frames += 1
+        self.end = item.time
+        yield item.time, values
+
+    def summary(self) -> str:
+        """One line about the run."""
+        state = "complete" if self.log.complete else "cut short, read as far as it goes"
+        return (
+            f"{self.log.path}: {state}; scenario {self.scenario.name}, {self.end:.2f} s, "
+            f"{self.frames} frames, {self.commands} commands"
+        )
+
+
+def parser() -> OneLineParser:
+    """Options of `review`."""
+    result = OneLineParser(
+        "review", "Show a recorded run in rerun with its key figures, or compare two.", EPILOG, failure=CANNOT
+    )
+    result.add_argument(
+        "bags", type=Path, nargs="+", metavar="BAG", help="directory of a run, or its .mcap; one or two"
+    )
+    result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG")
+    result.add_argument("--no-viewer", action="store_true", help="neither make nor open a rerun recording")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Review one or two bags; see the exit codes above."""
+    if argv is None:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `review BAG | head` ends without a word
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    if len(options.bags) > 2:
+        arguments.error(f"{len(options.bags)} bags given; one or two are allowed")
+    if options.plots is not None and find_spec("matplotlib") is None:
+        arguments.error("--plots needs matplotlib, which this Python does not have: pip install matplotlib")
+    console = Console(stderr=True)
+    try:
+        logs = [read_log(bag) for bag in options.bags]
+        return _review(logs, options.plots, options.no_viewer, console)
+    except LogError as error:
+        for line in str(error).splitlines():
+            print(f"review: {line}", file=sys.stderr)
+        return CANNOT
+
+
+def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: Console) -> int:
+    """Read, print, draw and open."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    code = SHOWN
+    comparison: Comparison | None = None
+    recording: Path | None = None
+    # a file gets nothing of it, not even the empty line in the end
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        readings = []
+        for log in logs:
+            task = progress.add_task(f"reading {log.path.name}", total=log.size)
+            readings.append(Reading(log, _mover(progress, task)))
+        made: _Recording | None = None
+        if not no_viewer:
+            recording = _existing_recording(logs[0]) if len(logs) == 1 else None
+            if recording is None:
+                try:
+                    made = _Recording(readings)
+                except OSError as error:
+                    print(f"review: no rerun recording: {error}", file=sys.stderr)
+                    code = NOT_WRITTEN
+        try:
+            if len(readings) == 2:
+                comparison = compare(readings[0].values(), readings[1].values())
+            else:
+                for _ in readings[0].values():
+                    pass
+            if made is not None:
+                recording = made.finish()
+        except OSError as error:
+            print(f"review: the rerun recording cannot be written: {error}", file=sys.stderr)
+            code = NOT_WRITTEN
+        finally:
+            if made is not None:
+                made.discard()
+    _print(readings, comparison)
+    if plots is not None and not _write_plots(readings, plots, console):
+        code = NOT_WRITTEN
+    if recording is not None:
+        _show(recording)
+    return code
+
+
+def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
+    """What moves a bar to a position, at most once in each hundred kilobytes."""
+    shown = 0
+
+    def move(position: int) -> None:
+        nonlocal shown
+        if position - shown > 100_000:
+            shown = position
+            progress.update(task, completed=position)
+
+    return move
+
+
+def _existing_recording(log: Log) -> Path | None:
+    """The .rrd beside the bag, as the twin wrote it."""
+    directory = log.path.resolve().parent
+    for file in (directory / f"{directory.name}.rrd", log.path.with_suffix(".rrd")):
+        with suppress(OSError):
+            if file.stat().st_size > 0:
+                return file
+    return None
+
+
+class _Recording:
+    """A rerun recording being made from bags; it gets its name when it is complete.
+
+    Raises:
+        OSError: Neither the directory of the bag nor the one for temporary files can be written.
+    """
+
+    def __init__(self, readings: Sequence[Reading]) -> None:
+        from cable_twin.offline.comparison_view import ComparisonView  # noqa: PLC0415 - half a second
+        from cable_twin.recording.run import open_view  # noqa: PLC0415
+
+        first = readings[0].log.path
+        names = [reading.name for reading in readings]
+        name = f"{names[0]}_and_{names[1]}.rrd" if len(readings) == 2 else f"{first.stem}.rrd"
+        directory = first.parent if os.access(first.parent, os.W_OK) else Path(tempfile.mkdtemp(prefix="review_"))
+        self._target = directory / name
+        self._partial = directory / f"{name}.part"
+        self._view: Any
+        if len(readings) == 2:
+            scenarios = [reading.scenario for reading in readings]
+            self._view = ComparisonView(scenarios, names, self._partial, readings[0].first)
+            readings[0].view, readings[1].view = self._view.views
+        else:
+            self._view = open_view(readings[0].scenario, self._partial, batch_frames=BATCH)
+            readings[0].view = self._view
+
+    def finish(self) -> Path:
+        """Close it and give it its name."""
+        self._view.close()
+        return self._partial.replace(self._target)
+
+    def discard(self) -> None:
+        """Remove what was not finished."""
+        with suppress(OSError):
+            self._partial.unlink(missing_ok=True)
+
+
+def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
+    """Summaries, key figures, and the differences of two runs."""
+    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    for label, reading in zip("ab", readings, strict=False):
+        print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
+    _print_figures(console, [{figure.name: figure for figure in reading.figures.figures()} for reading in readings])
+    if comparison is not None:
+        _print_differences(console, readings, comparison)
+
+
+def _print_figures(console: Console, runs: Sequence[Mapping[str, KeyFigure]]) -> None:
+    """One table, with a column for each run; when and where only for a single one."""
+    lone = len(runs) == 1
+    table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("value",) if lone else ("a", "b"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
+        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
+    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
+    for name in dict.fromkeys(name for run in runs for name in run):
+        figures = [run.get(name) for run in runs]
+        present = [figure for figure in figures if figure is not None]
+        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
+        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in figures]
+        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
+        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
+        table.add_row(name, *values, unit, "; ".join(limits), _verdict(figures), *where)
+    console.print(table)
+    for number, source in enumerate(sources, start=1):
+        console.print(f"  ({number}) {source}", markup=False)
+    print()
+
+
+def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
+    """Limit of a figure with the number of its source."""
+    if figure.limit is None:
+        return ""
+    note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
+    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
+
+
+def _verdict(figures: Sequence[KeyFigure | None]) -> str:
+    """Whether the limit is kept, and by which run it is not."""
+    kept = [figure.kept if figure is not None else None for figure in figures]
+    if False not in kept:
+        return "kept" if True in kept else ""
+    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
+    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
+
+
+def _print_differences(console: Console, readings: Sequence[Reading], comparison: Comparison) -> None:
+    table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("largest difference", "rms", "unit", "at", "a there", "b there"):
+        table.add_column(title, justify="left" if title == "unit" else "right", no_wrap=True)
+    for name, difference in comparison.differences.items():
+        if difference.count:
+            unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
+            numbers = [f"{value * scale:.4g}" for value in (difference.largest, difference.rms)]
+            there = [f"{value * scale:.6g}" for value in difference.values]
+            table.add_row(name, *numbers, unit, f"{difference.time:.2f} s", *there)
+    print(f"differences at {comparison.frames} common frames")
+    if comparison.frames:
+        console.print(table)
+    for label, names in zip("ab", comparison.only_in, strict=True):
+        if names:
+            print(f"only in {label}: {', '.join(sorted(names))}")
+    if abs(readings[0].end - readings[1].end) > 1e-3:
+        print(f"a ends at {readings[0].end:.2f} s, b at {readings[1].end:.2f} s")
+
+
+def shown_unit(unit: str, value: float) -> tuple[str, float]:
+    """Unit in which a value in SI reads well, and what to multiply it by."""
+    if unit == "rad":
+        return "deg", 180.0 / math.pi
+    if unit in ("N", "W"):
+        for prefix, size in (("M", 1e6), ("k", 1e3)):
+            if abs(value) >= size and (prefix == "k" or unit == "W"):
+                return f"{prefix}{unit}", 1.0 / size
+    return unit, 1.0
+
+
+def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
+    """Write the plots; says where they are, or what prevents it."""
+    from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
+
+    labels = "ab" if len(readings) == 2 else ("",)
+    runs = [
+        PlottedRun(label, reading.scenario.name, reading.name, reading.signals)
+        for label, reading in zip(labels, readings, strict=True)
+    ]
+    try:
+        with console.status("drawing") as status:
+            files = write_plots(runs, directory, lambda file: status.update(f"drawing {file}"))
+    except OSError as error:
+        print(f"review: --plots {directory}: {error.strerror or error}", file=sys.stderr)
+        return False
+    print(f"plots: {', '.join(str(file) for file in files)}")
+    return True
+
+
+def _show(recording: Path) -> None:
+    """Open the viewer where there is a screen, on the local interface only; else say how."""
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        print(f"no display here; look at it with: rerun {recording}")
+        return
+    subprocess.Popen(
+        [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    print(f"opened in rerun: {recording}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""Commands from a file: what the twin is told at which simulated time, from YAML or CSV, or from the log of a run."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from cable_twin.recording.log_reader import Log
+from cable_twin.records import Command, CommandError, CommandKind
+from cable_twin.simulation import Simulation
+
+# What a script may say. A kind of command that gives a named thing a number (a payload in kg, a gust in m/s) is one
+# more line in VALUES; one that needs no number is one more word in EVENTS.
+VALUES: Mapping[str, tuple[CommandKind, str]] = {"speed": ("speed", "m/s"), "force": ("force", "N")}
+EVENTS: Mapping[str, CommandKind] = {"emergency_stop": "emergency_stop", "release": "release", "reset": "reset"}
+STATELESS = frozenset({"speed", "force", "emergency_stop", "release", "reset"})  # refused or not whatever the motion
+
+KEYS = ("time", "name", *VALUES, "event")
+ALLOWED = f"allowed: time (s) and either name with {' or '.join(VALUES)}, or event"
+
+
+class ScriptError(ValueError):
+    """A script that cannot be used; its text has one line a fault, with file and line."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptedCommand:
+    """A command and when it is given."""
+
+    time: float  # s, simulated
+    command: Command
+    source: str  # for the log, such as "script" or "joint_commands"
+    place: str  # for messages: file and line
+
+
+def read_script(file: Path) -> list[ScriptedCommand]:
+    """Read a script; commands of one time stay in the order of the file.
+
+    Args:
+        file: YAML (a list of mappings) or CSV (a header and a line a command), by its suffix.
+
+    Raises:
+        ScriptError: with every fault, one line each: file, line, what was given, what is allowed, unit.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in (".yaml", ".yml", ".csv"):
+        raise ScriptError(f"{file}: suffix {suffix!r} given; allowed: .yaml, .yml or .csv")
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScriptError(f"{file}: not a text in UTF-8 (byte {error.start})") from None
+    except OSError as error:
+        raise ScriptError(f"{file}: {error.strerror}") from None
+    rows = _csv_rows(file, text) if suffix == ".csv" else _yaml_rows(file, text)
+    commands, faults = [], []
+    for line, row in rows:
+        try:
+            commands.append(_command(row, f"{file}:{line}"))
+        except ScriptError as error:  # noqa: PERF203 - every fault is told
+            faults.append(str(error))
+    if faults:
+        raise ScriptError("\n".join(faults))
+    return sorted(commands, key=lambda item: item.time)
+
+
+def script_of_log(log: Log) -> list[ScriptedCommand]:
+    """The commands of a recorded run, as they took effect.
+
+    Raises:
+        LogError: The log is damaged.
+    """
+    return [
+        ScriptedCommand(applied.time, applied.command, applied.source, f"{log.path}: command at {applied.time:.3f} s")
+        for applied in log.commands
+    ]
+
+
+def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[str]:
+    """Find what the simulation will refuse whatever its motion: names, limits, drives after an emergency stop.
+
+    Args:
+        simulation: At its start; it is put back there.
+        script: The commands.
+
+    Returns:
+        A line for each command that would be refused.
+    """
+    faults = []
+    for item in script:
+        if item.command.kind in STATELESS:
+            try:
+                simulation.apply(item.command)
+            except CommandError as error:
+                faults.append(f"{item.place}: {error}")
+    simulation.reset()
+    return faults
+
+
+def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Line and values of each row; an empty cell is none, a line of nothing or that begins with # is passed over."""
+    reader = csv.reader(text.splitlines())
+    header: list[str] = []
+    for row in reader:
+        cells = [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("#"):
+            continue
+        if not header:
+            header = cells
+            if "time" not in header:
+                raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; it needs time")
+            continue
+        if len(cells) > len(header):
+            raise ScriptError(f"{file}:{reader.line_num}: {len(cells)} cells given; the header has {len(header)}")
+        yield reader.line_num, {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
+
+
+def _number(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Line and mapping of each item of the list."""
+    try:
+        content = YAML(typ="rt").load(text)
+    except (YAMLError, ValueError) as error:
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        line = f":{mark.line + 1}" if mark else ""
+        reason = " ".join(str(getattr(error, "problem", None) or error).split())
+        raise ScriptError(f"{file}{line}: not YAML ({reason})") from None
+    if content is None:
+        return
+    if not isinstance(content, list):
+        kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
+        raise ScriptError(f"{file}:1: a {kind} given; allowed: a list of commands, '- {{time: 1, ...}}'")
+    places: Any = content
+    for index, item in enumerate(content):
+        line = places.lc.item(index)[0] + 1
+        if not isinstance(item, Mapping):
+            raise ScriptError(f"{file}:{line}: {item!r} given; {ALLOWED}")
+        yield line, item
+
+
+def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
+    """Understand one row."""
+    if unknown := [str(key) for key in row if key not in KEYS]:
+        raise ScriptError(f"{place}: unknown {', '.join(unknown)}; {ALLOWED}")
+    if "time" not in row:
+        raise ScriptError(f"{place}: no time given; allowed: zero or more, in s")
+    time = row["time"]
+    if not _is_finite(time) or time < 0.0:
+        raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
+    given = [key for key in VALUES if key in row]
+    if "event" in row:
+        if given or "name" in row or str(row["event"]) not in EVENTS:
+            what = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
+            raise ScriptError(f"{place}: {what} given; allowed: {', '.join(EVENTS)}, alone")
+        return ScriptedCommand(float(time), Command(EVENTS[str(row["event"])], {}), "script", place)
+    if len(given) != 1 or not isinstance(row.get("name"), str):
+        what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
+        raise ScriptError(f"{place}: {what} given; {ALLOWED}")
+    kind, unit = VALUES[given[0]]
+    value = row[given[0]]
+    if not _is_finite(value):
+        raise ScriptError(f"{place}: {kind} {value!r} given; allowed: a finite number, in {unit}")
+    return ScriptedCommand(float(time), Command(kind, {row["name"]: float(value)}), "script", place)
+
+
+def _is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+__all__ = ["EVENTS", "VALUES", "ScriptError", "ScriptedCommand", "check_script", "read_script", "script_of_log"]

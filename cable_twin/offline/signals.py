@@ -1,0 +1,197 @@
+"""Signals of a run over time in a memory that does not grow with its length: for plots, and to compare two runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cable_twin.records import AppliedCommand, FloatArray, Snapshot
+
+POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
+SHAPES = 24  # ropes that are kept
+
+
+def signal_values(snapshot: Snapshot) -> dict[str, float]:
+    """Every signal of a snapshot by its name, QUANTITY or QUANTITY/WHOSE."""
+    tensions = snapshot.cable.tensions
+    values = {
+        "tension/highest": float(tensions.max()),
+        "tension/start": float(tensions[0]),
+        "tension/end": float(tensions[-1]),
+    }
+    for name, state in snapshot.carriages.items():
+        values[f"arc_length/{name}"] = state.arc_length
+        values[f"speed/{name}"] = state.speed
+        for body_name, body in state.bodies.items():
+            values[f"swing/{name}/{body_name}"] = math.degrees(body.pitch)
+        values[f"drive_force/{name}"] = state.drive_force
+        values[f"drive_power/{name}"] = state.drive_force * state.speed
+        values[f"contact_force/{name}"] = math.hypot(state.contact_force[0], state.contact_force[-1])
+    for name, support in snapshot.supports.items():
+        values[f"support_force/{name}"] = math.hypot(support.force[0], support.force[-1])
+    return values
+
+
+UNITS: Mapping[str, str] = {
+    "tension": "N",
+    "arc_length": "m",
+    "speed": "m/s",
+    "swing": "deg",
+    "drive_force": "N",
+    "drive_power": "W",
+    "contact_force": "N",
+    "support_force": "N",
+}
+
+
+def unit_of(signal: str) -> str:
+    """Unit of a signal."""
+    return UNITS[signal.partition("/")[0]]
+
+
+class Series:
+    """One signal over time, in at most `POINTS` stretches with their lowest and highest value."""
+
+    def __init__(self) -> None:
+        self._times = np.empty(POINTS)
+        self._low, self._high = np.empty(POINTS), np.empty(POINTS)
+        self._count = 0
+        self._stride = 1  # frames in a full stretch
+        self._filled = 0  # frames in the last one
+
+    def append(self, time: float, value: float) -> None:
+        """Take in one value; times only grow."""
+        if self._filled in (0, self._stride):
+            if self._count == POINTS:
+                self._halve()
+            self._times[self._count], self._low[self._count], self._high[self._count] = time, value, value
+            self._count += 1
+            self._filled = 1
+            return
+        last = self._count - 1
+        self._low[last], self._high[last] = min(self._low[last], value), max(self._high[last], value)
+        self._filled += 1
+
+    def _halve(self) -> None:
+        """Join each two stretches."""
+        half = POINTS // 2
+        self._times[:half] = self._times[::2]
+        self._low[:half] = np.minimum(self._low[::2], self._low[1::2])
+        self._high[:half] = np.maximum(self._high[::2], self._high[1::2])
+        self._count, self._stride = half, 2 * self._stride
+
+    def line(self) -> tuple[FloatArray, FloatArray]:
+        """Times (s) and values to draw as one line: every value as it was, or from low to high in each stretch."""
+        times, low, high = (array[: self._count] for array in (self._times, self._low, self._high))
+        if self._stride == 1:
+            return times.copy(), low.copy()
+        return np.repeat(times, 2), np.column_stack([low, high]).ravel()
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """The rope and where its carriages are at one time."""
+
+    time: float  # s
+    positions: FloatArray  # (n, 2) m, x and z
+    carriages: Mapping[str, FloatArray]  # (2,) m, x and z of the joint
+
+
+class Signals:
+    """All signals of one run, and its rope at times that are evenly spread."""
+
+    def __init__(self) -> None:
+        self.series: dict[str, Series] = {}
+        self.commands: list[AppliedCommand] = []  # without repeated ones
+        self._shapes: list[Shape] = []
+        self._stride = 1
+        self._frames = 0
+
+    def update(self, snapshot: Snapshot, values: Mapping[str, float]) -> None:
+        """Take in one snapshot and the values of its signals."""
+        for name, value in values.items():
+            if name not in self.series:
+                self.series[name] = Series()
+            self.series[name].append(snapshot.time, value)
+        if self._frames % self._stride == 0:
+            if len(self._shapes) == 2 * SHAPES:
+                self._shapes = self._shapes[::2]
+                self._stride *= 2
+            if self._frames % self._stride == 0:
+                self._shapes.append(_shape(snapshot))
+        self._frames += 1
+
+    def shapes(self) -> list[Shape]:
+        """At most `SHAPES` ropes from the first to about the last."""
+        count = len(self._shapes)
+        return [self._shapes[index] for index in np.linspace(0, count - 1, min(count, SHAPES)).astype(int)]
+
+
+def _shape(snapshot: Snapshot) -> Shape:
+    joints = {name: state.position[[0, -1]] for name, state in snapshot.carriages.items()}
+    return Shape(snapshot.time, snapshot.cable.positions[:, [0, -1]], joints)
+
+
+@dataclass(slots=True)
+class Difference:
+    """How one signal of two runs differs."""
+
+    largest: float = 0.0  # in the unit of the signal
+    time: float = math.nan  # s, of the largest
+    values: tuple[float, float] = (math.nan, math.nan)  # of both runs there
+    squares: float = 0.0
+    count: int = 0
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square."""
+        return math.sqrt(self.squares / self.count) if self.count else math.nan
+
+    def update(self, time: float, first: float, second: float) -> None:
+        """Take in both values at one time."""
+        difference = first - second
+        if math.isnan(difference):
+            return
+        self.squares += difference * difference
+        self.count += 1
+        if abs(difference) > self.largest or math.isnan(self.time):
+            self.largest, self.time, self.values = abs(difference), time, (first, second)
+
+
+@dataclass(slots=True)
+class Comparison:
+    """Signals of two runs at the frames that both have."""
+
+    differences: dict[str, Difference] = field(default_factory=dict)
+    frames: int = 0
+    only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
+
+
+def compare(
+    first: Iterator[tuple[float, Mapping[str, float]]], second: Iterator[tuple[float, Mapping[str, float]]]
+) -> Comparison:
+    """Compare signals of two runs, frame by frame where they have the same time, to half a millisecond.
+
+    Args:
+        first: Time (s) and values of each frame.
+        second: The same of the other run; both are read to their ends.
+    """
+    result = Comparison()
+    a, b = next(first, None), next(second, None)
+    while a is not None or b is not None:
+        if a is not None and b is not None and abs(a[0] - b[0]) < 5e-4:
+            result.frames += 1
+            for name, value in a[1].items():
+                if name in b[1]:
+                    result.differences.setdefault(name, Difference()).update(a[0], value, b[1][name])
+            result.only_in[0].update(a[1].keys() - b[1].keys())
+            result.only_in[1].update(b[1].keys() - a[1].keys())
+            a, b = next(first, None), next(second, None)
+        elif b is None or (a is not None and a[0] < b[0]):
+            a = next(first, None)
+        else:
+            b = next(second, None)
+    return result

@@ -1,0 +1,349 @@
+"""The command `simulate`: run a scenario without ROS, as fast as it goes, scripted, with the logs of the node."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from cable_twin.command_line import OneLineParser
+from cable_twin.messages import MessageEncoder, applied_command_message, nanoseconds, topics
+from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
+from cable_twin.recording.log_reader import Log, LogError, read_log
+from cable_twin.recording.run import Run, start_run
+from cable_twin.records import CommandError
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+
+DONE, FAILED, UNUSABLE = 0, 1, 2  # exit codes
+DEFAULT_SCENARIO = "aerial_tramway"
+DURATION = 60.0  # s, after the last command of a script
+BACKLOG = 500  # frames that may wait for the disk
+EPILOG = """\
+A script is YAML or CSV, times in seconds of simulated time:
+
+  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,event
+  - {time: 40, event: emergency_stop}            0,cabin,6.0,,
+  - {time: 50, event: release}                   40,,,,emergency_stop
+  - {time: 51, name: cabin, force: 30000}        51,cabin,,30000,
+
+exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option
+
+examples:
+  simulate aerial_tramway --script trip.yaml --duration 300
+  simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
+           --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
+"""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came of a run."""
+
+    time: float = 0.0  # s, simulated
+    wall_time: float = 0.0  # s
+    applied: int = 0
+    refused: list[str] = field(default_factory=list)  # a line each
+    left: int = 0  # commands at or after the end
+    fault: str = ""  # why it ended early
+
+
+def simulate(
+    simulation: Simulation,
+    script: Iterable[ScriptedCommand],
+    *,
+    duration: float,
+    frame_steps: int,
+    epoch_ns: int,
+    run: Run | None = None,
+    on_frame: Callable[[float], None] | None = None,
+    ended: Callable[[], bool] | None = None,
+) -> Outcome:
+    """Run a simulation with its script, and record it as the node does.
+
+    A command takes effect at the solver step nearest to its time, after the frame of that time.
+
+    Args:
+        simulation: At its start.
+        script: Commands in the order of time.
+        duration: s.
+        frame_steps: Solver steps in a frame.
+        epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
+        run: Where it is recorded, or None.
+        on_frame: Called with the simulated time (s) of each frame.
+        ended: Whether to end before `duration`.
+
+    Returns:
+        How far it came, and what was refused.
+    """
+    encoder = MessageEncoder(simulation.carriages, epoch_ns)
+    waiting = deque(script)
+    outcome = Outcome()
+    started = time.monotonic()
+    frames = math.ceil(round(duration / simulation.step) / frame_steps)
+    try:
+        for frame in range(frames + 1):
+            due = frame * frame_steps
+            while waiting and round(waiting[0].time / simulation.step) < due:
+                item = waiting.popleft()
+                simulation.advance_to(item.time)
+                _apply(simulation, item, outcome, epoch_ns, run)
+            snapshot = simulation.advance_to(due * simulation.step)
+            if run is not None:
+                run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+                while run.recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
+                    time.sleep(0.002)
+            if on_frame is not None:
+                on_frame(snapshot.time)
+            if ended is not None and ended():
+                outcome.fault = "ended by a signal"
+                break
+    except SolverError as error:
+        outcome.fault = str(error)
+    outcome.left = len(waiting)
+    outcome.time, outcome.wall_time = simulation.time, time.monotonic() - started
+    return outcome
+
+
+def _apply(simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None) -> None:
+    """Give one command and record it; a refused one is noted."""
+    try:
+        applied = simulation.apply(item.command, item.source)
+    except CommandError as error:
+        outcome.refused.append(f"{item.place}: {error}")
+        return
+    outcome.applied += 1
+    if run is not None:
+        stamp_ns = epoch_ns + nanoseconds(applied.time)
+        run.recorder.record_command(applied, applied_command_message(applied, epoch_ns), stamp_ns)
+
+
+def parser() -> OneLineParser:
+    """Options of `simulate`."""
+    result = OneLineParser(
+        "simulate",
+        "Run a scenario without ROS, as fast as it goes, and log it as `sim` does.",
+        EPILOG,
+        failure=UNUSABLE,
+    )
+    result.add_argument(
+        "scenario",
+        nargs="?",
+        help=f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+    )
+    result.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        metavar="KEY=VALUE",
+        help="change a value of the scenario by its dotted key, as in cable.elements=48; may be given often",
+    )
+    result.add_argument(
+        "--duration",
+        type=_number(0.0, math.inf, "s"),
+        metavar="S",
+        help=f"simulated seconds; default: that of the bag, else {DURATION:g} s after the last command",
+    )
+    source = result.add_mutually_exclusive_group()
+    source.add_argument("--script", type=Path, metavar="FILE", help="commands, .yaml or .csv, see below")
+    source.add_argument("--from-bag", type=Path, metavar="BAG", help="take the commands of a recorded run")
+    result.add_argument(
+        "--output", type=Path, default=Path("cable_twin_logs"), metavar="DIR", help="default: cable_twin_logs"
+    )
+    result.add_argument(
+        "--frame-rate",
+        type=_number(1.0, 1000.0, "Hz"),
+        default=100.0,
+        metavar="HZ",
+        help="frames recorded in a second of simulated time; default: 100",
+    )
+    result.add_argument(
+        "--record",
+        choices=("all", "bag", "off"),
+        default="all",
+        help="MCAP bag and rerun recording, the bag alone, or nothing; default: all",
+    )
+    return result
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """Key and value of KEY=VALUE, the value as YAML has it."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} given, KEY=VALUE is needed")
+    try:
+        return key.strip(), YAML(typ="safe", pure=True).load(value)
+    except (YAMLError, ValueError):
+        raise argparse.ArgumentTypeError(f"{text!r} given, the value is not YAML") from None
+
+
+def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
+    """Type of an option that is above 0 and within bounds."""
+
+    def convert(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (low <= value <= high and 0.0 < value < math.inf):
+            allowed = f"more than 0 {unit} is" if high == math.inf else f"{low:g} to {high:g} {unit} are"
+            raise argparse.ArgumentTypeError(f"{text!r} given, {allowed} allowed")
+        return value
+
+    return convert
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a scenario and report; see the exit codes above."""
+    options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    console = Console(stderr=True)
+    try:
+        log = read_log(options.from_bag) if options.from_bag is not None else None
+        scenario = _scenario(options, log)
+        script = read_script(options.script) if options.script is not None else []
+        script = script_of_log(log) if log is not None else script
+        with console.status(
+            f"'{scenario.name}' settles; the first time on a machine the solver is compiled: half a minute"
+        ):
+            simulation = Simulation(scenario)
+        faults = check_script(simulation, script)
+        if faults and log is None:
+            raise ScriptError("\n".join(faults))
+        if log is not None and script and len(faults) == len(script):
+            raise ScriptError(f"{faults[0]} (and so for all {len(script)} commands of the bag)")
+        duration = _duration(options.duration, script, log)
+    except (LogError, ScriptError, ScenarioError, EquilibriumError) as error:
+        for line in str(error).splitlines():
+            print(f"simulate: {line}", file=sys.stderr)
+        return UNUSABLE
+    frame_steps = max(round(1.0 / (options.frame_rate * simulation.step)), 1)
+    rate = 1.0 / (frame_steps * simulation.step)
+    if abs(rate - options.frame_rate) > 1e-6 * rate:
+        print(
+            f"simulate: --frame-rate {options.frame_rate:g} Hz is no whole number of solver steps of "
+            f"{simulation.step:g} s: {rate:g} Hz is used",
+            file=sys.stderr,
+        )
+    epoch_ns = time.time_ns()
+    try:
+        run = _start(simulation, options, epoch_ns, frame_steps)
+    except OSError as error:
+        print(f"simulate: --output {options.output}: {error.strerror or error}", file=sys.stderr)
+        return FAILED
+    with _progress(console, duration) as on_frame, _signals() as ended:
+        outcome = simulate(
+            simulation,
+            script,
+            duration=duration,
+            frame_steps=frame_steps,
+            epoch_ns=epoch_ns,
+            run=run,
+            on_frame=on_frame,
+            ended=ended.is_set,
+        )
+    faults = [outcome.fault] if outcome.fault else []
+    if run is not None:
+        run.recorder.close()
+        faults += run.recorder.faults
+    return _report(scenario, outcome, run, faults)
+
+
+def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario:
+    """The scenario that is asked for, or that of the bag, with what is changed in it."""
+    own = log.scenario if log is not None else DEFAULT_SCENARIO
+    return load_scenario(own if options.scenario is None else options.scenario, dict(options.set))
+
+
+def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None) -> float:
+    """Simulated time (s) to run."""
+    if given is not None:
+        return given
+    if log is not None:
+        return log.end
+    return script[-1].time + DURATION if script else DURATION
+
+
+def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, frame_steps: int) -> Run | None:
+    if options.record == "off":
+        return None
+    return start_run(
+        simulation,
+        topics(simulation.carriages),
+        record_directory=options.output.expanduser(),
+        epoch_ns=epoch_ns,
+        frame_period=frame_steps * simulation.step,
+        rerun="file" if options.record == "all" else "off",
+    )
+
+
+@contextmanager
+def _progress(console: Console, duration: float) -> Iterator[Callable[[float], None]]:
+    """A bar with simulated time, speed in times real time, and the time that remains."""
+    columns = (
+        TextColumn("simulate"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} s, {task.fields[factor]:.1f} times real time, remaining"),
+        TimeRemainingColumn(),
+    )
+    # a file gets nothing of it, not even the empty line in the end
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("simulate", total=duration, factor=0.0)
+        started = time.monotonic()
+
+        def on_frame(simulated: float) -> None:
+            elapsed = max(time.monotonic() - started, 1e-3)
+            progress.update(task, completed=min(simulated, duration), factor=simulated / elapsed)
+
+        yield on_frame
+
+
+@contextmanager
+def _signals() -> Iterator[threading.Event]:
+    """SIGINT and SIGTERM as a flag, so that the logs are closed."""
+    flag = threading.Event()
+    before = {number: signal.signal(number, lambda *_: flag.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield flag
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _report(scenario: Scenario, outcome: Outcome, run: Run | None, faults: Sequence[str]) -> int:
+    """Say what was done."""
+    for line in outcome.refused[:5]:
+        print(f"simulate: refused: {line}", file=sys.stderr)
+    if len(outcome.refused) > 5:
+        print(f"simulate: {len(outcome.refused) - 5} more refused", file=sys.stderr)
+    for fault in faults:
+        print(f"simulate: {fault}", file=sys.stderr)
+    if outcome.left:
+        print(f"simulate: not given, at or after the end: {outcome.left} commands of the script", file=sys.stderr)
+    factor = outcome.time / max(outcome.wall_time, 1e-9)
+    print(
+        f"{scenario.name}: {outcome.time:.2f} s in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
+        f"{outcome.applied} commands" + (f", {len(outcome.refused)} refused" if outcome.refused else "")
+    )
+    if run is not None:
+        print(f"log: {run.directory}\nlook at it: review {run.directory}")
+    return FAILED if faults or outcome.refused else DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,76 @@
+"""Bags for tests: changed ones, and what is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+
+def bag(run: Path) -> Path:
+    """The file of a run."""
+    (file,) = run.glob("*.mcap")
+    return file
+
+
+def alter(source: Path, target: Path, change, *, metadata=None) -> Path:
+    """Copy a bag by mcap's own writer.
+
+    `change` gives what stands for topic, stamp and data, None for nothing; `metadata` replaces values of the run's.
+    """
+    with source.open("rb") as stream, target.open("wb") as output:
+        reader = make_reader(stream)
+        writer = Writer(output)
+        writer.start("ros2", "test")
+        for record in reader.iter_metadata():
+            changed = {**record.metadata, **(metadata or {})} if record.name == "cable_twin" else record.metadata
+            writer.add_metadata(record.name, changed)
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
+            data = change(channel.topic.removeprefix("/cable_twin/"), message.log_time, message.data)
+            if data is not None:
+                writer.add_message(channels[channel.id], message.log_time, data, message.publish_time, message.sequence)
+        writer.finish()
+    return target
+
+
+def unchanged(_topic: str, _stamp_ns: int, data: bytes) -> bytes:
+    return data
+
+
+def foreign_bag(path: Path) -> Path:
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "somebody else")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        writer.add_message(writer.register_channel("/chatter", "cdr", schema), 0, b"\x00\x01\x00\x00", 0)
+        writer.finish()
+    return path
+
+
+def text_file(path: Path) -> Path:
+    path.write_text("not a bag")
+    return path
+
+
+def empty_file(path: Path) -> Path:
+    path.touch()
+    return path
+
+
+def empty_directory(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+NO_BAGS = {
+    "missing": (lambda path: path, "no such file or directory"),
+    "foreign": (foreign_bag, "not a bag made by cable_twin"),
+    "text": (text_file, "not a bag"),
+    "empty": (empty_file, "not a bag"),
+    "directory": (empty_directory, "not a log: 0 .mcap files in it, one is expected"),
+}

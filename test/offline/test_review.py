@@ -1,0 +1,286 @@
+"""`review`: key figures, plots and recordings of real runs, finished or killed, and of two beside each other."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bags import NO_BAGS, alter, bag
+from matplotlib.image import imread
+from twin_process import environment, run_module, write_quick_scenario
+
+from cable_twin.messages import SCENARIO
+from cable_twin.offline import simulate
+from cable_twin.offline.review import main
+from cable_twin.offline.signals import POINTS, Series, compare
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import Snapshot
+
+SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
+PLOTS = {"rope.png", "tension.png", "speed.png", "swing.png", "drive.png", "contact_forces.png"}
+
+
+def run(directory, *arguments):
+    assert simulate.main([str(directory / "quick.yaml"), *arguments]) == 0
+    return max((directory / "cable_twin_logs").iterdir())
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two runs of 16 s: with the brake of the scenario, and with one that is half as hard."""
+    directory = tmp_path_factory.mktemp("runs")
+    write_quick_scenario(directory)
+    (directory / "stop.yaml").write_text(SCRIPT)
+    arguments = ["--script", str(directory / "stop.yaml"), "--duration", "16"]
+    arguments += ["--output", str(directory / "cable_twin_logs"), "--set", "cable.breaking_force=4e6"]
+    hard = run(directory, *arguments)
+    return hard, run(directory, *arguments, "--set", "carriages.cabin.drive.limits.emergency_deceleration=0.6")
+
+
+def column(output: str, figure: str) -> list[str]:
+    """Cells of a row of the table."""
+    (line,) = re.findall(rf"^ {re.escape(figure)} +(\S.*?) *$", output, re.MULTILINE)
+    return line.split()
+
+
+def test_key_figures_are_those_of_the_run(runs, capsys):
+    assert main([str(runs[0]), "--no-viewer"]) == 0
+    output = capsys.readouterr().out
+    assert "complete; scenario quick, 16.00 s, 1601 frames, 2 commands" in output
+    snapshots = [item for item in read_snapshots(read_log(runs[0])) if isinstance(item, Snapshot)]
+    highest = max(snapshot.cable.tensions.max() for snapshot in snapshots) / 1e3
+    assert column(output, "rope tension, highest")[:2] == [f"{highest:.4g}", "kN"]
+    assert column(output, "rope safety factor")[:5] == [f"{4e3 / highest:.4g}", "-", "at", "least", "3.15"]
+    distance = column(output, "cabin: stopping distance")
+    assert float(distance[0]) == pytest.approx(6.0**2 / 2.4, abs=0.05)
+    assert " ".join(distance[1:]) == "m 4.00 s emergency stop from 6.00 m/s in 5.0 s"
+    swing = max(abs(snapshot.carriages["cabin"].bodies["cabin"].pitch) for snapshot in snapshots)
+    assert column(output, "cabin: swing along the track")[0] == f"{np.degrees(swing):.4g}"
+    assert "EN 12927" in output
+
+
+def test_bag_cut_short_is_read_without_a_flag(runs, tmp_path, capsys):
+    content = bag(runs[0]).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(content[: len(content) // 2])
+    assert main([str(cut), "--no-viewer", "--plots", str(tmp_path / "plots")]) == 0
+    output = capsys.readouterr().out
+    assert "cut short, read as far as it goes; scenario quick, " in output
+    assert int(re.search(r"(\d+) frames", output)[1]) > 300
+    assert {path.name for path in (tmp_path / "plots").iterdir()} == PLOTS
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_plots_show_something(runs, tmp_path, capsys, count):
+    assert main([*map(str, runs[:count]), "--no-viewer", "--plots", str(tmp_path)]) == 0
+    assert "plots: " in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == PLOTS
+    for path in tmp_path.iterdir():
+        picture = imread(path)
+        assert picture.shape[0] > 300
+        assert picture.shape[1] > 1000
+        coloured = np.ptp(picture[..., :3], axis=2) > 0.3
+        assert coloured.mean() > 1e-3, path.name
+
+
+def verify(recording):
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], check=True, timeout=60)
+
+
+def entities(recording) -> str:
+    arguments = [sys.executable, "-m", "rerun", "rrd", "print", str(recording)]
+    return subprocess.run(arguments, check=True, timeout=60, capture_output=True, text=True).stdout
+
+
+def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    before = sorted(runs[0].iterdir())
+    assert main([str(runs[0])]) == 0
+    assert f"look at it with: rerun {runs[0] / runs[0].name}.rrd" in capsys.readouterr().out
+    assert sorted(runs[0].iterdir()) == before
+
+
+def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    alone = shutil.copy(bag(runs[0]), tmp_path / "alone.mcap")
+    assert main([str(alone)]) == 0
+    assert f"rerun {tmp_path / 'alone.rrd'}" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone.rrd"}
+    verify(tmp_path / "alone.rrd")
+    made, original = entities(tmp_path / "alone.rrd"), entities(runs[0] / f"{runs[0].name}.rrd")
+    paths = [set(re.findall(r"/?(?:track|plots|readout|commands)[\w/]*", text)) for text in (made, original)]
+    assert paths[0] == paths[1]
+    assert len(paths[0]) > 8
+
+
+def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    copies = [shutil.copytree(run, tmp_path / f"run{index}") for index, run in enumerate(runs)]
+    assert main([*map(str, copies)]) == 0
+    output = capsys.readouterr().out
+    a, b, unit = column(output, "cabin: stopping distance")
+    assert unit == "m"
+    assert float(b) == pytest.approx(2.0 * float(a), rel=0.02)
+    assert "differences at 1601 common frames" in output
+    largest, rms, unit, at, _, a_there, b_there = column(output, "speed/cabin")
+    # the hard brake stands still after 5 s, the soft one then still has half the speed
+    assert float(largest) == pytest.approx(3.0, abs=0.02)
+    assert float(at) == pytest.approx(9.0, abs=0.1)
+    assert (unit, float(rms) > 0.5) == ("m/s", True)
+    assert float(b_there) - float(a_there) == pytest.approx(float(largest), rel=1e-4)
+    recording = copies[0] / "run0_and_run1.rrd"
+    assert f"rerun {recording}" in output
+    verify(recording)
+    text = entities(recording)
+    for path in ("a/track/rope", "b/track/rope", "a/plots/speed/cabin", "b/plots/speed/cabin", "b/commands"):
+        assert path in text
+
+
+def test_a_run_against_itself_has_no_difference(runs, capsys):
+    assert main([str(runs[0]), str(runs[0]), "--no-viewer"]) == 0
+    output = capsys.readouterr().out
+    assert column(output, "speed/cabin")[:2] == ["0", "0"]
+    assert column(output, "tension/highest")[:2] == ["0", "0"]
+
+
+def test_series_keeps_every_extreme_in_a_memory_that_does_not_grow():
+    series = Series()
+    count = 37 * POINTS
+    random = np.random.default_rng(3)
+    values = np.sin(np.arange(count) * 1e-3) + 0.01 * random.standard_normal(count)
+    values[12_345] = 9.0
+    values[98_765] = -7.0
+    for index, value in enumerate(values):
+        series.append(index * 0.01, value)
+    times, line = series.line()
+    assert len(times) <= 2 * POINTS
+    assert (line.max(), line.min()) == (9.0, -7.0)
+    assert np.all(np.diff(times) >= 0.0)
+    assert abs(times[line.argmax()] - 123.45) < 64 * 0.01
+    assert abs(times[line.argmin()] - 987.65) < 64 * 0.01
+
+
+def test_frames_of_different_rates_are_compared_where_both_have_one():
+    first = ((0.01 * index, {"speed/cabin": 0.1 * index, "swing/cabin/x": 0.0}) for index in range(101))
+    second = ((0.04 * index, {"speed/cabin": 0.4 * index + 0.5}) for index in range(20))
+    found = compare(first, second)
+    assert found.frames == 20
+    difference = found.differences["speed/cabin"]
+    assert (difference.count, difference.largest, difference.rms) == (20, pytest.approx(0.5), pytest.approx(0.5))
+    assert found.only_in == ({"swing/cabin/x"}, set())
+
+
+MEASURE = """
+import resource, sys
+from cable_twin.offline.review import main
+assert main(sys.argv[1:]) == 0
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+"""
+
+
+def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
+    """A bag of ten times the frames, by repetition with later stamps, costs no more than some 20 MB more."""
+    log = read_log(runs[0])
+    long = tmp_path / "long.mcap"
+    repeat(log.path, long, 10, 16_010_000_000)
+    peaks = []
+    for path in (log.path, long):
+        result = subprocess.run(
+            [sys.executable, "-c", MEASURE, str(path), "--no-viewer"],
+            env=environment(tmp_path, 0),
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        )
+        peaks.append(int(result.stderr.split()[-1]) / 1024)
+    assert "16010 frames" in result.stdout
+    assert peaks[1] - peaks[0] < 20.0, peaks
+
+
+def repeat(source, target, times: int, shift_ns: int) -> None:
+    from mcap.reader import make_reader  # noqa: PLC0415
+    from mcap.writer import Writer  # noqa: PLC0415
+
+    with source.open("rb") as stream:
+        reader = make_reader(stream)
+        records = list(reader.iter_metadata())
+        messages = list(reader.iter_messages(log_time_order=False))
+    with target.open("wb") as output:
+        writer = Writer(output)
+        writer.start("ros2", "test")
+        for record in records:
+            writer.add_metadata(record.name, record.metadata)
+        channels = {}
+        for number in range(times):
+            for schema, channel, message in messages:
+                if channel.id not in channels:
+                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
+                if channel.topic.endswith("applied_commands"):
+                    continue  # its stamp is also within the message
+                stamp = message.log_time + number * shift_ns
+                writer.add_message(channels[channel.id], stamp, message.data, stamp)
+        writer.finish()
+
+
+@pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
+def test_what_is_no_bag_is_named_in_a_line(runs, tmp_path, capsys, make, said):
+    path = make(tmp_path / "thing.mcap")
+    for arguments in ([str(path)], [str(runs[0]), str(path)]):
+        assert main([*arguments, "--no-viewer"]) == 2
+        said_of_it = capsys.readouterr()
+        assert said_of_it.out == ""
+        (line,) = said_of_it.err.splitlines()
+        assert line.startswith(f"review: {path}: ")
+        assert said in line
+
+
+def test_bag_without_frames_is_named(runs, tmp_path, capsys):
+    target = alter(bag(runs[0]), tmp_path / "none.mcap", lambda topic, _, data: data if topic == SCENARIO else None)
+    assert main([str(target)]) == 2
+    assert capsys.readouterr().err == f"review: {target}: no frame of the twin in it\n"
+
+
+def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert main([str(runs[0]), "--no-viewer", "--plots", str(tmp_path / "file")]) == 1
+    assert capsys.readouterr().err == f"review: --plots {tmp_path / 'file'}: File exists\n"
+
+
+def test_more_than_two_bags_and_unknown_options_are_refused_in_a_line(tmp_path):
+    for arguments, said in ((("a", "b", "c"), "3 bags given; one or two are allowed"), (("--fast",), "--help")):
+        result = run_module("offline.review", *arguments, directory=tmp_path)
+        assert result.returncode == 2
+        (line,) = result.stderr.splitlines()
+        assert said in line
+
+
+def test_viewer_is_opened_where_there_is_a_display(runs, monkeypatch, capsys):
+    started = []
+    monkeypatch.setenv("DISPLAY", ":99")
+    monkeypatch.setattr(subprocess, "Popen", lambda arguments, **options: started.append((arguments, options)))
+    assert main([str(runs[0])]) == 0
+    ((arguments, options),) = started
+    assert arguments[1:5] == ["-m", "rerun", "--bind", "127.0.0.1"]  # rerun has no access control
+    assert os.path.samefile(arguments[-1], runs[0] / f"{runs[0].name}.rrd")
+    assert options["start_new_session"]
+    assert "opened in rerun" in capsys.readouterr().out
+
+
+def test_help_has_an_example_and_the_exit_codes(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert "review run.mcap --no-viewer --plots pictures" in text
+    assert "exit codes: 0 all is shown" in text

@@ -1,0 +1,222 @@
+"""`simulate`: a script gives a log like that of the node, which replays to the last bit and drives other scenarios."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+
+import pytest
+from bags import NO_BAGS, bag
+from twin_process import TwinProcess, environment, run_module, wait_until, write_quick_scenario
+
+from cable_twin.offline import replay, review
+from cable_twin.offline.simulate import main
+from cable_twin.recording.log_reader import read_log
+from cable_twin.records import Command
+
+SCRIPT = """\
+- {time: 0, name: cabin, speed: 6.0}
+- {time: 4.003, event: emergency_stop}
+- {time: 7, event: release}
+- {time: 7.5, name: cabin, force: 3.0e4}
+- {time: 9, event: reset}
+"""
+
+
+@pytest.fixture(scope="module")
+def scripted(tmp_path_factory):
+    """A directory with a scenario, a script, and the run of both."""
+    directory = tmp_path_factory.mktemp("scripted")
+    write_quick_scenario(directory)
+    (directory / "trip.yaml").write_text(SCRIPT)
+    result = run_module(
+        *("offline.simulate", "quick.yaml", "--script", "trip.yaml", "--duration", "10"), directory=directory
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    return directory, result.stdout
+
+
+def the_run(directory):
+    (run,) = directory.iterdir()
+    return run
+
+
+def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
+    directory, output = scripted
+    first, log, hint = output.splitlines()
+    assert re.fullmatch(r"quick: 10\.00 s in [\d.]+ s, [\d.]+ times real time; 5 commands", first)
+    run = the_run(directory / "cable_twin_logs")
+    assert log == f"log: cable_twin_logs/{run.name}"
+    assert hint == f"look at it: review cable_twin_logs/{run.name}"
+    assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}.rrd", "metadata.yaml"}
+
+
+def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(scripted, capsys):
+    run = the_run(scripted[0] / "cable_twin_logs")
+    log = read_log(run)
+    assert log.complete
+    assert [(applied.time, applied.command) for applied in log.commands] == [
+        (0.0, Command("speed", {"cabin": 6.0})),
+        (4.005, Command("emergency_stop", {})),
+        (7.0, Command("release", {})),
+        (7.5, Command("force", {"cabin": 3e4})),
+        (9.0, Command("reset", {})),
+    ]
+    assert sum(1 for _ in log.messages(["cable"])) == 1001
+    assert replay.main([str(run)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+
+
+def test_commands_of_a_bag_give_the_same_run_again(scripted, tmp_path):
+    run = the_run(scripted[0] / "cable_twin_logs")
+    assert main(["--from-bag", str(run), "--output", str(tmp_path / "again"), "--record", "bag"]) == 0
+    again = read_log(the_run(tmp_path / "again"))
+    log = read_log(run)
+    assert [applied.command for applied in again.commands] == [applied.command for applied in log.commands]
+    for (topic, stamp, data), (other_topic, other_stamp, other) in zip(
+        log.messages(["joint_states", "cable"]), again.messages(["joint_states", "cable"]), strict=True
+    ):
+        assert (topic, stamp - log.epoch_ns) == (other_topic, other_stamp - again.epoch_ns)
+        assert data[12:] == other[12:]  # after the stamp
+
+
+def test_commands_of_a_bag_drive_another_scenario(scripted, tmp_path, capsys):
+    run = the_run(scripted[0] / "cable_twin_logs")
+    softer = ["--set", "carriages.cabin.drive.limits.emergency_deceleration=0.6"]
+    arguments = ["--from-bag", str(run), *softer, "--output", str(tmp_path), "--record", "bag", "--duration", "6"]
+    assert main(arguments) == 0
+    log = read_log(the_run(tmp_path))
+    assert log.scenario["carriages"]["cabin"]["drive"]["limits"]["emergency_deceleration"] == 0.6
+    assert log.end == 6.0
+    assert "simulate: not given, at or after the end: 3 commands of the script" in capsys.readouterr().err
+    assert replay.main([str(log.path)]) == 0
+    assert "from 2 script" in capsys.readouterr().out
+
+
+def test_what_the_other_scenario_refuses_is_told_and_the_rest_goes_on(scripted, tmp_path, capsys):
+    run = the_run(scripted[0] / "cable_twin_logs")
+    slower = ["--set", "carriages.cabin.drive.limits.speed=5.0"]
+    assert main(["--from-bag", str(run), *slower, "--output", str(tmp_path), "--record", "bag"]) == 1
+    said = capsys.readouterr()
+    assert "command at 0.000 s: speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s" in said.err
+    assert "4 commands, 1 refused" in said.out
+    assert len(read_log(the_run(tmp_path)).commands) == 4
+
+
+def test_frame_rate_and_duration_are_as_asked(scripted, tmp_path, capsys):
+    quick = str(scripted[0] / "quick.yaml")
+    arguments = ["--duration", "1", "--frame-rate", "30", "--output", str(tmp_path), "--record", "bag"]
+    assert main([quick, *arguments]) == 0
+    assert "--frame-rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in (
+        capsys.readouterr().err
+    )
+    log = read_log(the_run(tmp_path))
+    assert sum(1 for _ in log.messages(["cable"])) == 30
+    assert log.end == pytest.approx(29 * 0.035)
+
+
+def test_nothing_is_written_where_nothing_is_to_be_recorded(scripted, tmp_path):
+    assert main([str(scripted[0] / "quick.yaml"), "--duration", "1", "--record", "off", "--output", str(tmp_path)]) == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path):
+    arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--record", "bag", "--output", "logs")
+    process = TwinProcess(
+        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
+        module="simulate",
+        command=[os.sys.executable],
+        variables=environment(tmp_path, 0),
+    )
+    try:
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
+        process.send(signal.SIGINT)
+        assert process.wait() == 1
+    finally:
+        process.kill()
+    assert "simulate: ended by a signal" in process.output
+    log = read_log(the_run(tmp_path / "logs"))
+    assert log.complete
+    assert log.end > 0.5
+
+
+def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
+    process = TwinProcess(
+        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
+        module="simulate",
+        command=[os.sys.executable],
+        variables=environment(tmp_path, 0),
+    )
+    try:
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 500_000, 60.0)
+    finally:
+        process.kill()
+    run = the_run(tmp_path / "logs")
+    assert review.main([str(run), "--plots", str(tmp_path / "plots")]) == 0
+    output = capsys.readouterr().out
+    assert "cut short, read as far as it goes" in output
+    assert f"look at it with: rerun {run / run.name}.rrd" in output
+    assert len([*(tmp_path / "plots").glob("*.png")]) == 6
+    assert replay.main([str(run)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "given 'nowhere', which is neither a scenario nor a file"),
+        (["--set", "cable.element=4"], "cable.element: this key does not exist; did you mean 'elements'?"),
+        (["--set", "cable.elements"], "'cable.elements' given, KEY=VALUE is needed"),
+        (["--set", "cable.elements=[1"], "'cable.elements=[1' given, the value is not YAML"),
+        (["--duration", "0"], "'0' given, more than 0 s is allowed"),
+        (["--frame-rate", "0.5"], "'0.5' given, 1 to 1000 Hz are allowed"),
+        (["--script", "none.yaml"], "none.yaml: No such file or directory"),
+        (["--script", "a.yaml", "--from-bag", "b"], "not allowed with argument"),
+        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage 'gondola'; known: cabin"),
+        (["--script", "fast.yaml"], "fast.yaml:1: speed of 'cabin' is 60 m/s; allowed are -10 to 10 m/s"),
+        (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
+    ],
+)
+def test_wrong_input_is_named_in_a_line(tmp_path, arguments, said):
+    first = "- {time: 0, name: cabin, speed: 1}\n"
+    (tmp_path / "unknown.yaml").write_text(f"{first}- {{time: 1, name: gondola, speed: 1}}\n")
+    (tmp_path / "fast.yaml").write_text("- {time: 0, name: cabin, speed: 60}\n")
+    (tmp_path / "stopped.yaml").write_text(f"- {{time: 0, event: emergency_stop}}\n{first}")
+    result = run_module("offline.simulate", *arguments, directory=tmp_path)
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("simulate: ")
+    assert said in line
+    assert not (tmp_path / "cable_twin_logs").exists()
+
+
+@pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
+def test_what_is_no_bag_is_named_in_a_line(tmp_path, capsys, make, said):
+    path = make(tmp_path / "thing.mcap")
+    assert main(["--from-bag", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"simulate: {path}: ")
+    assert said in line
+
+
+def test_directory_that_cannot_be_made_is_named(tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert main(["--duration", "1", "--set", "cable.elements=10", "--output", str(tmp_path / "file")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"simulate: --output {tmp_path / 'file'}: File exists"
+
+
+def test_help_has_an_example_and_the_exit_codes(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert "simulate aerial_tramway --script trip.yaml --duration 300" in text
+    assert "exit codes: 0 done, 1 the run failed" in text
