@@ -224,7 +224,7 @@ def passing_cabin() -> Iterator[Result]:
         loads.append(float(np.hypot(*snapshot.carriages["cabin"].contact_force)) / (12e3 * GRAVITY))
         worst = max(worst, abs(simulation.energy().total - start - work))
     yield Result("steps that had to be halved", "-", 0.0, float(halvings), 0.0)
-    yield Result("Newton iterations a step", "-", 2.0, iterations / steps, 0.5)
+    yield Result("Newton iterations a step", "-", 1.0, iterations / steps, 0.3)
     yield Result("energy less work of the drive, worst, share of the most work", "-", 0.0, worst / most, 0.005)
     yield Result("contact force of the cabin over its weight, most", "-", 1.0, max(loads), 0.45)
     yield Result("contact force of the cabin over its weight, least", "-", 1.0, min(loads), 0.45)

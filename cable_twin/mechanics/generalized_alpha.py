@@ -256,15 +256,13 @@ def limited_step(system, state, before, h, work):
         copy_state(before, state)
         for carriage in range(system.carriages.fixed.size):
             if work.saturation[carriage] != 0.0:
-                state.drive_mode[carriage] = FORCE
+                set_drive_mode(state, carriage, FORCE)
                 state.drive_force[carriage] = work.saturation[carriage]
     if attempt == 1:
         for carriage in range(system.carriages.fixed.size):
             if work.saturation[carriage] != 0.0:
-                state.drive_mode[carriage] = SPEED
-                state.reference[carriage, 0] = state.sliding_coordinate[carriage]
-                state.reference[carriage, 1] = state.sliding_velocity[carriage]
-                state.reference[carriage, 2] = 0.0
+                set_drive_mode(state, carriage, SPEED)
+                take_over(state, carriage)
     return converged, iterations, increment, gap
 
 
