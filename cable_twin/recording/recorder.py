@@ -31,8 +31,8 @@ class View(Protocol):
     def log_command(self, applied: AppliedCommand) -> None:
         """Show a command that took effect."""
 
-    def flush(self) -> None:
-        """Send what is still waiting."""
+    def flush(self) -> bool:
+        """Send what is still waiting; whether all of it is on the disk."""
 
     def close(self) -> None:
         """Finish."""
@@ -53,6 +53,11 @@ class _LogSink:
         self.flush_if_due = log.flush_if_due
         self.close = log.close
 
+    @property
+    def left(self) -> str:
+        """What is still there after a failure, for its message."""
+        return f"; it is readable up to {self._log.safe_until:.2f} s of simulated time, what comes later is not written"
+
     def write(self, item: _Item) -> None:
         for topic, data in item.messages:
             self._log.write(topic, item.stamp_ns, data)
@@ -60,6 +65,7 @@ class _LogSink:
 
 class _ViewSink:
     name = "view"
+    left = ""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -177,4 +183,4 @@ class Recorder:
             self._sinks.remove(sink)
             with suppress(Exception):
                 sink.close()
-            self.faults.append(f"recording: {sink.name} stopped: {text}")
+            self.faults.append(f"recording: {sink.name} stopped: {text}{sink.left}")

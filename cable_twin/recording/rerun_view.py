@@ -13,6 +13,7 @@ right-handed pitch about the lateral axis is an ordinary rotation from the first
 from __future__ import annotations
 
 import socket
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -24,12 +25,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
+from cable_twin.recording.mcap_log import sync
 from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot
 
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
 LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
-FLUSH_TIMEOUT = 5.0  # s
+FLUSH_TIMEOUT = 1.0  # s for which `flush` waits; what is late is written later
+CLOSE_TIMEOUT = 60.0  # s for which `close` waits for a disk that stalls
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
@@ -125,6 +128,7 @@ class RerunView:
         if force_unit not in (None, "N", "kN"):
             raise ValueError(f"force_unit is {force_unit!r}, allowed are 'N' and 'kN'")
         self.url: str | None = None
+        self._path = path
         self._title = scenario_name
         self._outlines = {
             carriage: {body: _plane(np.asarray(line, dtype=np.float64)) for body, line in bodies.items()}
@@ -199,8 +203,11 @@ class RerunView:
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
 
-    def flush(self) -> None:
-        """Send what waits and hand it to the operating system; at least every half second is a good habit.
+    def flush(self) -> bool:
+        """Send what waits and have it on the disk; at least every half second is a good habit.
+
+        Returns:
+            Whether all is written; a disk that stalls is not waited for, and gets it later.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -209,11 +216,19 @@ class RerunView:
         stream = self._open()
         self._send()
         try:
-            # Without a limit rerun waits for good once its writer has given up.
+            # Without a limit rerun waits for good where its writer gives up in between; the next flush says so then.
             stream.flush(timeout_sec=FLUSH_TIMEOUT)
+            if self._path is not None:
+                sync(self._path)
         except RuntimeError as error:
+            if "timed out" in str(error):  # rerun has one class for all
+                return False
             self._abandon(stream)
             raise OSError(f"the rerun recording cannot be written: {error}") from error
+        except OSError:
+            self._abandon(stream)
+            raise
+        return True
 
     def close(self) -> None:
         """Send what waits and close the file and the server; a second call does nothing.
@@ -223,7 +238,11 @@ class RerunView:
         """
         if self._stream is None:
             return
-        self.flush()
+        deadline = time.monotonic() + CLOSE_TIMEOUT
+        while not self.flush():
+            if time.monotonic() > deadline:
+                self._abandon(self._stream)
+                raise OSError(f"the disk has not taken the rerun recording within {CLOSE_TIMEOUT:g} s")
         self._stream.disconnect()
         self._stream = None
 
