@@ -30,9 +30,8 @@ from cable_twin.messages import JOINT_STATES, SECOND, decode
 from cable_twin.recording.log_reader import LogError, read_log
 
 SIZE = 32 * 2**20  # bytes of the disk
-BEFORE = 2.5  # s of driving before the failure
-AFTER = 3.0  # s of listening after it
 STALL = 7.0  # s
+QUEUED = 0.3  # s after the failure in which frames of before it are heard
 STARTING = 180.0  # s; the kernels may have to be compiled
 SHUT_DOWN = 0x8004587D  # EXT4_IOC_SHUTDOWN of linux/fs/ext4/ext4.h
 WITHOUT_JOURNAL = 2  # what is not on the disk is gone, as when the power goes
@@ -207,7 +206,13 @@ FAILURES = (
 )
 
 
-def measure(failure: Callable[[Disk, subprocess.Popen], None], directory: Path, domain: int, scenario: str) -> Loss:
+def measure(
+    failure: Callable[[Disk, subprocess.Popen], None],
+    directory: Path,
+    domain: int,
+    scenario: str = "aerial_tramway",
+    listening: float = 3.0,
+) -> Loss:
     """Run a twin, let it happen, and look at what is left.
 
     Args:
@@ -215,6 +220,7 @@ def measure(failure: Callable[[Disk, subprocess.Popen], None], directory: Path, 
         directory: empty; everything is made below it.
         domain: ROS domain of the twin.
         scenario: name or path; it needs a carriage `cabin`.
+        listening: s of driving before the failure, and again after it.
 
     Raises:
         OSError: This machine does not let us mount a disk.
@@ -238,13 +244,13 @@ def measure(failure: Callable[[Disk, subprocess.Popen], None], directory: Path, 
         listener.listen(STARTING, lambda: listener.heard or sim.poll() is not None)
         if not listener.heard:
             raise RuntimeError(f"the twin did not start: {output.read_text()}")
-        listener.listen(BEFORE)
+        listener.listen(listening)
         failure(disk, sim)
         moment = time.monotonic()
         gone = failure in (kill, cut_file, power_cut)
-        listener.listen(0.3 if gone else AFTER + (STALL if failure is stalling_disk else 0.0))
+        listener.listen(QUEUED if gone else listening + (STALL if failure is stalling_disk else 0.0))
         if not gone:
-            loss.rate = listener.rate_after(moment)
+            loss.rate = listener.rate_after(moment + QUEUED)
             sim.send_signal(signal.SIGINT)
             if sim.wait(30.0) != 0:
                 raise RuntimeError(f"the twin ended with {sim.returncode}: {output.read_text()}")
@@ -264,9 +270,10 @@ def measure(failure: Callable[[Disk, subprocess.Popen], None], directory: Path, 
 
 
 def _said(output: str) -> str:
-    """Warnings and errors of the node about its logs, without time and name of the node."""
-    lines = [line for line in output.splitlines() if "record" in line and ("[ERROR]" in line or "[WARN]" in line)]
-    return "; ".join(line.partition("[cable_twin]: ")[2] for line in lines)
+    """First warning or error of the node about its bag, without time and name of the node."""
+    words = ("log stopped", "nothing is recorded", "disk does not keep up")
+    lines = [line for line in output.splitlines() if any(word in line for word in words)]
+    return lines[0].partition("[cable_twin]: ")[2] if lines else ""
 
 
 def _look(loss: Loss, root: Path, newest: int, whole: bool) -> None:
@@ -327,7 +334,7 @@ def main() -> int:
     code = 0
     for failure in track(FAILURES, description="breaking", disable=not sys.stdout.isatty()):
         with tempfile.TemporaryDirectory() as directory:
-            loss = measure(failure, Path(directory), random.randrange(20, 100), "aerial_tramway")
+            loss = measure(failure, Path(directory), random.randrange(20, 100))
         print(row(loss), flush=True)
         code |= loss.lost is not None and loss.lost > 1000.0
     return code

@@ -56,7 +56,7 @@ class _LogSink:
     @property
     def left(self) -> str:
         """What is still there after a failure, for its message."""
-        return f"; it is readable up to {self._log.safe_until:.2f} s of simulated time, what comes later is not written"
+        return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
 
     def write(self, item: _Item) -> None:
         for topic, data in item.messages:

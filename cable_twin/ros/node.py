@@ -92,6 +92,8 @@ class TwinNode(Node):
         self._settings = self._declare()
         self._refused = 0
         self._commands_applied = 0
+        self._parameters_set = 0
+        self._parameters_refused = 0
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
         self._run: Run | None = None
         self._watch = RecordingWatch(self.get_logger())
@@ -343,6 +345,15 @@ class TwinNode(Node):
             response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
         return response
 
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
+        self._parameters_refused += 1  # until it is taken: rclpy raises for a name that it does not know
+        result = super().set_parameters_atomically(parameter_list)
+        if result.successful:
+            self._parameters_refused -= 1
+            self._parameters_set += 1
+        return result
+
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         """Only `command_timeout` may change while the twin runs."""
         table = {parameter.name: parameter for parameter in PARAMETERS}
@@ -360,6 +371,8 @@ class TwinNode(Node):
         values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
         values["commands_applied"] = str(self._commands_applied)
         values["commands_refused"] = str(self._refused)
+        values["parameters_set"] = str(self._parameters_set)
+        values["parameters_refused"] = str(self._parameters_refused)
         values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
         self._watch.look()
         values.update(self._watch.values)
