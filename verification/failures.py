@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -290,7 +291,7 @@ def _look(loss: Loss, root: Path, newest: int, whole: bool) -> None:
         return
     loss.messages = sum(1 for _ in log.messages())
     frame = round(float(log.metadata["frame_period"]) * SECOND)
-    holes = sum(after - before - frame for before, after in zip(stamps, stamps[1:], strict=False))
+    holes = sum(after - before - frame for before, after in pairwise(stamps))
     end = newest if not whole else max(newest, stamps[-1])
     loss.lost = (max(end - stamps[-1], 0) + holes) / 1e6
     loss.replayed = _run_module("replay", str(run)).returncode == 0

@@ -245,7 +245,9 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
 
 
 def _existing_recording(log: Log) -> Path | None:
-    """The .rrd beside the bag, as the twin wrote it."""
+    """The .rrd beside the bag, as the twin wrote it; after a kill or a full disk it may lack what the bag has."""
+    if not log.complete:
+        return None
     directory = log.path.resolve().parent
     for file in (directory / f"{directory.name}.rrd", log.path.with_suffix(".rrd")):
         with suppress(OSError):

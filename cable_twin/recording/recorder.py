@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
 from cable_twin.messages import APPLIED_COMMANDS
-from cable_twin.recording.mcap_log import FLUSH_PERIOD, McapLog
+from cable_twin.recording.mcap_log import McapLog
 from cable_twin.records import AppliedCommand, Snapshot
 
 SLEEP = 0.05  # s between looks into the queue
@@ -24,6 +24,8 @@ CAPACITY = 6000  # frames, a minute at 100 Hz
 
 class View(Protocol):
     """A picture of the run."""
+
+    flush_period: float  # s
 
     def log(self, snapshot: Snapshot) -> None:
         """Draw one snapshot."""
@@ -79,7 +81,7 @@ class _ViewSink:
             self._view.log_command(item.applied)
 
     def flush_if_due(self) -> None:
-        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+        if time.monotonic() - self._flushed >= self._view.flush_period:
             self._flushed = time.monotonic()
             self._view.flush()
 

@@ -238,7 +238,7 @@ class TwinNode(Node):
             fault = f"nothing is recorded: record_directory '{directory}': {reason}"
             self._watch = RecordingWatch(self.get_logger(), fault=fault)
             return
-        live = f"; live view: rerun {self._run.live_url}" if self._run.live_url else ""
+        live = f"; live view: rerun --bind 127.0.0.1 --connect {self._run.live_url}" if self._run.live_url else ""
         self.get_logger().info(f"log: {self._run.directory}{live}")
         factor = self._settings["real_time_factor"]
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
