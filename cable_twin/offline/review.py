@@ -245,11 +245,10 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
 
 
 def _existing_recording(log: Log) -> Path | None:
-    """The .rrd beside the bag, as the twin wrote it; after a kill or a full disk it may lack what the bag has."""
-    if not log.complete:
-        return None
+    """The .rrd beside the bag: one that was made from it, else the twin's own, which after a kill lacks its end."""
     directory = log.path.resolve().parent
-    for file in (directory / f"{directory.name}.rrd", log.path.with_suffix(".rrd")):
+    own = [directory / f"{directory.name}.rrd"] if log.complete else []
+    for file in (*own, log.path.with_suffix(".rrd")):
         with suppress(OSError):
             if file.stat().st_size > 0:
                 return file
