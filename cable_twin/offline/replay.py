@@ -103,7 +103,7 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
         LogError, ScenarioError, EquilibriumError, CommandError, SolverError: the log cannot be simulated.
     """
     simulation = Simulation(load_scenario(log.scenario), samples=int(log.metadata["sample_count"]))
-    encoder = MessageEncoder(simulation.carriages, log.epoch_ns)
+    encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
     compared = [
         name
