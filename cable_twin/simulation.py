@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -28,10 +30,12 @@ from cable_twin.records import (
     SupportState,
 )
 from cable_twin.scenario import Scenario, build_system
+from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 SAMPLES = 200  # points at which a snapshot holds the cable
+NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 
 
 class SolverError(RuntimeError):
@@ -73,6 +77,8 @@ class Simulation:
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
+        self._commands: dict[str, Command] = {}
+        self._at_start = True
         self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
         self._arc_lengths.setflags(write=False)
         self._means = np.empty(self.system.cable.element_count)
@@ -84,7 +90,23 @@ class Simulation:
                 f"{stable_step(self.system):.3g} s: the motion will not stay finite",
                 stacklevel=2,
             )
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(NOTHING_DONE)
+
+    @classmethod
+    def load(cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES) -> Simulation:
+        """Go on from a file of `save`, or a stream of one, with the same bits as the simulation that was saved.
+
+        Raises:
+            SnapshotError: one line: no such file, not a snapshot, damaged, or from a version with another state.
+        """
+        name = str(source) if isinstance(source, str | Path) else "snapshot"
+        full = read_full_state(Path(source) if isinstance(source, str) else source, name)
+        simulation = cls(full.scenario, samples=samples)
+        try:
+            simulation.restore(full)
+        except SnapshotError as error:
+            raise SnapshotError(f"{name}: {error}") from None
+        return simulation
 
     @property
     def time(self) -> float:
@@ -105,6 +127,46 @@ class Simulation:
     def emergency_stopped(self) -> bool:
         """Whether an emergency stop is in force."""
         return self._stopped
+
+    @property
+    def commands(self) -> Mapping[str, Command]:
+        """The last drive command of each carriage that has one in force."""
+        return self._commands
+
+    @property
+    def at_start(self) -> bool:
+        """Whether this is the start of the scenario: no step, no command and no snapshot since."""
+        return self._at_start
+
+    def save(self, path: str | Path) -> None:
+        """Write the full state to a file, from which `load` goes on with the same bits.
+
+        Raises:
+            OSError: the disk refuses; there is no file then.
+        """
+        self.capture().write(Path(path))
+
+    def capture(self) -> FullState:
+        """A copy of everything that changes while the simulation runs."""
+        return FullState(
+            self.scenario,
+            self.time,
+            clone_state(self._state),
+            clone_state(self._initial),
+            self._stopped,
+            dict(self._commands),
+        )
+
+    def restore(self, full: FullState) -> None:
+        """Go to what `capture` gave, of this simulation or another one of the same scenario.
+
+        Raises:
+            SnapshotError: it does not fit the scenario; nothing is changed then.
+        """
+        full.copy_to(self._state, self._initial, tuple(self.carriages))
+        self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
+        self._at_start = False
+        self._snapshot = self._observe(NOTHING_DONE)
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:
         """Drive one carriage at a speed (m/s) or with a force (N) along the cable, until the next command.
@@ -137,8 +199,10 @@ class Simulation:
             self._check(command)
             for name, value in command.values.items():
                 self._drive(self._index[name], command.kind, value)
+                self._commands[name] = Command(command.kind, {name: value})
         elif command.kind == "emergency_stop":
             self._stopped = True
+            self._commands.clear()
             for index in range(len(self.carriages)):
                 if self._state.drive_mode[index] in (SPEED, FORCE):
                     self._drive(index, "speed", 0.0)
@@ -148,11 +212,13 @@ class Simulation:
             self._state.drive_braking[:] = False
         else:
             self._stopped = False
+            self._commands.clear()
             clock = int(self._state.clock[0])
             copy_state(self._initial, self._state)
             self._state.clock[0] = clock
+        self._at_start = False
         applied = AppliedCommand(self.time, command, source)
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(NOTHING_DONE)
         return applied
 
     def advance_to(self, time: float) -> Snapshot:
@@ -168,6 +234,7 @@ class Simulation:
         steps = max(round(time / self.step) - clock, 0)
         if steps == 0:
             return self._snapshot
+        self._at_start = False
         outcome = self._advance(self.system, self._state, self._good, self._before, self._work, steps)
         self._snapshot = self._observe(
             SolverReport(
@@ -302,4 +369,4 @@ class Simulation:
         )
 
 
-__all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SolverError"]
+__all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

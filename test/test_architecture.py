@@ -16,12 +16,13 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
-BELOW_RECORDING = ("messages", "records", "simulation", "mechanics", *SCENARIO)
+BELOW_RECORDING = ("messages", "records", "simulation", "snapshot_file", "mechanics", *SCENARIO)
 ALLOWED = {
     "mechanics": (),
     "records": (),
     **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
-    "simulation": ("mechanics", "records", *SCENARIO),
+    "snapshot_file": ("mechanics.state", "records", *SCENARIO),
+    "simulation": ("mechanics", "records", "snapshot_file", *SCENARIO),
     "messages": ("records",),
     "key_figures": ("records", *SCENARIO),
     "command_line": (),

@@ -34,6 +34,7 @@ from cable_twin.messages import (
     command_from_joint_state,
     decode,
     diagnostics_message,
+    nanoseconds,
     scenario_message,
     topics,
 )
@@ -41,8 +42,9 @@ from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.parameters import PARAMETERS, Parameter
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot_file import SUFFIX
 
 try:  # not among the wheels
     from tf2_msgs.msg import TFMessage
@@ -83,6 +85,7 @@ class TwinNode(Node):
     Raises:
         ParameterError: a parameter is out of its range.
         ScenarioError: the scenario does not load.
+        SnapshotError: the snapshot does not load.
         EquilibriumError: the cable of the scenario finds no rest.
     """
 
@@ -94,9 +97,8 @@ class TwinNode(Node):
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
         self._run: Run | None = None
         self._recording_fault = ""
-        scenario = load_scenario(self._settings["scenario"])
-        self._simulation = self._build_simulation(scenario)
-        self._epoch_ns = time.time_ns()
+        self._simulation = self._build_simulation()
+        self._epoch_ns = time.time_ns() - nanoseconds(self._simulation.time)
         self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
@@ -130,6 +132,7 @@ class TwinNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
+        self.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
         self.create_timer(1.0, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -148,8 +151,9 @@ class TwinNode(Node):
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
         names = ", ".join(self._simulation.carriages)
+        start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self.get_logger().info(
-            f"'{self._simulation.scenario.name}' runs at {rate:g} Hz; carriages: {names}; "
+            f"'{self._simulation.scenario.name}' runs at {rate:g} Hz{start}; carriages: {names}; "
             f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
         )
 
@@ -183,11 +187,13 @@ class TwinNode(Node):
             else:
                 self.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
             values[parameter.name] = value
+        if values["snapshot"] and "scenario" in self._parameter_overrides:
+            faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
         if faults:
             raise ParameterError("\n".join(faults))
         return values
 
-    def _build_simulation(self, scenario: Scenario) -> Simulation:
+    def _build_simulation(self) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
         started = time.monotonic()
         told = threading.Event()
@@ -199,7 +205,9 @@ class TwinNode(Node):
         timer = threading.Timer(2.0, tell)
         timer.start()
         try:
-            return Simulation(scenario)
+            if self._settings["snapshot"]:
+                return Simulation.load(self._settings["snapshot"])
+            return Simulation(load_scenario(self._settings["scenario"]))
         finally:
             timer.cancel()
             if told.is_set():
@@ -334,6 +342,25 @@ class TwinNode(Node):
         else:
             response.success = not self._loop.fault
             response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
+        return response
+
+    def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Copy the state between two frames, and write it here, where no frame waits for the disk."""
+        try:
+            full = self._loop.capture().result(SERVICE_TIMEOUT)
+        except (FutureTimeoutError, CancelledError):
+            response.success, response.message = False, f"no frame boundary within {SERVICE_TIMEOUT:g} s; nothing saved"
+            return response
+        directory = self._run.directory if self._run is not None else Path(self._settings["record_directory"])
+        path = directory.expanduser().resolve() / f"snapshot_{full.time:.3f}_s{SUFFIX}"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            full.write(path)
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            reason = getattr(error, "strerror", None) or error
+            response.success, response.message = False, f"nothing saved: {path}: {reason}"
+        else:
+            response.success, response.message = True, f"saved at {full.time:.3f} s of simulated time: {path}"
         return response
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
