@@ -29,6 +29,7 @@ Header = ros2_jazzy.std_msgs__msg__Header
 String = ros2_jazzy.std_msgs__msg__String
 Clock = ros2_jazzy.rosgraph_msgs__msg__Clock
 Point = ros2_jazzy.geometry_msgs__msg__Point
+Vector3Stamped = ros2_jazzy.geometry_msgs__msg__Vector3Stamped
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
@@ -54,6 +55,8 @@ CABLE = "cable"
 CABLE_PATH = "cable_path"
 SCENARIO = "scenario"
 JOINT_COMMANDS = "joint_commands"
+PAYLOAD = "payload"
+WIND = "wind"
 APPLIED_COMMANDS = "applied_commands"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
@@ -63,6 +66,7 @@ SECOND = 1_000_000_000  # ns
 PATH_PERIOD = SECOND // 10  # ns, of simulated time
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")
 UNITS = {"velocity": "m/s", "effort": "N"}
+VALUE_FIELDS = {"speed": "velocity", "force": "effort", "payload": "effort", "wind": "velocity"}  # of applied commands
 
 
 class Message(Protocol):
@@ -103,6 +107,8 @@ def topics(
     table = [
         Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
         Topic(JOINT_COMMANDS, JointState.__msgtype__, depth=50),  # as received
+        Topic(PAYLOAD, JointState.__msgtype__, depth=50),
+        Topic(WIND, Vector3Stamped.__msgtype__, depth=50),
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__),
         Topic(CABLE, PointCloud2.__msgtype__),
@@ -157,16 +163,18 @@ class MessageEncoder:
     The encoder remembers when it last gave the cable path, so frames have to come in the order of their time.
     """
 
-    def __init__(self, carriages: Mapping[str, Sequence[str]], epoch_ns: int) -> None:
+    def __init__(self, carriages: Mapping[str, Sequence[str]], epoch_ns: int, drives: Sequence[str] = ()) -> None:
         """Prepare what stays the same.
 
         Args:
             carriages: Names of the bodies by name of their carriage, in the order of the scenario.
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
+            drives: Names of the drives that move a cable.
         """
         self.epoch_ns = epoch_ns
         self._carriages = {name: tuple(bodies) for name, bodies in carriages.items()}
-        self._joints = [*self._carriages]
+        self._drives = tuple(drives)
+        self._joints = [*self._carriages, *self._drives]
         self._joints += [f"{name}/{body}" for name, bodies in self._carriages.items() for body in bodies]
         self._path_period = -1  # index of the period of simulated time in which the path was last given
         self._path: _PathTemplate | None = None
@@ -222,12 +230,16 @@ class MessageEncoder:
 
     def _joint_states(self, snapshot: Snapshot, header: Header) -> bytes:
         states = [snapshot.carriages[name] for name in self._carriages]
+        drives = [snapshot.drives[name] for name in self._drives]
         bodies = [
             state.bodies[body] for state, names in zip(states, self._carriages.values(), strict=True) for body in names
         ]
-        position = np.array([state.arc_length for state in states] + [body.pitch for body in bodies])
-        velocity = np.array([state.speed for state in states] + [body.pitch_rate for body in bodies])
-        effort = np.array([state.drive_force for state in states] + [0.0] * len(bodies))
+        places = [state.arc_length for state in states] + [drive.position for drive in drives]
+        speeds = [state.speed for state in states] + [drive.speed for drive in drives]
+        forces = [state.drive_force for state in states] + [drive.force for drive in drives]
+        position = np.array(places + [body.pitch for body in bodies])
+        velocity = np.array(speeds + [body.pitch_rate for body in bodies])
+        effort = np.array(forces + [0.0] * len(bodies))
         return serialize(JointState(header, self._joints, position, velocity, effort))
 
     def _cable_path(self, cable: CableSamples, stamp_ns: int) -> bytes:
@@ -314,8 +326,8 @@ def clock_message(stamp_ns: int) -> bytes:
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     """Encode a command that took effect as sensor_msgs/JointState.
 
-    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; velocity (m/s) or effort (N) by name for
-    `speed` and `force`, nothing for the other kinds.
+    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; by name velocity (m/s) for `speed` and
+    `wind`, effort for `force` (N) and `payload` (kg), nothing for the other kinds.
 
     Args:
         applied: The command; its time to the nanosecond.
@@ -328,9 +340,10 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     values = np.array([*command.values.values()], dtype=np.float64)
     nothing = np.empty(0)
     header = _header(epoch_ns + nanoseconds(applied.time), f"{command.kind}:{applied.source}")
-    speed = values if command.kind == "speed" else nothing
-    force = values if command.kind == "force" else nothing
-    return serialize(JointState(header, [*command.values], nothing, speed, force))
+    field = VALUE_FIELDS.get(command.kind)
+    velocity = values if field == "velocity" else nothing
+    effort = values if field == "effort" else nothing
+    return serialize(JointState(header, [*command.values], nothing, velocity, effort))
 
 
 def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
@@ -351,7 +364,7 @@ def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
     if not colon or kind not in get_args(CommandKind):
         msg = f"applied command {message.header.frame_id!r}; KIND:SOURCE with one of {', '.join(get_args(CommandKind))}"
         raise ValueError(msg)
-    given = {"speed": message.velocity, "force": message.effort}.get(kind, ())
+    given = getattr(message, VALUE_FIELDS[kind]) if kind in VALUE_FIELDS else ()
     values = dict(zip(message.name, map(float, given), strict=True))
     stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     return AppliedCommand((stamp - epoch_ns) / SECOND, Command(kind, values), source)
@@ -375,7 +388,7 @@ def command_from_joint_state(
         CommandError: What was given has no clear meaning.
     """
     if not len(names):
-        msg = "joint command without names; name at least one carriage"
+        msg = "joint command without names; name at least one carriage or drive"
         raise CommandError(msg)
     if len(position):
         msg = (
@@ -394,13 +407,48 @@ def command_from_joint_state(
     values = dict(zip(names, map(float, numbers), strict=True))
     if len(values) != len(names):
         twice = next(name for name in names if list(names).count(name) > 1)
-        msg = f"joint command names {twice!r} more than once; name each carriage once"
+        msg = f"joint command names {twice!r} more than once; name each one once"
         raise CommandError(msg)
     for name, value in values.items():
         if not math.isfinite(value):
             msg = f"joint command {field} of {name!r} is {value}; give a finite number ({UNITS[field]})"
             raise CommandError(msg)
     return Command("speed" if field == "velocity" else "force", values)
+
+
+def payload_from_joint_state(
+    names: Sequence[str], position: Collection[float], velocity: Collection[float], effort: Collection[float]
+) -> Command:
+    """Understand a payload; whether a carriage can take it now is for the simulation to say.
+
+    Args:
+        names: Carriages.
+        position: Has to be empty.
+        velocity: Has to be empty.
+        effort: kg for each name.
+
+    Raises:
+        CommandError: What was given has no clear meaning.
+    """
+    if not len(names) or len(position) or len(velocity) or len(effort) != len(names):
+        msg = (
+            f"payload with {len(names)} names, {len(position)} positions, {len(velocity)} velocities and "
+            f"{len(effort)} values of effort; give names, and effort as the mass (kg) for each"
+        )
+        raise CommandError(msg)
+    return Command("payload", command_from_joint_state(names, position, velocity, effort).values)
+
+
+def wind_from_vector(x: float, y: float, z: float) -> Command:
+    """Understand a wind (m/s).
+
+    Raises:
+        CommandError: It blows across the track, where nothing can move.
+    """
+    if y != 0.0:
+        msg = f"wind y is {y:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
+        raise CommandError(msg)
+    return Command("wind", {"x": float(x), "z": float(z)})
 
 
 def serialize(message: Message) -> bytes:

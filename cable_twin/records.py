@@ -7,22 +7,23 @@ positive pitch turns x towards -z.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-CommandKind = Literal["speed", "force", "emergency_stop", "release", "reset"]
+CommandKind = Literal["speed", "force", "payload", "wind", "emergency_stop", "release", "reset"]
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
     """One accepted instruction to the twin; together with the scenario it determines the whole motion.
 
-    `speed` (m/s) and `force` (N) carry a value by carriage name; `emergency_stop`, `release` (of the emergency
-    stop) and `reset` (of the state, time runs on) carry none.
+    `speed` (m/s), `force` (N) and `payload` (kg) carry a value by name of a carriage or, the first, of a drive; `wind`
+    (m/s) carries one by each of the axes `x` and `z`; `emergency_stop`, `release` (of the emergency stop) and `reset`
+    (of the state, time runs on) carry none.
     """
 
     kind: CommandKind
@@ -44,7 +45,7 @@ class AppliedCommand:
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """Centre of mass (m), pitch (rad) and their rates of one rigid body."""
+    """Centre of mass (m) without payload, pitch (rad) and their rates of one rigid body."""
 
     x: float
     z: float
@@ -60,10 +61,63 @@ class CarriageState:
 
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
-    drive_force: float  # N, along the cable, on the carriage
+    drive_force: float  # N, along the cable, on the carriage or on the sheave of its haul rope
     contact_force: FloatArray  # (dim,) N, of the cable on the carriage
     position: FloatArray  # (dim,) m, of the joint
     bodies: Mapping[str, BodyState]
+    attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
+    payload: float = 0.0  # kg
+    haul_rope: HaulRopeState | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveState:
+    """The drive of a cable that moves along itself."""
+
+    position: float  # m, unstrained cable that has gone by, towards the end
+    speed: float  # m/s
+    force: float  # N, on the cable; times speed the power into it and what hangs on it
+
+
+@dataclass(frozen=True, slots=True)
+class TowerState:
+    """How firmly the cable lies on one tower."""
+
+    normal_load: float  # N, sum over its contacts
+    lowest_load: float  # N, the least of all steps since the start or the last reset
+    rest_load: float  # N, at the start
+    lifted_off: bool  # whether the cable has left all of its contacts: deropement
+
+    @property
+    def margin(self) -> float:
+        """Load over that at rest (-): 0 where the cable lifts off."""
+        return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class HaulRopeState:
+    """The haul rope of one carriage, and the sheave that drives it."""
+
+    travel: float  # m, arc length at which the carriage would be if the rope did not stretch
+    speed: float  # m/s, of the rope at the sheave
+    force: float  # N, of the rope on the carriage, along the cable
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point of rope or vehicle, and its height above the ground."""
+
+    height: float  # m, negative below the ground
+    x: float  # m
+    z: float  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Least heights above the ground."""
+
+    rope: Place
+    vehicles: Mapping[str, Place]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +125,8 @@ class SupportState:
     """What holds the cable at one support."""
 
     force: FloatArray  # (dim,) N, of the support on the cable
+    tower: TowerState | None = None  # where it is a tower
+    travel: float | None = None  # m, of a counterweight from its place in the scenario, in the direction of its pull
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +157,12 @@ class Snapshot:
     supports: Mapping[str, SupportState]
     cable: CableSamples
     solver: SolverReport
+    drives: Mapping[str, DriveState] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Mechanical energy of cable and carriages (J); gravitational energy is zero at z = 0."""
+    """Mechanical energy of the cable and what is on it (J); gravitational energy is zero at z = 0."""
 
     kinetic: float
     elastic: float

@@ -14,10 +14,18 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
 from cable_twin.scenario_checks import Fault, find_faults, inner_model, show, unknown_key
-from cable_twin.scenario_parameters import build_system
+from cable_twin.scenario_parameters import build_payloads, build_system
 from cable_twin.scenario_schema import Scenario
 
-__all__ = ["Scenario", "ScenarioError", "build_system", "config_directory", "load_scenario", "scenario_names"]
+__all__ = [
+    "Scenario",
+    "ScenarioError",
+    "build_payloads",
+    "build_system",
+    "config_directory",
+    "load_scenario",
+    "scenario_names",
+]
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -191,7 +199,11 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
             container, model = inner_model(model.model_fields[part])
         else:
             container = None
+        if node.get(part) is None and model is not None and container is None:
+            node[part] = {}  # not there yet, or null
         below = node.setdefault(part, {}) if model is not None and container is not tuple else {}
+        if below is None:  # a section that is left out
+            below = node[part] = {}
         if not isinstance(below, dict):
             return  # a fault of its own
         node = below

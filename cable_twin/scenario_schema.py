@@ -55,8 +55,20 @@ class Support(Section):
     """What holds one end of the cable."""
 
     position: Vector = quantity("m", "place of the end as x, z; only the direction of the start where it is free")
-    support: Literal["pinned", "clamped", "free"] = Field(default="pinned", description="what of the end is held")
-    direction: Vector | None = quantity("-", "direction of the cable in a clamp, towards its end; any length", None)
+    support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(
+        default="pinned",
+        description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
+    )
+    direction: Vector | None = quantity(
+        "-", "of the cable in a clamp, towards its end; or in which a counterweight pulls the end; any length", None
+    )
+    mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
+    force: float | None = quantity("N", "pull of a counterweight; its weight where none is given", None, gt=0)
+    travel: Vector | None = quantity("m", "least and most travel of a counterweight from `position`", None)
+    buffer_stiffness: float | None = quantity(
+        "N/m", "of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
+    )
+    buffer_damping: float = quantity("s/m", "of them: force = stiffness d (1 + damping d_dot)", 1.0, ge=0)
 
 
 class Load(Section):
@@ -86,6 +98,26 @@ class Cable(Section):
     start: Support = Field(description="what holds it at arc length 0")
     end: Support = Field(description="what holds it at its other end")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
+    diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
+    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
+    ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
+    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
+
+
+class Tower(Section):
+    """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
+
+    position: Vector = quantity("m", "where the rope touches its middle, as x, z")
+    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
+    contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
+    length: float = quantity("m", "along the rope, from the first contact to the last", 0.0, ge=0)
+    radius: float | None = quantity("m", "of the circle of the contacts; null: a straight line", None, gt=0)
+    hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
+    stiffness: float = quantity("N/m", "of each contact, normal to the rope", 2e6, gt=0)
+    damping: float = quantity("s/m", "of each: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
+    friction: float | None = quantity(
+        "-", "along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
+    )
 
 
 class Limits(Section):
@@ -93,16 +125,53 @@ class Limits(Section):
 
     speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
+    deceleration: float | None = quantity("m/s^2", "deceleration of a service stop; null as acceleration", None, gt=0)
     jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
     force: float | None = quantity("N", "highest drive force along the cable", None, gt=0)
+    power: float | None = quantity("W", "highest power, driving or braking: force times speed", None, gt=0)
     emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
 
 
+class HaulRope(Section):
+    """The rope through which a drive in a station pulls a carriage."""
+
+    axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
+    mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
+    damping_ratio: float = quantity("-", "damping ratio of the carriage's bounce on it", 0.01, ge=0)
+    station: Literal["start", "end"] = Field(default="end", description="end of the track where the drive sheave is")
+    beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)
+    pretension: float = quantity(
+        "N", "pull of the counter rope: with how much the loop can push the carriage; 0 where there is none", 0.0, ge=0
+    )
+    drive_inertia: float = quantity(
+        "kg", "mass of all that moves with the drive sheave, counter rope too, reduced to the rope", gt=0
+    )
+
+
+class Brake(Section):
+    """A brake that holds, or slips at its force."""
+
+    force: float = quantity("N", "force along the rope, fully applied", gt=0)
+    rise_time: float = quantity("s", "time from release to full force", 0.0, ge=0)
+
+
+StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_brake"]
+
+
 class Drive(Section):
-    """What moves a carriage along the cable."""
+    """What moves a carriage along the cable, and stops it."""
 
     mode: Literal["free", "speed", "force"] = Field(default="free", description="what moves it until a command comes")
     limits: Limits = Field(default_factory=Limits, description="limits of the drive")
+    haul_rope: HaulRope | None = Field(
+        default=None, description="rope through which the drive pulls; without one it acts on the carriage itself"
+    )
+    service_brake: Brake | None = Field(default=None, description="brake on the drive")
+    emergency_brake: Brake | None = Field(default=None, description="second brake on the drive")
+    track_rope_brake: Brake | None = Field(default=None, description="brake of the carriage on the cable")
+    emergency_stop: Annotated[tuple[StopMeans, ...], FromList] = Field(
+        default=("drive",), description="what an emergency stop applies", min_length=1
+    )
 
 
 class Friction(Section):
@@ -127,19 +196,59 @@ class Body(Section):
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
     upper_pivot: Vector = quantity("m", "where it hangs")
     lower_pivot: Vector | None = quantity("m", "where the next body hangs from it; not needed for the last one", None)
+    size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
+    drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
+
+
+class Payload(Section):
+    """What a carriage can carry; it may be changed while the carriage stands in a station."""
+
+    capacity: float = quantity("kg", "most that it can carry", gt=0)
+    mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
+    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    position: Vector = quantity("m", "where, from the centre of mass of the empty body, in its axes", (0.0, 0.0))
+    station_distance: float | None = quantity(
+        "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
+    )
+    station_speed: float = quantity("m/s", "below what speed it counts as standing", 0.05, gt=0)
 
 
 class Carriage(Section):
     """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
 
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
-    joint: Literal["sliding", "fixed"] = Field(
-        default="sliding", description="whether the joint can move along the cable"
+    joint: Literal["sliding", "fixed", "clamped"] = Field(
+        default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
     )
     drive: Drive = Field(default_factory=Drive, description="what moves it")
     friction: Friction = Field(default_factory=Friction, description="what resists it")
     end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
+    payload: Payload | None = Field(default=None, description="what it can carry")
+
+
+class Air(Section):
+    """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
+
+    density: float = quantity("kg/m^3", "density, by default of 15 degrees at sea level", 1.225, ge=0)
+    wind: Vector = quantity("m/s", "wind along the track and upwards until another comes", (0.0, 0.0))
+
+
+class RopeDrive(Section):
+    """What moves the cable along itself, through its held ends; commands name it."""
+
+    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
+    limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
+
+
+class Carriers(Section):
+    """Carriages of one kind, clamped to a moving cable at equal distances round its whole loop: NAME_1, NAME_2, ..."""
+
+    name: str = Field(default="carrier", description="what they are called, before their number")
+    count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
+    spacing: float = quantity("m", "unstrained distance of one to the next; the loop is count times as long", gt=0)
+    first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
+    bodies: dict[str, Body] = Field(description="bodies of each by name, from the cable downwards", min_length=1)
 
 
 class Solver(Section):
@@ -150,7 +259,7 @@ class Solver(Section):
     )
     step: float = quantity("s", "time step", 0.001, gt=0)
     spectral_radius: float = quantity("-", "what is left of the highest frequencies in a step", 0.7, ge=0, le=1)
-    tolerance: float = quantity("m", "largest Newton increment of a position that ends the iteration", 1e-6, gt=0)
+    tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-8, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)
 
@@ -175,9 +284,37 @@ class Scenario(Section):
     description: str = Field(default="", description="one line about it")
     gravity: float = quantity("m/s^2", "gravity, downwards", 9.81, ge=0)
     cable: Cable = Field(description="the cable")
+    towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
+    drives: dict[str, RopeDrive] = Field(default_factory=dict, description="the drive of a moving cable, by name")
+    carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
+    air: Air = Field(default_factory=Air, description="wind and drag")
+    terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
     solver: Solver = Field(default_factory=Solver, description="time integration")
+
+    @property
+    def vehicles(self) -> dict[str, Carriage]:
+        """All carriages by name: those of the file, then the carriers from the first on."""
+        carriers = self.carriers
+        if carriers is None:
+            return self.carriages
+        first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
+        return self.carriages | {
+            f"{carriers.name}_{number + 1}": Carriage(
+                arc_length=(first + number * carriers.spacing) % self.loop_length,
+                joint="clamped",
+                bodies=carriers.bodies,
+            )
+            for number in range(carriers.count)
+        }
+
+    @property
+    def loop_length(self) -> float:
+        """Unstrained length (m) of the loop of a moving cable; without carriers, there and back."""
+        if self.carriers is None:
+            return 2.0 * self.cable.unstrained_length
+        return self.carriers.count * self.carriers.spacing
 
     def resolved(self) -> dict[str, Any]:
         """The whole scenario with its defaults as plain data for JSON or YAML; `load_scenario` reads it back."""

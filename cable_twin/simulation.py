@@ -10,30 +10,45 @@ from typing import IO
 
 import numpy as np
 
+from cable_twin.clearance import find_clearance
+from cable_twin.command_checks import check_drive, check_payload, check_wind
+from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
+from cable_twin.mechanics.carriage import pivot
+from cable_twin.mechanics.catenary import check_rest
+from cable_twin.mechanics.counterweight import counterweight_motion
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import advance
+from cable_twin.mechanics.generalized_alpha import set_drive_mode, take_over
+from cable_twin.mechanics.haul_rope import hang_in_rope, rope_force
 from cable_twin.mechanics.modes import natural_modes
-from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, System
+from cable_twin.mechanics.moving_cable import haul_force, park
+from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, FloatArray, Payloads, System
+from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
 from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
-from cable_twin.mechanics.runge_kutta import advance_explicitly, stable_step
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, copy_state
+from cable_twin.mechanics.runge_kutta import stable_step
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.mechanics.support import tower_forces
+from cable_twin.outlines import body_outlines
 from cable_twin.records import (
     AppliedCommand,
     BodyState,
     CableSamples,
     CarriageState,
+    Clearance,
     Command,
     CommandError,
+    DriveState,
     Energy,
+    HaulRopeState,
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
-from cable_twin.scenario import Scenario, build_system
+from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
-INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
+ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SAMPLES = 200  # points at which a snapshot holds the cable
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 
@@ -59,21 +74,31 @@ class Simulation:
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
         self.scenario = scenario
-        self.system: System = build_system(scenario)
-        self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
+        self._empty: System = build_system(scenario)
+        self._payloads: Payloads = build_payloads(scenario)
+        self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
+        self.drives = tuple(scenario.drives)
         self._index = {name: index for index, name in enumerate(self.carriages)}
-        self._state = allocate_state(self.system)
-        self._work = allocate_workspace(self.system)
-        for index, carriage in enumerate(scenario.carriages.values()):
+        self._state = allocate_state(self._empty)
+        self._work = allocate_workspace(self._empty)
+        self._state.wind[:] = scenario.air.wind
+        loads = [carriage.payload.mass if carriage.payload else 0.0 for carriage in scenario.vehicles.values()]
+        self.system = self._load(np.array(loads, dtype=np.float64))
+        for index, carriage in enumerate(scenario.vehicles.values()):
             self._state.sliding_coordinate[index] = carriage.arc_length
+            if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
+                park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
-                self._state.drive_mode[index] = DRIVE_MODES[carriage.drive.mode]
-        if scenario.cable.initial_shape == "straight":
-            ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
-            lay_straight(self.system, self._state, ends[0], ends[1])
-        else:
-            settle(self.system, self._state, self._work)
-        self._initial = clone_state(self._state)
+                set_drive_mode(self._state, index, DRIVE_MODES[carriage.drive.mode])
+        with compiling_ahead(scenario.solver.integrator):
+            if scenario.cable.initial_shape == "straight":
+                ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
+                lay_straight(self.system, self._state, ends[0], ends[1])
+            else:
+                check_rest(self.system, tuple(scenario.towers))
+                settle(self.system, self._state, self._work)
+        self._state.payload[:] = loads
+        self._hang_in_ropes()
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
@@ -84,6 +109,7 @@ class Simulation:
         self._means = np.empty(self.system.cable.element_count)
         self._advance = INTEGRATORS[scenario.solver.integrator]
         self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
+        self._initial = clone_state(self._state)
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
             warnings.warn(
                 f"solver.step of {self.step:g} s is above the largest stable one of runge_kutta on this mesh, "
@@ -130,7 +156,7 @@ class Simulation:
 
     @property
     def commands(self) -> Mapping[str, Command]:
-        """The last drive command of each carriage that has one in force."""
+        """The last drive command in force of each carriage or drive that has one."""
         return self._commands
 
     @property
@@ -163,16 +189,22 @@ class Simulation:
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        full.copy_to(self._state, self._initial, tuple(self.carriages))
+        full.copy_to(self._state, self._initial, (*self.carriages, *self.drives))
+        self.system = self._load(self._state.payload)
         self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
         self._at_start = False
         self._snapshot = self._observe(NOTHING_DONE)
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:
-        """Drive one carriage at a speed (m/s) or with a force (N) along the cable, until the next command.
+        """Drive one carriage, or a moving cable by the name of its drive, until the next command.
+
+        Args:
+            name: of the carriage or the drive.
+            speed: m/s along the cable, of either sign.
+            force: N along the cable; a moving cable takes only speeds.
 
         Raises:
-            CommandError: when it is refused: unknown carriage, not finite, over the limit, emergency stop in force.
+            CommandError: when it is refused: unknown name, not finite, over the limit, emergency stop in force.
         """
         if (speed is None) == (force is None):
             raise CommandError(f"command for '{name}': give either speed (m/s) or force (N), one of them")
@@ -182,8 +214,24 @@ class Simulation:
         return self.apply(Command("force", {name: force}))
 
     def emergency_stop(self, active: bool = True) -> AppliedCommand:
-        """Bring every driven carriage to rest at its emergency deceleration, and refuse commands until released."""
+        """Bring all that is driven to rest at its emergency deceleration, and refuse commands until released."""
         return self.apply(Command("emergency_stop" if active else "release", {}))
+
+    def payload(self, name: str, mass: float) -> AppliedCommand:
+        """Let a carriage that stands in a station carry `mass` (kg) from now on.
+
+        Raises:
+            CommandError: when it is refused: no room, more than the capacity, under way, outside the stations.
+        """
+        return self.apply(Command("payload", {name: mass}))
+
+    def wind(self, x: float, z: float = 0.0) -> AppliedCommand:
+        """Let the wind blow with `x` (m/s) along the track and `z` upwards from now on.
+
+        Raises:
+            CommandError: when it is refused: not finite, or stronger than any.
+        """
+        return self.apply(Command("wind", {"x": x, "z": z}))
 
     def reset(self) -> AppliedCommand:
         """Put the state back to the start; time runs on, drives are as the scenario has them."""
@@ -196,26 +244,45 @@ class Simulation:
             CommandError: one line with what was given and what is allowed.
         """
         if command.kind in ("speed", "force"):
-            self._check(command)
+            if self._stopped:
+                raise CommandError("the emergency stop is in force: release it before the next command")
+            check_drive(command, self.scenario)
             for name, value in command.values.items():
-                self._drive(self._index[name], command.kind, value)
+                if name in self.drives:
+                    self._state.rope_target[0] = value
+                else:
+                    self._drive(self._index[name], command.kind, value)
                 self._commands[name] = Command(command.kind, {name: value})
         elif command.kind == "emergency_stop":
+            if not self._stopped:
+                self._state.braking_time[:] = 0.0
             self._stopped = True
             self._commands.clear()
+            self._state.rope_target[0] = 0.0
+            self._state.rope_braking[0] = True
             for index in range(len(self.carriages)):
-                if self._state.drive_mode[index] in (SPEED, FORCE):
-                    self._drive(index, "speed", 0.0)
-                    self._state.drive_braking[index] = True
+                self._brake(index)
         elif command.kind == "release":
             self._stopped = False
+            for index in np.flatnonzero(self._state.drive_braking).tolist():
+                if self._drive_mode(index) == FORCE:  # let go for its track-rope brake alone: the drive holds again
+                    self._drive(index, "speed", 0.0)
             self._state.drive_braking[:] = False
+            self._state.rope_braking[:] = False
+        elif command.kind == "payload":
+            check_payload(command, self.scenario, self.system, self._state)
+            self._change_payload(command)
+        elif command.kind == "wind":
+            check_wind([*command.values.items()])
+            self._state.wind[0], self._state.wind[-1] = command.values["x"], command.values["z"]
         else:
             self._stopped = False
             self._commands.clear()
             clock = int(self._state.clock[0])
-            copy_state(self._initial, self._state)
+            for array, start in zip(self._state, self._initial, strict=True):
+                array[...] = start  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
+            self.system = self._load(self._state.payload)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._snapshot = self._observe(NOTHING_DONE)
@@ -249,7 +316,7 @@ class Simulation:
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
                 f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
-                f"allowed are {self.system.solver.tolerance:g} m; "
+                f"an error of {self.system.solver.tolerance:g} m may be left; "
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot
@@ -267,6 +334,20 @@ class Simulation:
         tensions = np.empty(arc_lengths.size)
         sample_tensions(self.system.cable, self._state, arc_lengths, tensions, self._means)
         return tensions
+
+    def clearance(self) -> Clearance:
+        """Least heights of rope and vehicles above the ground, with their places.
+
+        Raises:
+            ValueError: when the scenario has no terrain.
+        """
+        if not self.scenario.terrain:
+            raise ValueError("clearance: the scenario has no terrain")
+        cable = self.system.cable
+        points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
+        rope = self.cable_positions(points)[:, [0, -1]]
+        terrain = np.array(self.scenario.terrain, dtype=np.float64)
+        return find_clearance(terrain, rope, self._snapshot.carriages, body_outlines(self.scenario))
 
     def energy(self) -> Energy:
         """Mechanical energy now (J)."""
@@ -298,74 +379,136 @@ class Simulation:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
         return round(clock * self.step * 1e9) / 1e9
 
-    def _check(self, command: Command) -> None:
-        """Refuse a speed or force command that cannot be carried out whole."""
-        if self._stopped:
-            raise CommandError("the emergency stop is in force: release it before the next command")
-        if not command.values:
-            raise CommandError("a command without a carriage")
-        unit = "m/s" if command.kind == "speed" else "N"
-        for name, value in command.values.items():
-            if name not in self._index:
-                known = ", ".join(self.carriages) or "none in this scenario"
-                raise CommandError(f"unknown carriage '{name}'; known: {known}")
-            if self.system.carriages.fixed[self._index[name]]:
-                raise CommandError(f"'{name}' is fixed to the cable and takes no command")
-            if not math.isfinite(value):
-                raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-            limits = self.scenario.carriages[name].drive.limits
-            limit = limits.speed if command.kind == "speed" else limits.force
-            if limit is not None and abs(value) > limit:
-                raise CommandError(
-                    f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
-                )
-
     def _drive(self, index: int, kind: str, value: float) -> None:
         """Set mode and target of one drive; a driven joint takes over from the present motion."""
         state = self._state
         if kind == "force":
-            state.drive_mode[index] = FORCE
+            set_drive_mode(state, index, FORCE)
             state.drive_force[index] = value
             return
-        if state.drive_mode[index] != SPEED:
-            state.drive_mode[index] = SPEED
-            state.reference[index] = state.sliding_coordinate[index], state.sliding_velocity[index], 0.0
+        if self._drive_mode(index) != SPEED:
+            set_drive_mode(state, index, SPEED)
+            take_over(state, index)
         state.drive_target[index] = value
+
+    def _drive_mode(self, index: int) -> int:
+        """Mode of a drive, be it on the carriage itself or on a sheave."""
+        state = self._state
+        return int(state.sheave_mode[index] if state.drive_mode[index] == HAULED else state.drive_mode[index])
+
+    def _brake(self, index: int) -> None:
+        """Stop one carriage with what its scenario says: its drive, brakes on it, or the track-rope brake alone."""
+        drives = self.system.carriages
+        if drives.clamped[index]:
+            return
+        braked = bool(drives.brake_force[index].any())
+        if self._drive_mode(index) == FREE and not braked:
+            return
+        stoppable = drives.drive_stops[index] or drives.brake_force[index, :TRACK_ROPE].any()
+        if self._drive_mode(index) != FREE or stoppable:
+            self._drive(index, "speed" if stoppable else "force", 0.0)
+        self._state.drive_braking[index] = True
+
+    def _hang_in_ropes(self) -> None:
+        """Start every haul rope with the force that holds its carriage."""
+        for name, index in self._index.items():
+            if self._state.drive_mode[index] != HAULED:
+                continue
+            force = float(self._state.drive_force[index])
+            if not hang_in_rope(self.system, self._state, index, force):
+                raise EquilibriumError(
+                    f"carriages.{name}.drive.haul_rope: it would have to push with {abs(force):.4g} N to hold the "
+                    f"carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
+                )
+            if self._drive_mode(index) != SPEED:
+                self._state.drive_force[index] = 0.0
+
+    def _load(self, masses: FloatArray) -> System:
+        """The system under payloads (carriages,) in kg."""
+        return self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
+
+    def _change_payload(self, command: Command) -> None:
+        before = self._state.payload.copy()
+        for name, mass in command.values.items():
+            self._state.payload[self._index[name]] = mass
+        shifts = [centre_offsets(self._empty.carriages, self._payloads, x) for x in (before, self._state.payload)]
+        shift_centres(self._state, shifts[1] - shifts[0])
+        self.system = self._load(self._state.payload)
 
     def _observe(self, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds."""
+        joints = self.cable_positions(self._state.sliding_coordinate)
         forces = np.empty((2, len(self.system.cable.gravity)))
         support_forces(self.system, self._state, self._work, forces)
         return Snapshot(
             time=self.time,
-            carriages={name: self._carriage(index, bodies) for (name, bodies), index in self._ordered()},
-            supports={"start": SupportState(forces[0]), "end": SupportState(forces[1])},
+            carriages={
+                name: self._carriage(index, bodies, joints[index])
+                for index, (name, bodies) in enumerate(self.carriages.items())
+            },
+            supports=self._supports(forces),
             cable=CableSamples(
                 arc_lengths=self._arc_lengths,
                 positions=self.cable_positions(self._arc_lengths),
                 tensions=self.cable_tension(self._arc_lengths),
             ),
             solver=report,
+            drives={name: self._rope_drive() for name in self.drives},
         )
 
-    def _ordered(self) -> list[tuple[tuple[str, tuple[str, ...]], int]]:
-        return [(item, index) for index, item in enumerate(self.carriages.items())]
+    def _supports(self, ends: FloatArray) -> dict[str, SupportState]:
+        """Both ends, of which the forces (2, dim) in N are given, and every tower."""
+        system, state = self.system, self._state
+        travels = [
+            float(counterweight_motion(system.counterweights, system.cable, state, end)[0])
+            if system.counterweights.mass[end] > 0.0
+            else None
+            for end in range(2)
+        ]
+        supports = {name: SupportState(ends[end], travel=travels[end]) for end, name in enumerate(("start", "end"))}
+        forces = np.empty((len(self.scenario.towers), ends.shape[1]))
+        tower_forces(system.cable, system.supports, state, forces)
+        for index, name in enumerate(self.scenario.towers):
+            load, lowest = state.tower_load[index].tolist()
+            rest = float(self._initial.tower_load[index, 0])
+            supports[name] = SupportState(forces[index], TowerState(load, lowest, rest, load == 0.0))
+        return supports
 
-    def _carriage(self, index: int, bodies: tuple[str, ...]) -> CarriageState:
+    def _rope_drive(self) -> DriveState:
+        """How the cable moves, and what that takes."""
+        position, speed, _ = self._state.rope.tolist()
+        return DriveState(position=position, speed=speed, force=float(haul_force(self.system, self._state)))
+
+    def _carriage(self, index: int, bodies: tuple[str, ...], joint: FloatArray) -> CarriageState:
         state = self._state
         first = int(self.system.carriages.body_offset[index])
         coordinates = state.body_coordinates[first : first + len(bodies)].tolist()
         velocities = state.body_velocities[first : first + len(bodies)].tolist()
+        if state.payload[index] > 0.0:
+            number = int(self._payloads.body[index])
+            offset = centre_offsets(self._empty.carriages, self._payloads, state.payload)[number]
+            body = number - first
+            arm_x, arm_z, turn_x, turn_z = pivot(coordinates[body][2], offset)
+            spin = velocities[body][2]
+            for row, x, z in ((coordinates[body], arm_x, arm_z), (velocities[body], turn_x * spin, turn_z * spin)):
+                row[0], row[1] = row[0] - x, row[1] - z
         states: Mapping[str, BodyState] = {
             name: BodyState(*q, *q_dot) for name, q, q_dot in zip(bodies, coordinates, velocities, strict=True)
         }
+        haul_rope = None
+        if state.drive_mode[index] == HAULED:
+            travel, rate = state.sheave[index, :2].tolist()
+            haul_rope = HaulRopeState(travel, rate, float(rope_force(self.system, state, index)[0]))
         return CarriageState(
             arc_length=float(state.sliding_coordinate[index]),
             speed=float(state.sliding_velocity[index]),
             drive_force=float(state.drive_force[index]),
             contact_force=state.multipliers[first].copy(),
-            position=self.cable_positions(state.sliding_coordinate[index : index + 1])[0],
+            position=joint,
             bodies=states,
+            attached=bool(state.attached[index]),
+            payload=float(state.payload[index]),
+            haul_rope=haul_rope,
         )
 
 

@@ -38,6 +38,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cable_twin.outlines import body_outlines
 from cable_twin.records import BodyState, FloatArray, Snapshot
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
@@ -136,17 +137,9 @@ def simulate(model: str, elements: int, times: FloatArray, progress: Progress, r
 
 def _view(scenario: Scenario, path: Path) -> RerunView:
     """Open a recording of the scenario at `path`."""
-    from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
-    outlines = {
-        carriage: {
-            name: outline_from_pivots(
-                body.upper_pivot, body.lower_pivot, gyration_radius=math.sqrt(body.inertia / body.mass)
-            )
-            for name, body in parameters.bodies.items()
-        }
-        for carriage, parameters in scenario.carriages.items()
-    }
+    outlines = body_outlines(scenario)
     title = f"Seo et al. (2004), a declared reconstruction: {scenario.cable.elastic_model}, "
     return RerunView(
         f"{title}{scenario.cable.elements} elements", outlines, path=path, live=False, geometry_rate=1.0 / FRAME

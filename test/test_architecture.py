@@ -16,17 +16,39 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
-BELOW_RECORDING = ("messages", "records", "simulation", "snapshot_file", "mechanics", *SCENARIO)
+BELOW_RECORDING = (
+    "messages",
+    "records",
+    "simulation",
+    "snapshot_file",
+    "first_compilation",
+    "outlines",
+    "mechanics",
+    *SCENARIO,
+)
 ALLOWED = {
     "mechanics": (),
     "records": (),
     **dict.fromkeys(SCENARIO, ("mechanics.parameters", *SCENARIO)),
+    "first_compilation": ("mechanics", *SCENARIO),
+    "outlines": SCENARIO,
+    "clearance": ("outlines", "records"),
+    "command_checks": ("mechanics", "records", *SCENARIO),
     "snapshot_file": ("mechanics.state", "records", *SCENARIO),
-    "simulation": ("mechanics", "records", "snapshot_file", *SCENARIO),
+    "simulation": (
+        "clearance",
+        "command_checks",
+        "first_compilation",
+        "mechanics",
+        "outlines",
+        "records",
+        "snapshot_file",
+        *SCENARIO,
+    ),
     "messages": ("records",),
     "key_figures": ("records", *SCENARIO),
     "command_line": (),
-    "recording": ("messages", "records", "simulation", *SCENARIO),
+    "recording": ("messages", "outlines", "records", "simulation", *SCENARIO),
     "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
     "offline": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
 }

@@ -22,6 +22,7 @@ from cable_twin.messages import (
     Quaternion,
     Time,
     Vector3,
+    Vector3Stamped,
     WrenchStamped,
     applied_command_from_message,
     applied_command_message,
@@ -30,10 +31,12 @@ from cable_twin.messages import (
     decode,
     diagnostics_message,
     full_name,
+    payload_from_joint_state,
     scenario_from_message,
     scenario_message,
     serialize,
     topics,
+    wind_from_vector,
 )
 from cable_twin.records import (
     AppliedCommand,
@@ -78,6 +81,8 @@ def test_topics_hold_everything_a_frame_gives_and_nothing_twice():
     assert set(frame_at(0.0)) == {topic.name for topic in table} - {
         "scenario",
         "joint_commands",
+        "payload",
+        "wind",
         "applied_commands",
         "/diagnostics",
         "/clock",
@@ -192,6 +197,8 @@ def test_scenario_round_trip():
     [
         AppliedCommand(0.0, Command("speed", {"cabin": 6.000000000000001}), "joint_commands"),
         AppliedCommand(1234.567891, Command("force", {"load": -1e-300, "cabin": 0.1}), "script"),
+        AppliedCommand(0.2, Command("payload", {"cabin": 640.0, "load": 0.1}), "payload"),
+        AppliedCommand(0.2, Command("wind", {"x": -12.3, "z": 0.7}), "wind"),
         AppliedCommand(0.3, Command("emergency_stop", {}), "service"),
         AppliedCommand(86_400.000001, Command("release", {}), "service"),
         AppliedCommand(0.000001, Command("reset", {}), "odd:source"),
@@ -242,6 +249,33 @@ def test_commands_refused_in_one_line(given, complaint):
     assert "\n" not in str(caught.value)
 
 
+def test_payload_understood():
+    assert payload_from_joint_state(["a", "b"], [], [], [640.0, 0.0]) == Command("payload", {"a": 640.0, "b": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (([], [], [], []), r"0 names.*mass \(kg\)"),
+        ((["a"], [], [], []), "0 values of effort"),
+        ((["a"], [], [2.0], []), "1 velocities"),
+        ((["a"], [1.0], [], [2.0]), "1 positions"),
+        ((["a", "a"], [], [], [1.0, 2.0]), "more than once"),
+        ((["a"], [], [], [np.nan]), "finite"),
+    ],
+)
+def test_payloads_refused_in_one_line(given, complaint):
+    with pytest.raises(CommandError, match=complaint) as caught:
+        payload_from_joint_state(*given)
+    assert "\n" not in str(caught.value)
+
+
+def test_wind_is_in_the_plane_of_the_track():
+    assert wind_from_vector(-3.0, 0.0, 0.5) == Command("wind", {"x": -3.0, "z": 0.5})
+    with pytest.raises(CommandError, match=r"wind y is 2 m/s; allowed is 0"):
+        wind_from_vector(1.0, 2.0, 0.0)
+
+
 def plain(value):
     """Message of rosbags or rclpy as plain Python values."""
     if hasattr(value, "get_fields_and_field_types"):
@@ -263,6 +297,8 @@ def every_message() -> dict[str, bytes]:
         **dict(encoder.frame(make_snapshot(0.5))),
         "scenario": scenario_message({"description": "ü"}),
         "joint_commands": applied_command_message(applied, EPOCH),
+        "payload": applied_command_message(AppliedCommand(0.0, Command("payload", {"cabin": 80.0}), "desk"), EPOCH),
+        "wind": serialize(Vector3Stamped(Header(Time(1, 2), "map"), Vector3(3.0, 0.0, -1.0))),
         "applied_commands": applied_command_message(applied, EPOCH),
         "/diagnostics": diagnostics_message(EPOCH, 1, "late", {"lag (s)": "0.2", "missed frames": "3"}),
         "/clock": clock_message(EPOCH),

@@ -87,7 +87,7 @@ def test_a_resolved_scenario_reads_back_the_same(name, tmp_path):
     assert read == scenario
     for carriage, same in zip(read.carriages.values(), scenario.carriages.values(), strict=True):
         assert list(carriage.bodies) == list(same.bodies)
-    assert "1.0e-06" in text, "YAML 1.1 reads 1e-06 as a text"
+    assert "1.0e-08" in text, "YAML 1.1 reads 1e-08 as a text"
 
 
 def test_name_is_that_of_the_file_or_custom(tmp_path):
@@ -128,7 +128,7 @@ def test_defaults_are_those_of_the_contract():
         "integrator": "generalized_alpha",
         "step": 0.001,
         "spectral_radius": 0.7,
-        "tolerance": 1e-6,
+        "tolerance": 1e-8,
         "max_iterations": 12,
         "max_halvings": 6,
     }
@@ -141,8 +141,10 @@ def test_defaults_are_those_of_the_contract():
     assert drive.limits.model_dump() == {
         "speed": None,
         "acceleration": 0.5,
+        "deceleration": None,
         "jerk": None,
         "force": None,
+        "power": None,
         "emergency_deceleration": 1.5,
     }
 
@@ -307,13 +309,44 @@ FAULTS = [
     ("carriages.carriage.friction.rolling", -0.1, "given -0.1; allowed: a finite number at least 0"),
     ("solver.spectral_radius", 1.1, "given 1.1; allowed: a finite number at least 0 and at most 1"),
     ("solver.max_halvings", -1, "given -1; allowed: a whole number at least 0"),
+    ("carriages.carriage.drive.haul_rope", 5, "given 5; allowed: a mapping, or null"),
+    (
+        "carriages.carriage.drive.haul_rope",
+        {"axial_stiffness": -1.0, "mass_per_length": 6.0, "drive_inertia": 5e3},
+        "given -1.0; allowed: a finite number above 0, in N",
+    ),
+    (
+        "carriages.carriage.drive.haul_rope",
+        {"axial_stiffness": 1e8, "mass_per_length": 6.0},
+        "nothing given, but it is needed; allowed: a finite number above 0, in kg",
+    ),
+    ("carriages.carriage.drive.limits.deceleration", 2.0, "at most the emergency_deceleration of 1.5 m/s^2"),
+    (
+        "carriages.carriage.drive.emergency_stop",
+        ["hand"],
+        "allowed: a list of some of drive, service_brake, emergency_brake, track_rope_brake",
+    ),
+    ("carriages.carriage.drive.emergency_stop", [], "given []; allowed: a list of some of drive, service_brake"),
+    (
+        "carriages.carriage.drive.emergency_stop",
+        ["track_rope_brake"],
+        "given 'track_rope_brake', which this drive does not have; allowed: drive",
+    ),
+    ("carriages.carriage.payload", {"capacity": 1.0, "mass": 2.0}, "given 2.0; allowed: 0 to the capacity of 1 kg"),
+    ("carriages.carriage.payload", {"capacity": 1.0, "body": "rb3"}, "given 'rb3'; allowed: one of rb1, rb2"),
+    ("cable.ice", -0.1, "given -0.1; allowed: a finite number at least 0, in kg/m"),
+    ("air.wind", [3.0], "given [3.0]; allowed: a list of 2 finite numbers, in m/s"),
+    ("terrain", [[0.0, -5.0]], "given 1 point; allowed: at least 2 points x, z, in m"),
+    ("terrain", [[0.0, -5.0], [2.0, -5.0]], "given from x = 0 to 2 m; allowed: at least the whole track, 0 to 3.6 m"),
+    ("terrain", [[0.0, -5.0], [4.0, -5.0], [4.0, 1.0]], "given x = 4.0 after 4.0; allowed: rising x, in m"),
+    ("terrain", [[0.0, "low"]], "allowed: a list of points, 2 finite numbers each, in m"),
 ]
 
 
 @pytest.mark.parametrize(("key", "value", "text"), FAULTS)
 def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
     (fault,) = faults_of("seed_example", {key: value})
-    assert fault.startswith(f"{config_directory() / 'seed_example.yaml'} (override): {key}: ")
+    assert fault.startswith(f"{config_directory() / 'seed_example.yaml'} (override): {key}")
     assert text in fault
 
 
@@ -331,6 +364,26 @@ RUNNABLE = [
 def test_every_choice_of_the_schema_can_be_built(overrides):
     system = build_system(load_scenario("seed_example", overrides))
     assert system.cable.element_count == 24
+
+
+def test_a_drive_and_its_integrator_that_contradict():
+    rope = {"axial_stiffness": 1e8, "mass_per_length": 6.0, "drive_inertia": 5e3}
+    key = "carriages.carriage.drive"
+    both = {f"{key}.emergency_stop": ["drive", "service_brake"], f"{key}.service_brake": {"force": 10.0}}
+    assert "given 'drive' and 'service_brake'; allowed: either" in faults_of("seed_example", both)[0]
+    explicit = {f"{key}.haul_rope": rope, "solver.integrator": "runge_kutta"}
+    (fault,) = faults_of("seed_example", explicit)
+    assert "drive.haul_rope: given with the integrator runge_kutta; allowed: only with generalized_alpha" in fault
+    (fault,) = faults_of("seed_example", {f"{key}.haul_rope": rope, "carriages.carriage.joint": "fixed"})
+    assert "drive.haul_rope: given for a carriage whose joint is fixed" in fault
+
+
+def test_overrides_reach_into_what_was_null():
+    key = "carriages.carriage.drive.haul_rope"
+    given = {f"{key}.axial_stiffness": 1e8, f"{key}.mass_per_length": 6.0, f"{key}.drive_inertia": 5e3}
+    rope = load_scenario(SEED.resolved(), given).carriages["carriage"].drive.haul_rope
+    assert rope is not None
+    assert (rope.axial_stiffness, rope.station, rope.pretension) == (1e8, "end", 0.0)
 
 
 def test_a_straight_start_between_held_ends_needs_a_cable_of_their_distance():
@@ -371,7 +424,7 @@ def test_unknown_keys_name_the_nearest_one():
         "cable.axial_stiffness": "nothing given, but it is needed; allowed: a finite number above 0, in N",
         "cable.elemnts": "this key does not exist; did you mean 'elements'?",
         "carriages.carriage.colour": "this key does not exist; "
-        "allowed: arc_length, joint, drive, friction, end_stop, bodies",
+        "allowed: arc_length, joint, drive, friction, end_stop, bodies, payload",
     }
 
 

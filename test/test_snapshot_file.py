@@ -9,12 +9,16 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+import test_loads
+from test_moving_cable_twin import short_lift
 from twin_process import write_quick_scenario
 
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SnapshotError
 from cable_twin.snapshot_file import FORMAT_VERSION, package_version
+from verification import JIT
+from verification.supports import tramway
 
 
 def leaves(value):
@@ -88,6 +92,40 @@ def test_explicit_integrator_goes_on_with_the_same_bits(tmp_path):
     simulation.save(tmp_path / "state.npz")
     loaded = Simulation.load(str(tmp_path / "state.npz"))
     assert_same_bits(simulation.advance_to(0.1), loaded.advance_to(0.1))
+
+
+def ski_lift():
+    return Simulation(short_lift().scenario), [
+        (0.0, lambda simulation: simulation.command("haul_rope", speed=3.0)),
+        (2.5, lambda simulation: simulation.emergency_stop()),
+    ]
+
+
+def loaded_cabin():
+    return Simulation(test_loads.scenario()), [
+        (0.1, lambda simulation: simulation.payload("cabin", 120.0)),
+        (0.2, lambda simulation: simulation.command("cabin", speed=3.0)),
+        (0.4, lambda simulation: simulation.wind(9.0, -1.0)),
+        (1.3, lambda simulation: simulation.emergency_stop()),
+        (2.4, lambda simulation: simulation.reset()),
+    ]
+
+
+def tramway_with_tower():
+    simulation = tramway(cabin={"arc_length": 500.0}, cable__elements=100)
+    return simulation, [(0.0, lambda simulation: simulation.command("cabin", speed=5.0))]
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.parametrize("build", [ski_lift, loaded_cabin, tramway_with_tower])
+def test_all_that_a_scenario_may_hold_goes_on_with_the_same_bits(tmp_path, build):
+    simulation, events = build()
+    give(simulation, events, 1.0)
+    simulation.save(tmp_path / "state.npz")
+    loaded, waiting = Simulation.load(tmp_path / "state.npz"), list(events)
+    for time in np.arange(1.1, 3.2, 0.1):
+        assert_same_bits(give(simulation, events, time), give(loaded, waiting, time))
+    assert not events
 
 
 def test_reset_goes_back_to_the_start_of_the_one_that_was_saved(quick, tmp_path):
@@ -169,7 +207,7 @@ def change_arrays(**changes):
         (change_header(format="other"), "not a snapshot of cable_twin: its header is another one"),
         (change_arrays(**{"state/reference": None}), f"no reference in its state; {MADE}"),
         (change_arrays(**{"start/clock": None}), f"no clock in its start; {MADE}"),
-        (change_arrays(**{"state/wind": np.zeros(1)}), f"unknown wind in its state; {MADE}"),
+        (change_arrays(**{"state/weather": np.zeros(1)}), f"unknown weather in its state; {MADE}"),
         (change_arrays(**{"state/reference": np.full((1, 3), np.nan)}), "damaged: state/reference is not finite"),
         (
             change_arrays(**{"state/reference": np.zeros((2, 3))}),

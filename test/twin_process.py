@@ -62,11 +62,14 @@ def environment(directory: Path, domain: int) -> dict[str, str]:
 
 
 def write_quick_scenario(directory: Path) -> Path:
-    """A ropeway whose drive reaches its speed in a second or two, and that costs little to solve."""
+    """A ropeway whose drive reaches its speed in a second or two, in wind or calm, and that costs little to solve."""
     yaml = YAML()
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
     content["cable"]["elements"] = 20
-    content["carriages"]["cabin"]["drive"]["limits"].update(acceleration=4.0, jerk=40.0)
+    cabin = content["carriages"]["cabin"]
+    cabin["drive"]["limits"].update(acceleration=4.0, jerk=40.0)
+    cabin["payload"] = {"capacity": 6400.0, "position": [0.3, -0.8], "station_distance": 70.0}
+    cabin["bodies"]["cabin"]["drag_area"] = 15.0
     path = directory / "quick.yaml"
     with path.open("w", encoding="utf-8") as stream:
         yaml.dump(content, stream)

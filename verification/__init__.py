@@ -12,7 +12,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 JIT = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-MODULES = ("statics", "dynamics", "conservation", "drives", "carriages")
+MODULES = (
+    "statics",
+    "dynamics",
+    "conservation",
+    "drives",
+    "carriages",
+    "supports",
+    "counterweights",
+    "moving_cable",
+    "tramway",
+    "loads",
+)
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,15 @@ def beam(
     gravity: float = GRAVITY,
     carriages: dict[str, Any] | None = None,
     loads: list[dict[str, Any]] | None = None,
+    cable: dict[str, Any] | None = None,
+    air: dict[str, Any] | None = None,
+    terrain: list[list[float]] | None = None,
     **solver: Any,
 ) -> Simulation:
-    """A cable from the origin, by default unstrained and level, pinned at its start and free at its end."""
+    """A cable from the origin, by default unstrained and level, pinned at its start and free at its end.
+
+    `cable` has what else its section of the scenario is to hold.
+    """
     place = (length, 0.0) if end is None else end
     return Simulation(
         load_scenario(
@@ -53,12 +59,72 @@ def beam(
                     "start": {"position": [0.0, 0.0], "support": supports[0]},
                     "end": {"position": list(place), "support": supports[1]},
                     "loads": loads or [],
+                    **(cable or {}),
                 },
+                "air": air or {},
+                "terrain": terrain or [],
                 "carriages": carriages or {},
                 "solver": solver,
             }
         )
     )
+
+
+def moving(
+    *,
+    unstrained_length: float,
+    end: tuple[float, float],
+    mass_per_length: float = 5.0,
+    axial: float = 1e7,
+    bending: float = 0.0,
+    elements: int = 40,
+    damping_time: float = 0.0,
+    gravity: float = GRAVITY,
+    limits: dict[str, float] | None = None,
+    carriages: dict[str, Any] | None = None,
+    carriers: dict[str, Any] | None = None,
+    **solver: Any,
+) -> Simulation:
+    """A cable from the origin that moves along itself, pinned at both ends; its drive is `haul_rope`."""
+    return Simulation(
+        load_scenario(
+            {
+                "gravity": gravity,
+                "cable": {
+                    "unstrained_length": unstrained_length,
+                    "mass_per_length": mass_per_length,
+                    "axial_stiffness": axial,
+                    "bending_stiffness": bending,
+                    "elements": elements,
+                    "damping_time": damping_time,
+                    "start": {"position": [0.0, 0.0]},
+                    "end": {"position": list(end)},
+                },
+                "drives": {"haul_rope": {"kind": "moving_cable", "limits": limits or {}}},
+                "carriages": carriages or {},
+                "carriers": carriers,
+                "solver": solver,
+            }
+        )
+    )
+
+
+def chairlift(**changes: Any) -> Simulation:
+    """One span of 800 m with a rise of 200 m, chairs of 500 kg every 62 m: 13 or 14 of 27 on it."""
+    chair = {"mass": 500.0, "inertia": 200.0, "upper_pivot": [0.0, 2.5]}
+    lift: dict[str, Any] = {
+        "unstrained_length": 838.0,
+        "end": (800.0, 200.0),
+        "mass_per_length": 6.6,
+        "axial": 70e6,
+        "bending": 3e3,
+        "elements": 80,
+        "damping_time": 0.004,
+        "limits": {"speed": 2.5, "acceleration": 0.15, "jerk": 0.3, "emergency_deceleration": 1.2},
+        "carriers": {"name": "chair", "count": 27, "spacing": 62.0, "bodies": {"chair": chair}},
+        "step": 0.01,
+    }
+    return moving(**(lift | changes))
 
 
 def start_moving(simulation: Simulation) -> None:

@@ -6,9 +6,9 @@ vectors in m that describe the shape without its place. With u = x / l, rho = dr
 
 from __future__ import annotations
 
-from math import sqrt
-
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.lanes import WIDTH, gather, spread, square_root
+from cable_twin.mechanics.memory import clear_array
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.shape_functions import (
     AXIAL_POINTS,
@@ -81,7 +81,7 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         slopes = AXIAL_SLOPES[point]
         rho = combine(slopes, d, a, b)
         squared = dot(rho, rho)
-        norm = sqrt(squared)
+        norm = square_root(squared)
         strain = norm / length - 1.0
         if damped:
             strain += cable.damping_time * dot(rho, combine(slopes, d_dot, a_dot, b_dot)) / (norm * length)
@@ -155,7 +155,7 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
     force_d, force_a, force_b = zero, zero, zero
     k_dd, k_da, k_db, k_aa, k_ab, k_bb = nothing, nothing, nothing, nothing, nothing, nothing
     viscous_stiffening = 1.0 + damping * rate_factor
-    chord = sqrt(dot(d, d))
+    chord = square_root(dot(d, d))
     i = scale(1.0 / chord, d)
     i_dot = add_scaled(-dot(i, d_dot) / chord, i, scale(1.0 / chord, d_dot))
     on_i = zero  # ∂W/∂i, N m
@@ -275,15 +275,15 @@ def chord_and_slopes(coordinates, element, cable):
 
 
 @kernel
-def inertia(cable, accelerations, element):
-    """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B."""
-    like = cable.gravity
+def inertia(cable, r_a, a, r_b, b):
+    """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B.
+
+    Takes the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
+    """
     length = cable.element_length
     mass = cable.mass_per_length * length
-    r_a = subtract(load(accelerations[element, 0], like), cable.gravity)
-    r_b = subtract(load(accelerations[element + 1, 0], like), cable.gravity)
-    a = scale(length, load(accelerations[element, 1], like))
-    b = scale(length, load(accelerations[element + 1, 1], like))
+    r_a, r_b = subtract(r_a, cable.gravity), subtract(r_b, cable.gravity)
+    a, b = scale(length, a), scale(length, b)
     on_r_a = scale(mass, add_scaled(MASS[0][0], r_a, combine(MASS[0][1:], a, r_b, b)))
     on_a = scale(mass, add_scaled(MASS[1][0], r_a, combine(MASS[1][1:], a, r_b, b)))
     on_r_b = scale(mass, add_scaled(MASS[2][0], r_a, combine(MASS[2][1:], a, r_b, b)))
@@ -291,65 +291,94 @@ def inertia(cable, accelerations, element):
     return on_r_a, on_a, on_r_b, on_b
 
 
-@kernel
+@inlined_kernel
 def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Write the residual and tangent of all elements, each with the elastic model of the cable."""
+    """Write the residual and tangent of all elements, each with the elastic model of the cable.
+
+    Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element.
+    """
     e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
-    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
-    right_side[0] = 0.0
-    diagonal[0] = 0.0
-    if cable.elastic_model == ELEMENT_FRAME:
-        for element in range(cable.element_count):
-            d, a, b = chord_and_slopes(e, element, cable)
-            d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
+    diagonal, upper, lower, right_side, group = work.diagonal, work.upper, work.lower, work.right_side, work.group
+    like, length = cable.gravity, cable.element_length
+    clear_array(right_side[0])
+    clear_array(diagonal[0])
+    for first in range(0, cable.element_count, WIDTH):
+        r_a, slope_a, r_b, slope_b = gather(e, first, like)
+        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        r_a, slope_a, r_b, slope_b = gather(e_dot, first, like)
+        d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
+        inert = inertia(cable, r_a, slope_a, r_b, slope_b)
+        if cable.elastic_model == ELEMENT_FRAME:
             elastic = element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-            add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side)
-    else:
-        for element in range(cable.element_count):
-            d, a, b = chord_and_slopes(e, element, cable)
-            d_dot, a_dot, b_dot = chord_and_slopes(e_dot, element, cable)
+        else:
             elastic = continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-            add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side)
+        compute_elements(cable, elastic, inert, mass_factor, group)
+        for lane in range(min(WIDTH, cable.element_count - first)):
+            add_element(group, lane, first + lane, diagonal, upper, lower, right_side, like)
 
 
 @kernel
-def add_element(cable, elastic, e_ddot, element, mass_factor, diagonal, upper, lower, right_side):
-    """Add one element, with its elastic force and tangent, to the residual and tangent of the nodes at its ends.
-
-    The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
-    """
+def compute_elements(cable, elastic, inert, mass_factor, group):
+    """Write residual and tangent of `WIDTH` elements to `group`: a row a number, vectors first, then the blocks."""
     length = cable.element_length
     force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = elastic
-    on_r_a, on_a, on_r_b, on_b = inertia(cable, e_ddot, element)
-
-    accumulate(subtract(force_d, on_r_a), right_side[element, 0])
-    accumulate(scale(-length, add_scaled(1.0, force_a, on_a)), right_side[element, 1])
-    store(scale(-1.0, add_scaled(1.0, force_d, on_r_b)), right_side[element + 1, 0])
-    store(scale(-length, add_scaled(1.0, force_b, on_b)), right_side[element + 1, 1])
+    on_r_a, on_a, on_r_b, on_b = inert
+    dim = len(force_d)
+    spread(subtract(force_d, on_r_a), group, 0)
+    spread(scale(-length, add_scaled(1.0, force_a, on_a)), group, dim)
+    spread(scale(-1.0, add_scaled(1.0, force_d, on_r_b)), group, 2 * dim)
+    spread(scale(-length, add_scaled(1.0, force_b, on_b)), group, 3 * dim)
 
     mass = mass_factor * cable.mass_per_length * length
     first, second = mass * length, mass * length * length  # of slopes: one and two lengths more
     squared = length * length
-    cross = block(-length, k_da, MASS[0][1] * first)
-    accumulate(full(1.0, k_dd, MASS[0][0] * mass), diagonal[element, 0, 0])
+    row, size = 4 * dim, dim * dim
+    spread(full(1.0, k_dd, MASS[0][0] * mass), group, row)
+    spread(block(-length, k_da, MASS[0][1] * first), group, row + size)
+    spread(full(squared, k_aa, MASS[1][1] * second), group, row + 2 * size)
+    spread(full(1.0, k_dd, MASS[2][2] * mass), group, row + 3 * size)
+    spread(block(length, k_db, MASS[2][3] * first), group, row + 4 * size)
+    spread(full(squared, k_bb, MASS[3][3] * second), group, row + 5 * size)
+    spread(full(-1.0, k_dd, MASS[0][2] * mass), group, row + 6 * size)
+    spread(block(-length, k_db, MASS[0][3] * first), group, row + 7 * size)
+    spread(block(length, k_da, MASS[1][2] * first), group, row + 8 * size)
+    spread(full(squared, k_ab, MASS[1][3] * second), group, row + 9 * size)
+
+
+@kernel
+def add_element(group, lane, element, diagonal, upper, lower, right_side, like):
+    """Add one element of a group to the residual and tangent of the nodes at its ends.
+
+    The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
+    """
+    dim = len(like)
+    square = outer(0.0, like, like)
+    accumulate(load(group[0:, lane], like), right_side[element, 0])
+    accumulate(load(group[dim:, lane], like), right_side[element, 1])
+    store(load(group[2 * dim :, lane], like), right_side[element + 1, 0])
+    store(load(group[3 * dim :, lane], like), right_side[element + 1, 1])
+    row, size = 4 * dim, dim * dim
+    cross = load(group[row + size :, lane], square)
+    accumulate(load(group[row:, lane], square), diagonal[element, 0, 0])
     accumulate(cross, diagonal[element, 0, 1])
     accumulate(transpose(cross), diagonal[element, 1, 0])
-    accumulate(full(squared, k_aa, MASS[1][1] * second), diagonal[element, 1, 1])
-    cross = block(length, k_db, MASS[2][3] * first)
-    store(full(1.0, k_dd, MASS[2][2] * mass), diagonal[element + 1, 0, 0])
+    accumulate(load(group[row + 2 * size :, lane], square), diagonal[element, 1, 1])
+    cross = load(group[row + 4 * size :, lane], square)
+    store(load(group[row + 3 * size :, lane], square), diagonal[element + 1, 0, 0])
     store(cross, diagonal[element + 1, 0, 1])
     store(transpose(cross), diagonal[element + 1, 1, 0])
-    store(full(squared, k_bb, MASS[3][3] * second), diagonal[element + 1, 1, 1])
-    coupling = full(-1.0, k_dd, MASS[0][2] * mass)
+    store(load(group[row + 5 * size :, lane], square), diagonal[element + 1, 1, 1])
+    coupling = load(group[row + 6 * size :, lane], square)
     store(coupling, upper[element, 0, 0])
     store(coupling, lower[element, 0, 0])
-    coupling = block(-length, k_db, MASS[0][3] * first)
+    coupling = load(group[row + 7 * size :, lane], square)
     store(coupling, upper[element, 0, 1])
     store(transpose(coupling), lower[element, 1, 0])
-    coupling = block(length, k_da, MASS[1][2] * first)
+    coupling = load(group[row + 8 * size :, lane], square)
     store(transpose(coupling), upper[element, 1, 0])
     store(coupling, lower[element, 0, 1])
-    coupling = full(squared, k_ab, MASS[1][3] * second)
+    coupling = load(group[row + 9 * size :, lane], square)
     store(coupling, upper[element, 1, 1])
     store(coupling, lower[element, 1, 1])
 
@@ -365,12 +394,12 @@ def mean_tension(cable, state, element):
     d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
     d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
     if cable.elastic_model == ELEMENT_FRAME:
-        chord = sqrt(dot(d, d))
+        chord = square_root(dot(d, d))
         return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
     tension = 0.0
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
-        norm = sqrt(dot(rho, rho))
+        norm = square_root(dot(rho, rho))
         strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * length)
         strain = norm / length - 1.0
         tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
@@ -382,11 +411,11 @@ def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
     length = cable.element_length
     d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    i = scale(1.0 / sqrt(dot(d, d)), d)
+    i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
-        along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else sqrt(dot(rho, rho))
+        along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else square_root(dot(rho, rho))
         strain = along / length - 1.0
         energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
     for point in range(BENDING_POINTS):

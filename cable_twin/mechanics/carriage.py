@@ -40,6 +40,35 @@ def pivot_velocity(state, body, offset):
 
 
 @kernel
+def hang_chain(carriages, state, carriage, joint_x, joint_z):
+    """Hang every body of a carriage upright below (joint_x, joint_z), in m."""
+    x, z = joint_x, joint_z
+    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+        state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
+        state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
+        state.body_coordinates[body, 2] = 0.0
+        x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
+        z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+
+
+@kernel
+def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
+    """Give all bodies of a carriage one velocity and acceleration (x, z) in m/s and m/s², and the forces of that."""
+    force_x, force_z = 0.0, 0.0
+    for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
+        for axis in range(2):
+            state.body_velocities[body, axis] = velocity[axis]
+            state.body_accelerations[body, axis] = acceleration[axis]
+            state.body_algorithmic[body, axis] = acceleration[axis]
+        state.body_velocities[body, 2] = 0.0
+        state.body_accelerations[body, 2] = 0.0
+        state.body_algorithmic[body, 2] = 0.0
+        force_x += carriages.mass[body] * (acceleration[0] - gravity[0])
+        force_z += carriages.mass[body] * (acceleration[1] - gravity[1])
+        state.multipliers[body, 0], state.multipliers[body, 1] = force_x, force_z
+
+
+@kernel
 def close_joints(carriages, state, carriage, joint_x, joint_z, work):
     """Gaps (eq. 14) of all joints of a carriage whose place on the cable is (joint_x, joint_z), in m."""
     above_x, above_z = joint_x, joint_z
@@ -92,31 +121,34 @@ def condense_chain(carriages, gravity, state, carriage, mass_factor, stiffness_f
         _, _, low_x, low_z = pivot(pitch, carriages.lower_pivot[body])
         if body == end - 1:
             low_x, low_z = 0.0, 0.0
-        residual_x = mass * (q_ddot[0] - gravity[0]) - force_x + below_x
-        residual_z = mass * (q_ddot[1] - gravity[1]) - force_z + below_z
+        residual_x = mass * (q_ddot[0] - gravity[0]) - force_x + below_x - work.body_drag[body, 0]
+        residual_z = mass * (q_ddot[1] - gravity[1]) - force_z + below_z - work.body_drag[body, 1]
         residual_pitch = inertia * q_ddot[2] - turn_x * force_x - turn_z * force_z + low_x * below_x + low_z * below_z
         # the second derivative of an arm is the arm with its sign changed: turn' = (turn_z, -turn_x)
         geometric = -turn_z * force_x + turn_x * force_z + low_z * below_x - low_x * below_z
         gap_x, gap_z = work.joint_gap[body, 0], work.joint_gap[body, 1]
         m = mass_factor * mass
+        drag = work.body_drag_tangent[body]  # adds to the mass as seen by Newton: xx, xz, zz
         up_x, up_z = -turn_x, -turn_z  # centre of mass by pitch, upper pivot held
         down_x, down_z = low_x - turn_x, low_z - turn_z  # lower pivot by pitch, upper pivot held
-        on_x = residual_x + m * gap_x
-        on_z = residual_z + m * gap_z
+        on_x = residual_x + m * gap_x + (drag[0] * gap_x + drag[1] * gap_z)
+        on_z = residual_z + m * gap_z + (drag[1] * gap_x + drag[2] * gap_z)
         b_x += d_xx * gap_x + d_xz * gap_z
         b_z += d_xz * gap_x + d_zz * gap_z
         carried_x = d_xx * down_x + d_xz * down_z
         carried_z = d_xz * down_x + d_zz * down_z
-        row_x, row_z = m * up_x + carried_x, m * up_z + carried_z
+        dragged_x, dragged_z = drag[0] * up_x + drag[1] * up_z, drag[1] * up_x + drag[2] * up_z
+        row_x, row_z = m * up_x + carried_x + dragged_x, m * up_z + carried_z + dragged_z
         stiffness = mass_factor * inertia + stiffness_factor * geometric
         stiffness += m * (up_x * up_x + up_z * up_z) + down_x * carried_x + down_z * carried_z
+        stiffness += up_x * dragged_x + up_z * dragged_z
         right = residual_pitch + up_x * on_x + up_z * on_z + down_x * b_x + down_z * b_z
         work.pitch_pivot[body] = stiffness
         work.pitch_row[body, 0], work.pitch_row[body, 1] = row_x, row_z
         work.pitch_right[body] = right
-        d_xx += m - row_x * row_x / stiffness
-        d_xz -= row_x * row_z / stiffness
-        d_zz += m - row_z * row_z / stiffness
+        d_xx += m - row_x * row_x / stiffness + drag[0]
+        d_xz += drag[1] - row_x * row_z / stiffness
+        d_zz += m - row_z * row_z / stiffness + drag[2]
         b_x += on_x - row_x * right / stiffness
         b_z += on_z - row_z * right / stiffness
         work.impedance[body, 0], work.impedance[body, 1], work.impedance[body, 2] = d_xx, d_xz, d_zz

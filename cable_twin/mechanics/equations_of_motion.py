@@ -13,11 +13,16 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import drag_bodies, drag_rope
 from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.cable_element import add_cable
 from cable_twin.mechanics.carriage import close_joints, condense_chain, joint_accelerations, recover_chain
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.counterweight import add_counterweights
+from cable_twin.mechanics.haul_rope import condense_sheave, recover_sheave
+from cable_twin.mechanics.memory import clear_array, copy_array
+from cable_twin.mechanics.moving_cable import add_flow
+from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.shape_functions import shape_functions
 from cable_twin.mechanics.sliding_joint import (
     add_joint,
@@ -28,10 +33,23 @@ from cable_twin.mechanics.sliding_joint import (
     recover_joint,
     velocity_acceleration,
 )
-from cable_twin.mechanics.vectors import accumulate, apply, full, load, minus, multiply, outer, scale, store, symmetric
+from cable_twin.mechanics.support import add_supports
+from cable_twin.mechanics.vectors import (
+    accumulate,
+    apply,
+    block,
+    full,
+    load,
+    minus,
+    multiply,
+    outer,
+    scale,
+    store,
+    symmetric,
+)
 
 
-@kernel
+@inlined_kernel
 def measure_gaps(system, state, work, place):
     """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
 
@@ -42,6 +60,9 @@ def measure_gaps(system, state, work, place):
     """
     worst = 0.0
     for carriage in range(system.carriages.fixed.size):
+        if not state.attached[carriage]:
+            leave_out(system.carriages, carriage, work)
+            continue
         if place:
             place_joint(system.cable, state, carriage)
         joint = joint_position(system.cable, state, carriage)
@@ -51,6 +72,15 @@ def measure_gaps(system, state, work, place):
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
+
+
+@kernel
+def leave_out(carriages, carriage, work):
+    """No gaps and no increments of a carriage that is not on the cable."""
+    bodies = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
+    work.joint_gap[bodies[0] : bodies[1]] = 0.0
+    work.body_increment[bodies[0] : bodies[1]] = 0.0
+    work.sliding_increment[carriage] = 0.0
 
 
 @kernel
@@ -68,7 +98,7 @@ def measure_gap_accelerations(system, state, feedback, work):
             work.sliding_increment[carriage] = state.reference[carriage, 2]
 
 
-@kernel
+@inlined_kernel
 def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of rows 1-4, carriages eliminated; needs the gaps measured.
 
@@ -82,14 +112,38 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """
     cable = system.cable
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.moving_cable.moving:
+        add_flow(cable, state, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
+    if system.air.present:
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            rate_factor,
+            stiffness_factor,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
+        drag_bodies(
+            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+        )
     for carriage in range(system.carriages.fixed.size):
-        condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
-        add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+        if state.attached[carriage]:
+            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            if state.drive_mode[carriage] == HAULED:
+                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+            add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
     hold_supports(cable, work)
 
 
-@kernel
+@inlined_kernel
 def add_loads(cable, state, stiffness_factor, work):
     """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
     like = cable.gravity
@@ -119,7 +173,8 @@ def add_loads(cable, state, stiffness_factor, work):
 def hold_supports(cable, work):
     """Take out of the equations of both end nodes what their supports hold.
 
-    With P the projector onto what is free, row and column of the node become P K P + (1 - P).
+    With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
+    it stands beside, or rounding of the one would let the other drift.
     """
     like = cable.gravity
     square = outer(0.0, like, like)
@@ -138,10 +193,14 @@ def hold_supports(cable, work):
                 store(inner, work.diagonal[node, i, j])
                 store(multiply(free_i, load(out[i, j], square)), out[i, j])
                 store(multiply(load(back[i, j], square), free_j), back[i, j])
-            accumulate(minus(identity, free_i), work.diagonal[node, i, i])
+            size = 0.0
+            for entry in range(len(square)):
+                size = max(size, abs(work.diagonal[node, i, i, entry]))
+            held = minus(identity, free_i)
+            accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])
 
 
-@kernel
+@inlined_kernel
 def solve(system, state, work):
     """Solve for all increments: nodal ones in `right_side`, the others in `*_increment`; multipliers are updated.
 
@@ -152,8 +211,11 @@ def solve(system, state, work):
     if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
         return False
     for carriage in range(system.carriages.fixed.size):
-        moved = recover_joint(system, state, carriage, work)
-        recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+        if state.attached[carriage]:
+            moved = recover_joint(system, state, carriage, work)
+            recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+            if state.drive_mode[carriage] == HAULED:
+                recover_sheave(carriage, work)
     return True
 
 
@@ -167,13 +229,13 @@ def solve_accelerations(system, state, feedback, work):
     Returns:
         False when the system has no solution.
     """
-    state.nodal_accelerations[:] = 0.0
-    state.body_accelerations[:] = 0.0
+    clear_array(state.nodal_accelerations)
+    clear_array(state.body_accelerations)
     measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):
         return False
-    state.nodal_accelerations[:] = work.right_side
-    state.body_accelerations[:] = work.body_increment
-    state.sliding_acceleration[:] = work.sliding_increment
+    copy_array(work.right_side, state.nodal_accelerations)
+    copy_array(work.body_increment, state.body_accelerations)
+    copy_array(work.sliding_increment, state.sliding_acceleration)
     return True

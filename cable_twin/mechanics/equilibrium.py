@@ -5,27 +5,23 @@ from __future__ import annotations
 from math import isfinite
 
 import numpy as np
-from scipy.optimize import root
 
+from cable_twin.mechanics.carriage import hang_chain, move_chain
+from cable_twin.mechanics.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.generalized_alpha import largest_increment
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, SPEED, FloatArray, System
-from cable_twin.mechanics.sliding_joint import driven_force, position_on_cable
+from cable_twin.mechanics.memory import combine_arrays
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.sliding_joint import driven_force, local_stretch, position_on_cable
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
+from cable_twin.mechanics.support import settle_supports
 
 MAX_RELAXATIONS = 5000
 
 
-class EquilibriumError(RuntimeError):
-    """No static equilibrium was found; the message says how far it came."""
-
-
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Elastic catenary (Irvine 1981) between the supports of the cable, without carriages.
-
-    With tension (H, V + w s) at the arc length s, r_x = (1/EA + 1/T) (H, V + w s), integrated in closed form; H and
-    V follow from the two ends.
+    """The bare cable between two held ends.
 
     Args:
         system: parameters.
@@ -38,75 +34,29 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
         EquilibriumError: when no catenary meets both ends.
     """
     cable = system.cable
-    gravity = np.array(cable.gravity)
-    start, end = cable.support_position
-    span = end - start
-    strength = float(np.linalg.norm(gravity))
-    chord = float(np.linalg.norm(span))
-    if strength == 0.0:
-        slope = span / cable.unstrained_length
+    if not np.any(cable.gravity):
+        start, end = cable.support_position
+        slope = (end - start) / cable.unstrained_length
         return start + np.outer(arc_lengths, slope), np.tile(slope, (arc_lengths.size, 1))
-    up = -gravity / strength
-    height = float(span @ up)
-    level = span - height * up
-    width = float(np.linalg.norm(level))
-    level = level / width if width > 0.0 else np.eye(gravity.size)[0]
-    weight, stiffness, length = cable.mass_per_length * strength, cable.axial_stiffness, cable.unstrained_length
-
-    def shape(forces: FloatArray, s: FloatArray | float) -> FloatArray:
-        horizontal, vertical = forces[0], forces[1]
-        risen = vertical + weight * np.asarray(s)
-        along = horizontal * s / stiffness
-        along = along + horizontal / weight * (np.arcsinh(risen / horizontal) - np.arcsinh(vertical / horizontal))
-        above = s * (vertical + 0.5 * weight * np.asarray(s)) / stiffness
-        above = above + (np.hypot(horizontal, risen) - np.hypot(horizontal, vertical)) / weight
-        return np.stack([along, above], axis=-1)
-
-    # start values: parabola under its own sag when slack (Jayaraman, Knudson 1981), else the stretch of the chord
-    width = max(width, 1e-3 * length)
-    slack = (length**2 - height**2) / width**2 - 1.0
-    if slack > 0.0:
-        sag = float(np.sqrt(3.0 * slack))
-        first = np.array([0.5 * weight * width / sag, 0.5 * weight * (height / np.tanh(sag) - length)])
-    else:
-        pull = stiffness * (chord / length - 1.0) + weight * length
-        first = pull * np.array([width, height]) / chord - np.array([0.0, 0.5 * weight * length])
-    scale = abs(first[0]) + abs(first[1])
-
-    def miss(unknown: FloatArray) -> FloatArray:
-        return (shape(unknown * scale, length) - [width, height]) / length
-
-    found = root(miss, first / scale, method="hybr", tol=1e-12)
-    if not np.all(np.abs(miss(found.x)) < 1e-6):
-        raise EquilibriumError(
-            f"no catenary of {length:g} m reaches over {width:g} m and up {height:g} m: "
-            f"it misses by {np.abs(miss(found.x)).max() * length:.3g} m"
-        )
-    forces = found.x * scale
-    tension = np.stack([np.full(arc_lengths.shape, forces[0]), forces[1] + weight * arc_lengths], axis=-1)
-    slopes = tension / stiffness + tension / np.linalg.norm(tension, axis=-1, keepdims=True)
-    basis = np.stack([level, up])
-    return start + shape(forces, arc_lengths) @ basis, slopes @ basis
+    return rest_over_supports(system).place(arc_lengths)
 
 
 @kernel
 def hang_carriages(system, state):
-    """Put every chain below its place on the cable, each body upright."""
+    """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
         place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
-        x, z = place[0], place[1]
-        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
-            state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
-            state.body_coordinates[body, 2] = 0.0
-            x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
-            z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+        hang_chain(carriages, state, carriage, place[0], place[1])
+        if not state.attached[carriage]:
+            move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
 
 
 @kernel
 def relax(system, state, good, work, max_relaxations, tolerance):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
+
+    All joints are driven ones; their drive forces are left in `drive_force`.
 
     Returns:
         Number of iterations used (max_relaxations when it failed) and the last increment (m).
@@ -130,9 +80,11 @@ def relax(system, state, good, work, max_relaxations, tolerance):
             copy_state(good, state)
             mass_factor *= 8.0
             continue
-        state.nodal_coordinates[:] += work.right_side
-        state.body_coordinates[:] += work.body_increment
+        combine_arrays(state.nodal_coordinates, 1.0, work.right_side, state.nodal_coordinates)
+        combine_arrays(state.body_coordinates, 1.0, work.body_increment, state.body_coordinates)
         if increment < tolerance and mass_factor <= smallest:
+            for carriage in range(state.drive_mode.size):
+                state.drive_force[carriage] = driven_force(system, state, carriage)
             return iteration + 1, increment
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -176,8 +128,40 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     hang_carriages(system, state)
 
 
+def lay_cable(system: System, state: State) -> None:
+    """Put the nodes where the bare cable rests, as its supports and towers have it, and find its contacts there.
+
+    Raises:
+        EquilibriumError: when there is no such place.
+    """
+    cable, supports = system.cable, system.supports
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    ends = cable.support_position.copy()
+    if not np.all(np.isfinite(ends)):
+        positions, slopes = hanging(system)
+    elif supports.top.size == 0 and not np.any(system.counterweights.mass):
+        positions, slopes = catenary(system, arc_lengths)
+    else:
+        rest = rest_over_supports(system)
+        positions, slopes = rest.place(arc_lengths)
+        ends = rest.corner[[0, -1]]
+        for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
+            first, last = supports.contact_offset[tower : tower + 2]
+            state.support_arc_length[first:last] = middle
+    for end, place, direction in zip((0, -1), ends, cable.support_direction, strict=True):
+        if np.all(np.isfinite(place)):
+            positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
+        if np.all(np.isfinite(direction)):
+            slopes[end] = direction * np.linalg.norm(slopes[end])
+    state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+
+
 def settle(system: System, state: State, work: Workspace) -> None:
-    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest.
+    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
+
+    `drive_force` is left with what holds each joint that is driven or hauled.
+
+    The cable lies on its towers as if they had no friction; what they then mobilise starts from none.
 
     Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
     exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
@@ -186,35 +170,32 @@ def settle(system: System, state: State, work: Workspace) -> None:
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
-    cable = system.cable
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
-    both_held = bool(np.all(np.isfinite(cable.support_position)))
-    positions, slopes = catenary(system, arc_lengths) if both_held else hanging(system)
-    for end, place, direction in zip((0, -1), cable.support_position, cable.support_direction, strict=True):
-        if np.all(np.isfinite(place)):
-            positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
-        if np.all(np.isfinite(direction)):
-            slopes[end] = direction * np.linalg.norm(slopes[end])
+    cable, supports = system.cable, system.supports
+    given = (state.sliding_coordinate, state.drive_mode, state.sheave_mode, state.attached, state.wind)
     for array in state[:-1]:
-        if array is not state.sliding_coordinate and array is not state.drive_mode:
+        if not any(array is kept for kept in given):
             array[:] = 0
-    state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+    lay_cable(system, state)
     state.friction_origin[:] = state.sliding_coordinate
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
     state.reference[:, 0] = state.sliding_coordinate
     hang_carriages(system, state)
+    smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
-        continuum = system._replace(cable=cable._replace(elastic_model=CONTINUUM))
+        continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
         relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)
     tolerance = 1e-11 * cable.unstrained_length
-    used, increment = relax(system, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
+    used, increment = relax(smooth, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations: the last one moved a point by {increment:.3g} m, "
             f"allowed are {tolerance:.3g} m"
         )
-    for carriage in range(state.drive_mode.size):
-        held = modes[carriage] == SPEED
-        state.drive_force[carriage] = driven_force(system, state, carriage) if held else 0.0
+    state.support_origin[:] = state.support_arc_length - state.rope[0]
+    settle_supports(cable, supports, state)
+    state.tower_load[:, 1] = state.tower_load[:, 0]
+    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
+    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
+        state.drive_force[carriage] *= local_stretch(cable, state, carriage)
     state.drive_mode[:] = modes

@@ -6,15 +6,22 @@ One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, with the update
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.drive import advance_reference
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.drive import advance_reference, follows_reference, force_limit
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.haul_rope import correct_sheaves, predict_sheaves, sheave_force
+from cable_twin.mechanics.memory import flat
+from cable_twin.mechanics.moving_cable import attach_carriers, move_rope
+from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
+from cable_twin.mechanics.support import settle_supports
+
+REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is measured again now and then
+LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
 class Outcome(NamedTuple):
@@ -50,7 +57,7 @@ def coefficients(spectral_radius):
 @kernel
 def predict(c, h, coordinates, velocities, accelerations, algorithmic):
     """Start of the iteration for one set of coordinates: the acceleration of the step before goes on."""
-    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
+    x, v, q_ddot, a = flat(coordinates), flat(velocities), flat(accelerations), flat(algorithmic)
     for i in range(x.size):
         after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
         x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
@@ -61,8 +68,8 @@ def predict(c, h, coordinates, velocities, accelerations, algorithmic):
 @kernel
 def correct(c, h, increments, coordinates, velocities, accelerations, algorithmic):
     """Apply Newton increments (m, rad) to one set of coordinates."""
-    x, v, q_ddot, a = coordinates.ravel(), velocities.ravel(), accelerations.ravel(), algorithmic.ravel()
-    delta = increments.ravel()
+    x, v, q_ddot, a = flat(coordinates), flat(velocities), flat(accelerations), flat(algorithmic)
+    delta = flat(increments)
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
     by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
@@ -89,7 +96,8 @@ def largest_increment(system, work):
         total += x + z + work.body_increment[body, 2]
     for carriage in range(work.sliding_increment.size):
         worst = max(worst, abs(work.sliding_increment[carriage]))
-        total += work.sliding_increment[carriage]
+        worst = max(worst, abs(work.sheave_increment[carriage]))
+        total += work.sliding_increment[carriage] + work.sheave_increment[carriage]
     return worst if isfinite(total) else total - total
 
 
@@ -107,24 +115,36 @@ def worst_element(work):
     return min(place, work.right_side.shape[0] - 2)
 
 
-@kernel
+@inlined_kernel
 def step(system, state, h, work):
-    """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m)."""
+    """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m).
+
+    An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
+    measured whenever there is a second iteration, and remembered from step to step.
+    """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
+    if system.moving_cable.moving:
+        move_rope(system, state, h)
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
+        if state.drive_braking[carriage]:
+            state.braking_time[carriage] += h
+        if follows_reference(state.drive_mode, state.sheave_mode, carriage) and not system.carriages.clamped[carriage]:
             advance_reference(system.carriages, system.cable, state, carriage, h)
+        if state.drive_mode[carriage] == SPEED:
             state.sliding_velocity[carriage] = state.reference[carriage, 1]
             state.sliding_acceleration[carriage] = state.reference[carriage, 2]
 
     predict(c, h, state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations, state.nodal_algorithmic)
     predict(c, h, state.body_coordinates, state.body_velocities, state.body_accelerations, state.body_algorithmic)
     predict_sliding(state, h)
+    if system.haul_ropes.present:
+        predict_sheaves(state, c, h)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
-    increment = 0.0
+    increment, before = 0.0, 0.0
+    curvature = REFRESH * state.newton_curvature[0] if state.newton_curvature[0] > 0.0 else inf
     for iteration in range(1, solver.max_iterations + 1):
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, rate_factor, 1.0, work)
@@ -152,15 +172,24 @@ def step(system, state, h, work):
             state.body_algorithmic,
         )
         correct_sliding(state, rate_factor, 1.0 / (c.beta * h * h), work)
-        if increment < solver.tolerance:
+        if system.haul_ropes.present:
+            correct_sheaves(state, c, h, work)
+        if iteration == 2 and before > 0.0:
+            curvature = max(increment / (before * before), LEAST_CURVATURE)
+        before = increment
+        if curvature * increment * increment < solver.tolerance or increment == 0.0:
+            state.newton_curvature[0] = curvature
             gap = measure_gaps(system, state, work, True)
             for carriage in range(system.carriages.fixed.size):
                 settle_friction(system.carriages, state, carriage)
+            settle_supports(system.cable, system.supports, state)
+            if system.moving_cable.moving:
+                attach_carriers(system, state)
             return isfinite(gap), iteration, increment, gap
     return False, solver.max_iterations, increment, 0.0
 
 
-@kernel
+@inlined_kernel
 def predict_sliding(state, h):
     """Start of the iteration for the sliding coordinates, which have no inertia: at constant acceleration."""
     for carriage in range(state.sliding_coordinate.size):
@@ -172,7 +201,7 @@ def predict_sliding(state, h):
             state.sliding_coordinate[carriage] = state.reference[carriage, 0]
 
 
-@kernel
+@inlined_kernel
 def correct_sliding(state, rate_factor, acceleration_factor, work):
     """Apply Newton increments (m) to the sliding coordinates."""
     for carriage in range(state.sliding_coordinate.size):
@@ -184,36 +213,75 @@ def correct_sliding(state, rate_factor, acceleration_factor, work):
 
 
 @kernel
-def limited_step(system, state, before, h, work):
-    """One step in which no driven joint takes more than its force limit.
+def drive_force(system, state, carriage):
+    """Force (N) of a drive that follows its reference, on its joint or on the sheave of its haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        return sheave_force(system, state, carriage)
+    return driven_force(system, state, carriage)
 
-    A drive that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at
-    the start of the step.
+
+@kernel
+def set_drive_mode(state, carriage, mode):
+    """Put a drive into FREE, FORCE or SPEED, be it on the joint itself or on the sheave of a haul rope."""
+    if state.drive_mode[carriage] == HAULED:
+        state.sheave_mode[carriage] = mode
+    else:
+        state.drive_mode[carriage] = mode
+
+
+@kernel
+def take_over(state, carriage):
+    """Let the reference go on from the place (m) and speed (m/s) of the joint or sheave that is to follow it."""
+    reference = state.reference[carriage]
+    if state.drive_mode[carriage] == HAULED:
+        reference[0], reference[1] = state.sheave[carriage, 0], state.sheave[carriage, 1]
+    else:
+        reference[0], reference[1] = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    reference[2] = 0.0
+
+
+@kernel
+def limited_step(system, state, before, h, work):
+    """One step in which no drive, and no brake on it, takes more than its force limit.
+
+    One that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at the
+    start of the step, whose speed counts for the power limit.
     """
-    converged, iterations, increment, gap = step(system, state, h, work)
+    iterations = 0
+    for attempt in range(2):
+        converged, used, increment, gap = step(system, state, h, work)
+        iterations += used
+        if attempt == 1 or not converged or not find_saturated(system, state, before, work):
+            break
+        copy_state(before, state)
+        for carriage in range(system.carriages.fixed.size):
+            if work.saturation[carriage] != 0.0:
+                set_drive_mode(state, carriage, FORCE)
+                state.drive_force[carriage] = work.saturation[carriage]
+    if attempt == 1:
+        for carriage in range(system.carriages.fixed.size):
+            if work.saturation[carriage] != 0.0:
+                set_drive_mode(state, carriage, SPEED)
+                take_over(state, carriage)
+    return converged, iterations, increment, gap
+
+
+@kernel
+def find_saturated(system, state, before, work):
+    """Whether a drive takes more than its limit; `saturation` is what it may give then (N), and 0 for the others."""
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if converged and before.drive_mode[carriage] == SPEED and not before.drive_braking[carriage]:
-            force, limit = driven_force(system, state, carriage), system.carriages.force_limit[carriage]
-            if abs(force) > limit and not system.carriages.fixed[carriage]:
+        if (
+            follows_reference(before.drive_mode, before.sheave_mode, carriage)
+            and not system.carriages.clamped[carriage]
+        ):
+            force = drive_force(system, state, carriage)
+            limit = force_limit(system.carriages, state, carriage, before.reference[carriage, 1])
+            if abs(force) > limit:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
                 saturated = True
-    if not saturated:
-        return converged, iterations, increment, gap
-    copy_state(before, state)
-    for carriage in range(system.carriages.fixed.size):
-        if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = FORCE
-            state.drive_force[carriage] = work.saturation[carriage]
-    converged, more, increment, gap = step(system, state, h, work)
-    for carriage in range(system.carriages.fixed.size):
-        if work.saturation[carriage] != 0.0:
-            state.drive_mode[carriage] = SPEED
-            state.reference[carriage, 0] = state.sliding_coordinate[carriage]
-            state.reference[carriage, 1] = state.sliding_velocity[carriage]
-            state.reference[carriage, 2] = 0.0
-    return converged, iterations + more, increment, gap
+    return saturated
 
 
 @kernel
@@ -248,6 +316,6 @@ def advance(system, state, good, before, work, steps):
             return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
-            state.drive_force[carriage] = driven_force(system, state, carriage)
+        if state.attached[carriage] and follows_reference(state.drive_mode, state.sheave_mode, carriage):
+            state.drive_force[carriage] = drive_force(system, state, carriage)
     return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))

@@ -1,5 +1,7 @@
 """Natural frequencies and mode shapes about the present equilibrium, every joint held at its arc length.
 
+Over towers the cable slides without friction; counterweights move.
+
 A held joint leaves a carriage only its pitches: the place of each body follows from them and from r = S e. So the
 unknowns are the free nodal coordinates and the pitches, without multipliers, and K x = ω² M x is symmetric.
 """
@@ -13,10 +15,12 @@ from scipy.sparse.linalg import eigsh
 
 from cable_twin.mechanics.cable_element import chord_and_slopes, elastic_force
 from cable_twin.mechanics.carriage import pivot
+from cable_twin.mechanics.counterweight import add_counterweights
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate
-from cable_twin.mechanics.state import State
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
+from cable_twin.mechanics.support import add_supports
 
 DENSE_LIMIT = 400  # unknowns up to which all frequencies are computed at once
 DIFFERENCE = 1e-6  # of an element's length, for the derivative of the elastic force
@@ -46,9 +50,11 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
 
     inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
-    mass = _block_diagonal(_cable_mass(system), csc_array((pitches, pitches)))
+    support_stiffness, counterweight_mass = _support_matrices(system, state)
+    mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
     mass = mass + bodies.T @ _diagonal(inertias) @ bodies
-    stiffness = _block_diagonal(_cable_stiffness(system, state), _pitch_stiffness(system, state))
+    cable_stiffness = _cable_stiffness(system, state) + support_stiffness
+    stiffness = _block_diagonal(cable_stiffness, _pitch_stiffness(system, state))
     mass, stiffness = basis.T @ mass @ basis, basis.T @ stiffness @ basis
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
 
@@ -141,6 +147,35 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
             tangent[:, column] = (force(vectors + change) - force(vectors - change)) / (2.0 * DIFFERENCE * length)
         matrices[element] = shape.T @ tangent @ shape
     return _assemble(system, matrices)
+
+
+def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
+    """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
+    state, work = clone_state(state), allocate_workspace(system)
+    state.nodal_velocities[:] = 0.0
+    smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
+    matrices = []
+    for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
+        work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0
+        add_supports(system.cable, smooth, state, 0.0, stiffness_factor, work)
+        add_counterweights(system.counterweights, system.cable, state, mass_factor, 0.0, stiffness_factor, work)
+        matrices.append(_nodal_matrix(work))
+    return matrices[0], matrices[1]
+
+
+def _nodal_matrix(work: Workspace) -> csc_array:
+    """The block-tridiagonal matrix of a workspace."""
+    nodes, dim = work.diagonal.shape[0], round(work.diagonal.shape[3] ** 0.5)
+    size = 2 * dim
+    entries, rows, columns = [], [], []
+    for blocks, down, right in ((work.diagonal, 0, 0), (work.upper, 0, 1), (work.lower, 1, 0)):
+        square = blocks.reshape(-1, 2, 2, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, size, size)
+        first = size * np.arange(square.shape[0])[:, None, None]
+        entries.append(square.ravel())
+        rows.append((first + size * down + np.arange(size)[:, None] + np.zeros((1, size), np.int64)).ravel())
+        columns.append((first + size * right + np.arange(size)[None, :] + np.zeros((size, 1), np.int64)).ravel())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return coo_array((np.concatenate(entries), places), shape=(nodes * size,) * 2).tocsc()
 
 
 def _assemble(system: System, matrices: FloatArray) -> csc_array:

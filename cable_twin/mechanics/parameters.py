@@ -20,6 +20,10 @@ ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each el
 FREE = 0  # drive mode: nothing acts along the cable but friction and stops
 FORCE = 1  # drive mode: a given force along the cable
 SPEED = 2  # drive mode: the joint follows a reference position, its multiplier is the drive force
+HAULED = 3  # drive mode: the joint is free, a haul rope pulls it; its sheave is FREE, FORCE or SPEED
+
+START, END = 0, 1  # stations of a track
+SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 
 
 class Cable(NamedTuple):
@@ -34,7 +38,7 @@ class Cable(NamedTuple):
     damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
     elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
-    support_position: FloatArray  # (2, dim) m, of start and end; NaN where free
+    support_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
     support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
     support_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
     load_arc_length: FloatArray  # (loads,) m
@@ -51,17 +55,92 @@ class Carriages(NamedTuple):
     upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
     lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
+    clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
+    loop_place: FloatArray  # (carriages,) m, of what is clamped: place on the loop when no cable has gone by yet
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
     presliding: FloatArray  # (carriages,) m, how far a joint yields before it slides
     speed_limit: FloatArray  # (carriages,) m/s, inf where there is none
     acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
+    deceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference towards rest
     emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop
     jerk_limit: FloatArray  # (carriages,) m/s^3, inf where there is none
     force_limit: FloatArray  # (carriages,) N, inf where there is none
+    power_limit: FloatArray  # (carriages,) W, force times speed, inf where there is none
+    drive_stops: NDArray[np.bool_]  # (carriages,) an emergency stop is the drive's, at its emergency deceleration
+    brake_force: FloatArray  # (carriages, 3) N, of the brakes that an emergency stop applies, 0 of all others
+    brake_rise_time: FloatArray  # (carriages, 3) s, from release to full force
     stop_stroke: FloatArray  # (carriages,) m, length of the elastic buffer at both ends of the cable
     stop_stiffness: FloatArray  # (carriages,) N/m
     stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
+
+
+class Supports(NamedTuple):
+    """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
+
+    contact_offset: IntArray  # (towers + 1,)
+    top: FloatArray  # (towers, dim) m, where the middle of the saddle or of the sheaves touches the rope
+    position: FloatArray  # (contacts, dim) m
+    normal: FloatArray  # (contacts, dim) unit vectors to the side on which the rope is
+    stiffness: FloatArray  # (contacts,) N/m, normal to the rope
+    damping: FloatArray  # (contacts,) s/m, of the normal force, per unit of its elastic part
+    friction: FloatArray  # (contacts,) - , limit of the force along the rope per normal force
+    presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
+    toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
+
+
+class Counterweights(NamedTuple):
+    """What pulls each end of the cable with a constant force; a mass of 0 where there is none."""
+
+    direction: FloatArray  # (2, dim) unit vectors in which start and end are pulled
+    mass: FloatArray  # (2,) kg, of the inertia along that direction
+    force: FloatArray  # (2,) N
+    travel: FloatArray  # (2, 2) m, least and most from `support_position` along the direction; infinite without
+    stiffness: FloatArray  # (2,) N/m, of the buffers at both limits
+    damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
+
+
+class MovingCable(NamedTuple):
+    """A cable that moves along itself through its fixed ends: its drive, and the loop of which it is one strand."""
+
+    moving: bool
+    loop_length: float  # m, unstrained; what is beyond the cable's own length is not simulated
+    acceleration_limit: float  # m/s^2, of the drive reference
+    emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
+    jerk_limit: float  # m/s^3, inf where there is none
+
+
+STANDING = MovingCable(
+    moving=False, loop_length=1.0, acceleration_limit=0.0, emergency_deceleration=0.0, jerk_limit=0.0
+)
+
+
+class HaulRopes(NamedTuple):
+    """The haul rope of each carriage: an elastic rope between the drive sheave in a station and the joint."""
+
+    axial_stiffness: FloatArray  # (carriages,) N, 0 where the drive acts on the carriage itself
+    mass_per_length: FloatArray  # (carriages,) kg/m
+    damping_ratio: FloatArray  # (carriages,) -, of carriage and rope on a sheave that is held
+    station: IntArray  # (carriages,) START or END, where the sheave is
+    beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the sheave
+    pretension: FloatArray  # (carriages,) N, pull of the counter rope: with how much the rope can push at most
+    drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the sheave, reduced to the rope
+    present: bool  # whether there is any
+
+
+class Air(NamedTuple):
+    """What the air does: quadratic drag on rope and bodies."""
+
+    rope_drag: float  # kg/m^2, half of density, drag coefficient and diameter multiplied; 0 for none
+    body_drag: FloatArray  # (bodies,) kg/m, half of density and drag area multiplied; 0 for none
+    present: bool  # whether any of them is not 0
+
+
+class Payloads(NamedTuple):
+    """Where each carriage can be loaded."""
+
+    body: IntArray  # (carriages,) number of the body, -1 where there is no room
+    position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
 
 
 class Solver(NamedTuple):
@@ -69,7 +148,7 @@ class Solver(NamedTuple):
 
     step: float  # h, s
     spectral_radius: float  # rho_inf of generalized-alpha, -
-    tolerance: float  # m, largest Newton increment of a position that ends the iteration
+    tolerance: float  # m, estimated error of a position at which the Newton iteration ends
     max_iterations: int  # Newton iterations before a step is halved
     max_halvings: int  # how often a step may be halved before it fails
 
@@ -79,4 +158,9 @@ class System(NamedTuple):
 
     cable: Cable
     carriages: Carriages
+    supports: Supports
+    counterweights: Counterweights
+    haul_ropes: HaulRopes
+    air: Air
     solver: Solver
+    moving_cable: MovingCable = STANDING

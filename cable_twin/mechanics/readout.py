@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from cable_twin.mechanics.air import drag_rope
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.counterweight import counterweight_energies
 from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.haul_rope import haul_energies
+from cable_twin.mechanics.moving_cable import add_flow, flow_energy
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
+from cable_twin.mechanics.support import contact_energy, contact_force
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
 
 
@@ -43,13 +48,37 @@ def support_forces(system, state, work, forces):
     """
     cable = system.cable
     add_cable(cable, state, 1.0, 0.0, 0.0, work)
+    if system.moving_cable.moving:
+        add_flow(cable, state, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
+    if system.air.present:
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            0.0,
+            0.0,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
     for carriage in range(system.carriages.fixed.size):
+        if not state.attached[carriage]:
+            continue
         element, x = locate(cable, state.sliding_coordinate[carriage])
         shape = shape_functions(x, cable.element_length)
         contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
         for i in range(4):
             accumulate(scale(-shape[i], contact), work.right_side[element + i // 2, i % 2])
+    for number in range(system.supports.stiffness.size):
+        element, x = locate(cable, state.support_arc_length[number])
+        shape = shape_functions(x, cable.element_length)
+        force, _ = contact_force(cable, system.supports, state, number)
+        for i in range(4):
+            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
     for i in range(forces.shape[1]):
         forces[0, i] = -work.right_side[0, 0, i]
         forces[1, i] = -work.right_side[cable.element_count, 0, i]
@@ -57,11 +86,15 @@ def support_forces(system, state, work, forces):
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of cable and carriages; gravitational is zero at the origin."""
+    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, supports, drives and haul ropes.
+
+    Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
+    """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     length = cable.element_length
-    kinetic, elastic, gravitational = 0.0, 0.0, 0.0
+    kinetic, elastic = haul_energies(system, state)
+    gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
         for i in range(4):
@@ -75,10 +108,20 @@ def energies(system, state):
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
             gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
-    for body in range(carriages.mass.size):
-        v = state.body_velocities[body]
-        kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
-        kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
-        q = state.body_coordinates[body]
-        gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    if system.moving_cable.moving:
+        kinetic += flow_energy(cable, state)
+    for carriage in range(carriages.fixed.size):
+        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+            if not state.attached[carriage]:
+                continue
+            v = state.body_velocities[body]
+            kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
+            kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            q = state.body_coordinates[body]
+            gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    for contact in range(system.supports.stiffness.size):
+        elastic += contact_energy(cable, system.supports, state, contact)
+    for end in range(2):
+        moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
+        kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted
     return kinetic, elastic, gravitational

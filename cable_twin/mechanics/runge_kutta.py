@@ -17,11 +17,13 @@ from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import measure_gaps, solve_accelerations
 from cable_twin.mechanics.generalized_alpha import Outcome, worst_element
+from cable_twin.mechanics.memory import combine_arrays, copy_array
 from cable_twin.mechanics.parameters import SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies
 from cable_twin.mechanics.shape_functions import MASS
 from cable_twin.mechanics.sliding_joint import driven_force, settle_friction
 from cable_twin.mechanics.state import copy_state
+from cable_twin.mechanics.support import settle_supports
 
 IMAGINARY_LIMIT = 2.0 * 2.0**0.5  # largest stable (frequency times step) of the method for an undamped oscillation
 FEEDBACK = 0.1  # Baumgarte's rate times the step
@@ -68,23 +70,23 @@ def _at_phase(element: FloatArray, phase: float) -> NDArray[np.complex128]:
 @kernel
 def combine_stage(start, weight, state):
     """Coordinates and velocities of the next stage: those of `start` plus `weight` (s) times the rates in `state`."""
-    state.nodal_coordinates[:] = start.nodal_coordinates + weight * state.nodal_velocities
-    state.nodal_velocities[:] = start.nodal_velocities + weight * state.nodal_accelerations
-    state.body_coordinates[:] = start.body_coordinates + weight * state.body_velocities
-    state.body_velocities[:] = start.body_velocities + weight * state.body_accelerations
-    state.sliding_coordinate[:] = start.sliding_coordinate + weight * state.sliding_velocity
-    state.sliding_velocity[:] = start.sliding_velocity + weight * state.sliding_acceleration
+    combine_arrays(start.nodal_coordinates, weight, state.nodal_velocities, state.nodal_coordinates)
+    combine_arrays(start.nodal_velocities, weight, state.nodal_accelerations, state.nodal_velocities)
+    combine_arrays(start.body_coordinates, weight, state.body_velocities, state.body_coordinates)
+    combine_arrays(start.body_velocities, weight, state.body_accelerations, state.body_velocities)
+    combine_arrays(start.sliding_coordinate, weight, state.sliding_velocity, state.sliding_coordinate)
+    combine_arrays(start.sliding_velocity, weight, state.sliding_acceleration, state.sliding_velocity)
 
 
 @kernel
 def add_rates(weight, state, total):
     """Add `weight` times the rates in `state` to the sums in `total`: velocities to its coordinates, and so on."""
-    total.nodal_coordinates[:] += weight * state.nodal_velocities
-    total.nodal_velocities[:] += weight * state.nodal_accelerations
-    total.body_coordinates[:] += weight * state.body_velocities
-    total.body_velocities[:] += weight * state.body_accelerations
-    total.sliding_coordinate[:] += weight * state.sliding_velocity
-    total.sliding_velocity[:] += weight * state.sliding_acceleration
+    combine_arrays(total.nodal_coordinates, weight, state.nodal_velocities, total.nodal_coordinates)
+    combine_arrays(total.nodal_velocities, weight, state.nodal_accelerations, total.nodal_velocities)
+    combine_arrays(total.body_coordinates, weight, state.body_velocities, total.body_coordinates)
+    combine_arrays(total.body_velocities, weight, state.body_accelerations, total.body_velocities)
+    combine_arrays(total.sliding_coordinate, weight, state.sliding_velocity, total.sliding_coordinate)
+    combine_arrays(total.sliding_velocity, weight, state.sliding_acceleration, total.sliding_velocity)
 
 
 @kernel
@@ -98,9 +100,12 @@ def classical_step(system, state, start, total, h, work):
         add_rates(h / 6.0 if stage in (0, 3) else h / 3.0, state, total)
         if stage < 3:
             combine_stage(start, h if stage == 2 else 0.5 * h, state)
-    state.nodal_coordinates[:], state.nodal_velocities[:] = total.nodal_coordinates, total.nodal_velocities
-    state.body_coordinates[:], state.body_velocities[:] = total.body_coordinates, total.body_velocities
-    state.sliding_coordinate[:], state.sliding_velocity[:] = total.sliding_coordinate, total.sliding_velocity
+    copy_array(total.nodal_coordinates, state.nodal_coordinates)
+    copy_array(total.nodal_velocities, state.nodal_velocities)
+    copy_array(total.body_coordinates, state.body_coordinates)
+    copy_array(total.body_velocities, state.body_velocities)
+    copy_array(total.sliding_coordinate, state.sliding_coordinate)
+    copy_array(total.sliding_velocity, state.sliding_velocity)
     for carriage in range(system.carriages.fixed.size):
         if state.drive_mode[carriage] == SPEED:
             advance_reference(system.carriages, system.cable, state, carriage, h)
@@ -189,6 +194,7 @@ def advance_explicitly(system, state, start, total, work, steps):
                 left -= taken
                 for joint in range(system.carriages.fixed.size):
                     settle_friction(system.carriages, state, joint)
+                settle_supports(system.cable, system.supports, state)
                 if carriage >= 0:
                     change_element(system.cable, state, carriage)
                     nodes += 1

@@ -53,6 +53,23 @@ MASS = (
     (-13 / 420, -1 / 140, -11 / 210, 1 / 105),
 )
 
+# Integrals of S_i S_j' and of S_i' S_j' over 0..1, ' by x / l, slopes likewise.
+FLOW = (
+    (-1 / 2, 1 / 10, 1 / 2, -1 / 10),
+    (-1 / 10, 0.0, 1 / 10, -1 / 60),
+    (-1 / 2, -1 / 10, 1 / 2, 1 / 10),
+    (1 / 10, 1 / 60, -1 / 10, 0.0),
+)
+SLOPE = (
+    (6 / 5, 1 / 10, -6 / 5, 1 / 10),
+    (1 / 10, 2 / 15, -1 / 10, -1 / 30),
+    (-6 / 5, -1 / 10, 6 / 5, -1 / 10),
+    (1 / 10, -1 / 30, -1 / 10, 2 / 15),
+)
+# The same of chord and slopes, d, A and B: a row's coefficients of r_A and r_B are opposite.
+FLOW_OF_CHORD = tuple((row[2], row[1], row[3]) for row in FLOW)
+SLOPE_OF_CHORD = tuple((row[2], row[1], row[3]) for row in SLOPE)
+
 
 @kernel
 def shape_functions(x, length):

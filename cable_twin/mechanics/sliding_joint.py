@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from math import exp, sqrt
 
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.parameters import SPEED
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.drive import brake_force
+from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
 
@@ -18,9 +19,15 @@ from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, full, load
 @kernel
 def locate(cable, arc_length):
     """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
-    place = arc_length / cable.element_length
-    element = int(min(place, cable.element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
-    return element, arc_length - element * cable.element_length
+    return locate_on_mesh(cable.element_count, cable.element_length, arc_length)
+
+
+@kernel
+def locate_on_mesh(element_count, element_length, arc_length):
+    """As `locate`, from what it needs of the cable."""
+    place = arc_length / element_length
+    element = int(min(place, element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
+    return element, arc_length - element * element_length
 
 
 @kernel
@@ -79,6 +86,14 @@ def joint_velocity(cable, state, carriage):
 
 
 @kernel
+def local_stretch(cable, state, carriage):
+    """|r_x| (-) at the joint: way along the cable by arc length."""
+    element, x = joint_place(cable, state, carriage)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    return sqrt(dot(r_x, r_x))
+
+
+@kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     element, x = joint_place(cable, state, carriage)
@@ -107,26 +122,38 @@ def stop_force(carriages, cable, carriage, s, s_dot):
 
 
 @kernel
-def deflection(carriages, state, carriage):
-    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m).
+def mobilise(way, before, presliding):
+    """Share z in -1..1 of a friction that is mobilised after a `way` (m) from the share `before`, and dz/dway (1/m).
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
     through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
     on vibrating there creeps (docs/theory.md).
     """
-    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
     sign = 1.0 if way >= 0.0 else -1.0
-    left = (state.friction_deflection[carriage] - sign) * exp(-abs(way) / carriages.presliding[carriage])
-    return sign + left, -sign * left / carriages.presliding[carriage]
+    left = (before - sign) * exp(-abs(way) / presliding)
+    return sign + left, -sign * left / presliding
+
+
+@kernel
+def deflection(carriages, state, carriage):
+    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
+    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
 
 @kernel
 def friction_force(carriages, state, carriage, normal):
-    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force."""
+    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
+
+    A track-rope brake grips with its own force, and holds and slips by the same law.
+    """
     z, z_by_s = deflection(carriages, state, carriage)
     rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
-    force = -rolling * normal * z - viscous * state.sliding_velocity[carriage]
-    return force, -rolling * normal * z_by_s, -viscous, -rolling * z
+    grip = rolling * normal
+    if state.drive_braking[carriage]:
+        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
+    force = -grip * z - viscous * state.sliding_velocity[carriage]
+    return force, -grip * z_by_s, -viscous, -rolling * z
 
 
 @kernel
@@ -136,7 +163,7 @@ def settle_friction(carriages, state, carriage):
     state.friction_origin[carriage] = state.sliding_coordinate[carriage]
 
 
-@kernel
+@inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
@@ -168,7 +195,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot, right = 1.0, work.sliding_increment[carriage]
         d_along, across = scale(0.0, like), scale(0.0, like)
     else:
-        f_t = state.drive_force[carriage] + f_friction + f_stop
+        given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
+        f_t = given + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, r_x)
@@ -177,29 +205,33 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
+        if state.drive_mode[carriage] == HAULED:
+            right += work.haul_force[carriage]
+            pivot -= work.haul_by_s[carriage]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
     d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
-    for i in range(4):
-        store(
-            add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), work.sliding_row[carriage, i]
-        )
     diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
     for i in range(4):
-        side, slot = i // 2, i % 2
+        row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
+        store(row, rows[carriage, i])
         column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
-        accumulate(scale(-1.0, pull), right_side[element + side, slot])
-        for j in range(4):
-            if j // 2 == side:
-                target = diagonal[element + side, slot, j % 2]
-            elif side == 0:
-                target = upper[element, slot, j % 2]
-            else:
-                target = lower[element, slot, j % 2]
-            row = load(rows[carriage, j], like)
-            accumulate(minus(full(shape[i] * shape[j], d, 0.0), outer(1.0 / pivot, column, row)), target)
+        accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
+    for i in range(2):
+        column_a = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        column_b = add_scaled(shape[i + 2], d_r_x, scale(stiffness_factor * shape_x[i + 2], force))
+        for j in range(2):
+            row_a, row_b = load(rows[carriage, j], like), load(rows[carriage, j + 2], like)
+            block = full(shape[i] * shape[j], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_a, row_a)), diagonal[element, i, j])
+            block = full(shape[i] * shape[j + 2], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_a, row_b)), upper[element, i, j])
+            block = full(shape[i + 2] * shape[j], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_b, row_a)), lower[element, i, j])
+            block = full(shape[i + 2] * shape[j + 2], d, 0.0)
+            accumulate(minus(block, outer(1.0 / pivot, column_b, row_b)), diagonal[element + 1, i, j])
 
 
 @kernel

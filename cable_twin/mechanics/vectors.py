@@ -11,14 +11,14 @@ from typing import Any
 
 from numba.extending import overload
 
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
 _OPTIONS: Any = {"error_model": "numpy"}
 
 
-@kernel
+@inlined_kernel
 def dot(a, b):
     """Scalar product of two vectors."""
     total = 0.0
@@ -27,14 +27,14 @@ def dot(a, b):
     return total
 
 
-@kernel
+@inlined_kernel
 def store(a, row):
     """Write the entries of `a` into the array `row`."""
     for i in range(len(a)):
         row[i] = a[i]
 
 
-@kernel
+@inlined_kernel
 def accumulate(a, row):
     """Add the entries of `a` to the array `row`."""
     for i in range(len(a)):

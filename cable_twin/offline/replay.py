@@ -104,7 +104,7 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
         LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError: it cannot be simulated.
     """
     simulation = start_of(log, samples=int(log.metadata["sample_count"]))
-    encoder = MessageEncoder(simulation.carriages, log.epoch_ns)
+    encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
     compared = [
         name

@@ -94,7 +94,7 @@ def simulate(
     Returns:
         How far it came, and what was refused.
     """
-    encoder = MessageEncoder(simulation.carriages, epoch_ns)
+    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
     first = round(simulation.time / simulation.step)  # solver steps that are done
     given = list(script)
     waiting = deque(item for item in given if round(item.time / simulation.step) >= first)

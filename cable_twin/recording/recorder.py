@@ -106,6 +106,7 @@ class Recorder:
         self._capacity = capacity
         self._queue: deque[_Item] = deque()
         self._closing = False
+        self._writing = False
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -113,6 +114,11 @@ class Recorder:
     def backlog(self) -> int:
         """Frames that wait to be written."""
         return len(self._queue)
+
+    @property
+    def idle(self) -> bool:
+        """Whether all that was handed over has been written."""
+        return not self._queue and not self._writing
 
     @property
     def recording(self) -> bool:
@@ -162,11 +168,13 @@ class Recorder:
         self._sinks.clear()
 
     def _drain(self) -> None:
+        self._writing = True  # before the queue gets empty
         while self._queue:
             item = self._queue.popleft()
             for sink in tuple(self._sinks):
                 self._attempt(sink, sink.write, item)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
+        self._writing = False
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
         """Do it; where it fails, keep the fault and give the sink up."""

@@ -24,7 +24,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot
+from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot, TowerState
 
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
@@ -32,44 +32,19 @@ LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
 FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
+CLOSE_UPS = 6  # of carriages, where there are more than that
+LEGEND_LINES = 12  # of a plot, up to which it has a legend
+LABELS = 8  # carriages up to which each has its name beside it
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
 COLOR_STOPS = (0x3B8BFFFF, 0x35C9E0FF, 0x6FE08AFF, 0xF4E04DFF, 0xFF9838FF, 0xFF4338FF)
 CARRIAGE_COLORS = (0xFFFFFFFF, 0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0xBDB2FFFF)
 BODY_COLORS = (0xFFD166FF, 0x9BF6FFFF, 0xCAFFBFFF, 0xFFADADFF, 0xBDB2FFFF)
 PLOT_COLORS = (0x4CC9F0FF, 0xFFD166FF, 0xFF6B6BFF, 0x80ED99FF, 0xC8B6FFFF, 0xFFADADFF)
 QUIET = 0x8A93A6FF
+WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
 GROUND = 0x6B5F4FFF
 
 _LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
-
-
-def outline_from_pivots(
-    upper_pivot: ArrayLike, lower_pivot: ArrayLike | None = None, *, gyration_radius: float | None = None
-) -> FloatArray:
-    """Return a drawable outline of a body that is known by its pivots and inertia only.
-
-    A body that carries another one is a line from pivot to pivot through the centre of mass. The last body of a
-    chain is a slender rod where its inertia is that of one, else the square box of that inertia, hung from its
-    pivot.
-
-    Args:
-        upper_pivot: (2,) m, from the centre of mass in the body's axes.
-        lower_pivot: (2,) m, where the next body hangs; None for the last one of the chain.
-        gyration_radius: m, square root of inertia over mass; None draws a box as high as the pivot is above the
-            centre of mass.
-
-    Returns:
-        (n, 2) m, one line in the body's axes.
-    """
-    top = np.asarray(upper_pivot, dtype=np.float64)
-    if lower_pivot is not None:
-        return np.array([top, (0.0, 0.0), np.asarray(lower_pivot, dtype=np.float64)])
-    length = float(np.hypot(*top))
-    if gyration_radius is not None and abs(gyration_radius * np.sqrt(12.0) - 2.0 * length) < 0.1 * length:
-        return np.array([top, -top])
-    half = (length if gyration_radius is None else gyration_radius * np.sqrt(6.0)) / 2.0
-    box = np.array([(0.0, half), (half, half), (half, -half), (-half, -half), (-half, half), (0.0, half)])
-    return np.vstack([top, box])
 
 
 class RerunView:
@@ -101,7 +76,7 @@ class RerunView:
         Args:
             scenario_name: Title of the recording.
             body_outlines: Carriage -> body -> (n, 2) m, one line in the body's axes from its centre of mass (see
-                `outline_from_pivots`). A body without one is drawn as a dot.
+                `cable_twin.outlines`). A body without one is drawn as a dot.
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
@@ -149,7 +124,7 @@ class RerunView:
         self._colors = _TensionColors()
         self._legend_place = (0.0, 0.0, 1.0)
         self._commands: deque[AppliedCommand] = deque()  # not yet in effect at the last snapshot
-        self._last_command: Command | None = None
+        self._last_commands: dict[str, Command] = {}  # that were listed: of drives, payload, wind
         self._commanded: dict[str, float] = {}
         self._next_geometry = -np.inf
 
@@ -192,9 +167,15 @@ class RerunView:
         """
         self._open()
         self._commands.append(applied)
-        if applied.command == self._last_command:
+        kind = applied.command.kind if applied.command.kind in ("payload", "wind") else "drive"
+        last = self._last_commands.get(kind)
+        if applied.command == last:
             return  # a command that only goes on, as the time-out wants it
-        self._last_command = applied.command
+        if kind == "wind" and last is not None:
+            change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
+            if max(change) < WIND_CHANGE:
+                return
+        self._last_commands[kind] = applied.command
         self._command_times.append(applied.time)
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
@@ -278,7 +259,8 @@ class RerunView:
         )
         reaches = {}
         for index, (name, state) in enumerate(snapshot.carriages.items()):
-            reaches[name] = self._begin_carriage(name, state, CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)])
+            color = CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)]
+            reaches[name] = self._begin_carriage(name, state, color, len(snapshot.carriages) <= LABELS)
         for plot in self._plots:
             stream.log(
                 plot.path,
@@ -288,14 +270,21 @@ class RerunView:
         self._log_legend(snapshot.time)
         stream.send_blueprint(self._blueprint(low, high, reaches))
 
-    def _begin_carriage(self, name: str, state: CarriageState, color: int) -> float:
+    def _begin_carriage(self, name: str, state: CarriageState, color: int, labelled: bool) -> float:
         """Log what moves rigidly with a carriage and return how far it reaches from its joint (m)."""
         stream = self._open()
         path = _path("track/carriages", name)
         self._moving_paths.append(path)
         stream.log(
             path,
-            rr.Points2D([(0.0, 0.0)], colors=[color], radii=_pixels(4.5), labels=[name], draw_order=40.0),
+            rr.Points2D(
+                [(0.0, 0.0)],
+                colors=[color],
+                radii=_pixels(4.5),
+                labels=[name],
+                show_labels=labelled,
+                draw_order=40.0,
+            ),
             static=True,
         )
         for index, body in enumerate(state.bodies):
@@ -324,9 +313,10 @@ class RerunView:
         plots = []
         carriages = snapshot.carriages
         lone = len(carriages) == 1
-        tints = iter(PLOT_COLORS * (1 + sum(2 + len(c.bodies) for c in carriages.values())))
-        for name in carriages:
-            titles = ["speed", "commanded"] if lone else [name, f"{name} commanded"]
+        driven = list(_driven(snapshot))
+        tints = iter(PLOT_COLORS * (1 + 2 * len(driven)))
+        for name in driven:
+            titles = ["speed", "commanded"] if len(driven) == 1 else [name, f"{name} commanded"]
             plots.append(_Plot(_path("plots/speed", name), titles, [next(tints), next(tints)]))
         titles = ["highest", "at the start", "at the end"]
         plots.append(_Plot("plots/tension", titles, [*PLOT_COLORS[2:0:-1], PLOT_COLORS[0]]))
@@ -335,21 +325,25 @@ class RerunView:
             if state.bodies:
                 titles = [body if lone else f"{name} {body}" for body in state.bodies]
                 plots.append(_Plot(_path("plots/swing", name), titles, [next(tints) for _ in titles]))
-        tints = iter(PLOT_COLORS * (1 + len(carriages)))
-        plots.extend(_Plot(_path("plots/drive_force", name), [name], [next(tints)]) for name in carriages)
+        tints = iter(PLOT_COLORS * (1 + len(driven)))
+        plots.extend(_Plot(_path("plots/drive_force", name), [name], [next(tints)]) for name in driven)
+        tints = iter(PLOT_COLORS * (1 + len(snapshot.supports)))
+        plots.extend(_Plot(_path("plots/tower_load", name), [name], [next(tints)]) for name in _towers(snapshot))
         return plots
 
     def _row(self, snapshot: Snapshot) -> list[float]:
-        """Return the values of all plots: speeds, tensions, swings, drive forces."""
+        """Return the values of all plots: speeds, tensions, swings, drive forces, tower loads."""
         scale = self._force_scale
         tensions = snapshot.cable.tensions
         row: list[float] = []
-        for name, state in snapshot.carriages.items():
-            row += (state.speed, self._commanded.get(name, np.nan))
+        driven = _driven(snapshot)
+        for name, (_, speed, _) in driven.items():
+            row += (speed, self._commanded.get(name, np.nan))
         row += (tensions.max() * scale, tensions[0] * scale, tensions[-1] * scale)
         for state in snapshot.carriages.values():
-            row += [body.pitch * _DEGREES for body in state.bodies.values()]
-        row += [state.drive_force * scale for state in snapshot.carriages.values()]
+            row += [body.pitch * _DEGREES if state.attached else np.nan for body in state.bodies.values()]
+        row += [force * scale for _, _, force in driven.values()]
+        row += [tower.normal_load * scale for tower in _towers(snapshot).values()]
         return row
 
     def _obey(self, applied: AppliedCommand) -> None:
@@ -361,7 +355,7 @@ class RerunView:
             self._commanded.update(dict.fromkeys(command.values, np.nan))
         elif command.kind == "emergency_stop":
             self._commanded = dict.fromkeys(self._commanded, 0.0)
-        else:
+        elif command.kind in ("release", "reset"):
             self._commanded = {}
 
     def _collect_geometry(self, snapshot: Snapshot) -> None:
@@ -392,13 +386,25 @@ class RerunView:
         scale, unit = self._force_scale, self._force_unit
         tensions = snapshot.cable.tensions
         lines = [f"## {self._title}", f"| time | {snapshot.time:.2f} s |", "| :-- | --: |"]
-        for name, state in snapshot.carriages.items():
+        for name, (place, speed, force) in _driven(snapshot).items():
             lines += (
-                f"| {name} at | **{state.arc_length:.2f} m** |",
-                f"| speed | **{state.speed:.2f} m/s** |",
-                f"| drive force | **{state.drive_force * scale:.3g} {unit}** |",
+                f"| {name} {'by' if snapshot.drives else 'at'} | **{place:.2f} m** |",
+                f"| speed | **{speed:.2f} m/s** |",
+                f"| drive force | **{force * scale:.3g} {unit}** |",
+            )
+        if snapshot.drives:
+            on_line = [state for state in snapshot.carriages.values() if state.attached]
+            swing = max((abs(body.pitch) for state in on_line for body in state.bodies.values()), default=0.0)
+            lines += (
+                f"| on the line | **{len(on_line)} of {len(snapshot.carriages)}** |",
+                f"| largest swing | **{swing * _DEGREES:.1f} deg** |",
             )
         lines.append(f"| tension | **{tensions.min() * scale:.4g} … {tensions.max() * scale:.4g} {unit}** |")
+        for name, tower in _towers(snapshot).items():
+            load = "lifted off" if tower.lifted_off else f"{tower.normal_load * scale:.4g} {unit}"
+            lines.append(f"| {name} | **{load}** |")
+        travels = [support.travel for support in snapshot.supports.values() if support.travel is not None]
+        lines += [f"| counterweight | **{travel:+.3f} m** |" for travel in travels]
         return "\n".join(lines)
 
     def _send(self) -> None:
@@ -483,7 +489,7 @@ class RerunView:
                     x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]
                 ),
             )
-            for name, reach in reaches.items()
+            for name, reach in list(reaches.items())[:CLOSE_UPS]
         ]
         unit = self._force_unit
         titles = {
@@ -492,6 +498,8 @@ class RerunView:
             "swing": "Swing [deg]",
             "drive_force": f"Drive force [{unit}]",
         }
+        if any(plot.path.startswith("plots/tower_load/") for plot in self._plots):
+            titles["tower_load"] = f"Load on towers [{unit}]"
         plots = [self._plot_view(f"plots/{path}", title) for path, title in titles.items()]
         lower: list[rrb.View | rrb.Container] = [rrb.Grid(*plots, grid_columns=2)]
         if close_ups:
@@ -527,7 +535,7 @@ class RerunView:
             name=title,
             origin=path,
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=lines > 1),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=1 < lines <= LEGEND_LINES),
             time_ranges=window,
         )
 
@@ -595,7 +603,7 @@ class _TensionColors:
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = {"speed": "m/s", "force": "N"}.get(command.kind, "")
+    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
     values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
@@ -627,6 +635,18 @@ def open_stream(
         raise OSError(str(error)) from error
     stream.send_recording_name(title)
     return stream
+
+
+def _towers(snapshot: Snapshot) -> dict[str, TowerState]:
+    """Return the towers among the supports."""
+    return {name: support.tower for name, support in snapshot.supports.items() if support.tower is not None}
+
+
+def _driven(snapshot: Snapshot) -> dict[str, tuple[float, float, float]]:
+    """Return place (m), speed (m/s) and drive force (N) by name: of a moving cable, else of each carriage."""
+    if snapshot.drives:
+        return {name: (drive.position, drive.speed, drive.force) for name, drive in snapshot.drives.items()}
+    return {name: (one.arc_length, one.speed, one.drive_force) for name, one in snapshot.carriages.items()}
 
 
 def _planar(vector: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_twin.messages import NAMESPACE, SCENARIO, Topic, nanoseconds, scenario_message
+from cable_twin.outlines import body_outlines
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.scenario import Scenario
@@ -86,18 +86,17 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
     Raises:
         OSError: When the file cannot be created or the port is in use.
     """
-    from cable_twin.recording.rerun_view import RerunView, outline_from_pivots  # noqa: PLC0415 - half a second
+    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
-    outlines = {
-        carriage: {
-            name: outline_from_pivots(
-                body.upper_pivot, body.lower_pivot, gyration_radius=math.sqrt(body.inertia / body.mass)
-            )
-            for name, body in parameters.bodies.items()
-        }
-        for carriage, parameters in scenario.carriages.items()
-    }
-    return RerunView(scenario.name, outlines, path=path, live=live, **options)
+    return RerunView(
+        scenario.name,
+        body_outlines(scenario),
+        path=path,
+        live=live,
+        ground=scenario.terrain or None,
+        support_positions={name: tower.position for name, tower in scenario.towers.items()},
+        **options,
+    )
 
 
 def _snapshot(simulation: Simulation) -> bytes | None:

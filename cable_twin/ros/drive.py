@@ -30,7 +30,7 @@ examples:
 def parser() -> OneLineParser:
     """Options of `drive`."""
     result = OneLineParser("drive", "Drive a carriage of a running twin from the terminal.", EPILOG)
-    result.add_argument("name", help="carriage to drive, such as cabin")
+    result.add_argument("name", help="carriage or drive, such as cabin or haul_rope")
     what = result.add_mutually_exclusive_group(required=True)
     what.add_argument("--speed", type=_number, help="m/s along the cable", metavar="M/S")
     what.add_argument("--force", type=_number, help="N along the cable", metavar="N")
@@ -110,12 +110,19 @@ class _Driver:
                     f"no twin listens on {self._topic} after {DISCOVERY:g} s: is `sim` running, "
                     "with the same ROS_DOMAIN_ID?"
                 )
-        carriages = self._scenario["carriages"]
+        carriages = {
+            name: one.get("drive", {})
+            for name, one in self._scenario["carriages"].items()
+            if one.get("joint") != "clamped"  # goes with the cable
+        }
+        drives = carriages | self._scenario.get("drives", {})
         name = self._options.name
-        if name not in carriages:
-            return f"the twin has no carriage '{name}'; it has: {', '.join(carriages) or 'none'}"
+        if name not in drives:
+            return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
         quantity, unit, value = self._command
-        limit = carriages[name].get("drive", {}).get("limits", {}).get(quantity)
+        if quantity == "force" and name not in carriages:
+            return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
+        limit = drives[name].get("limits", {}).get(quantity)
         if limit is not None and abs(value) > limit:
             return f"{quantity} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
         return None

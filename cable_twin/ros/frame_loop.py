@@ -7,6 +7,7 @@ computes without waiting until it has caught up.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
@@ -16,22 +17,21 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.snapshot_file import FullState
 
 IDLE = 0.005  # s between two looks at the queue while paused
 STEP, CAPTURE = "step", "capture"  # requests that are no commands
+SHORT = 0.05  # s that the end of a run may have to wait for
 
 
 @dataclass(slots=True)
 class FrameStatistics:
     """What the loop did since these were last taken."""
 
-    lateness: list[float] = field(default_factory=list)  # s, of each frame
-    missed: int = 0  # frames later than their period
+    lateness: LatenessHistogram
     steps: int = 0
     iterations: int = 0
     halvings: int = 0
@@ -42,14 +42,9 @@ class FrameStatistics:
     def summary(self) -> dict[str, float]:
         """Figures by the names they have in the diagnostics."""
         elapsed = max(time.monotonic() - self.since, 1e-9)
-        lateness = np.array(self.lateness or [0.0]) * 1e3
         return {
             "real_time_factor": self.simulated / elapsed,
-            "lateness_median_ms": float(np.median(lateness)),
-            "lateness_p99_ms": float(np.percentile(lateness, 99)),
-            "lateness_max_ms": float(lateness.max()),
-            "frames": len(self.lateness),
-            "missed_frames": self.missed,
+            **self.lateness.summary(),
             "newton_iterations_per_step": self.iterations / max(self.steps, 1),
             "halved_steps": self.halvings,
             "constraint_residual_m": self.constraint_residual,
@@ -64,7 +59,7 @@ class FrameLoop:
         frame_steps: solver steps in a frame.
         real_time_factor: simulated seconds a second, 0 for as fast as possible.
         command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_frame: called with every new snapshot, in the loop's thread.
+        on_frame: called with every new snapshot, in the loop's thread; the one to start from is not new.
         on_applied: called with every command as it takes effect, before the frame that shows it.
         on_fault: called with a line about what failed.
         paused: wait for `pause(False)` or `step`.
@@ -92,7 +87,9 @@ class FrameLoop:
         self._paused = paused
         self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
-        self._statistics = FrameStatistics()
+        self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
+        self.total_lateness = LatenessHistogram(self._clock_period)  # since the start
+        self._statistics = FrameStatistics(LatenessHistogram(self._clock_period))
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._guard, name="solver", daemon=True)
 
@@ -142,7 +139,7 @@ class FrameLoop:
 
     def take_statistics(self) -> FrameStatistics:
         """What happened since the last call."""
-        taken, self._statistics = self._statistics, FrameStatistics()
+        taken, self._statistics = self._statistics, FrameStatistics(LatenessHistogram(self._clock_period))
         return taken
 
     def _guard(self) -> None:
@@ -155,7 +152,6 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
-        self._on_frame(self._simulation.snapshot)
         for command in self._simulation.commands.values():  # of a snapshot: they too want to go on
             self._hold(command)
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
@@ -199,12 +195,16 @@ class FrameLoop:
 
     def _wait(self, due: float) -> None:
         remaining = due - time.monotonic()
-        if remaining > 0.0:
-            self._stopping.wait(remaining)
+        if remaining > SHORT:
+            self._stopping.wait(remaining - SHORT)
+            remaining = due - time.monotonic()
+        if remaining > 0.0 and not self._stopping.is_set():
+            time.sleep(remaining)  # wakes more exactly than an event, which takes a lock and gives it back
+        if self._stopping.is_set():
+            return  # nobody gets to see this frame
         late = max(time.monotonic() - due, 0.0)
-        self._statistics.lateness.append(late)
-        if late > self.frame_period / self._factor:
-            self._statistics.missed += 1
+        self._statistics.lateness.add(late)
+        self.total_lateness.add(late)
 
     def _obey(self) -> Sequence[Future[AppliedCommand | None]]:
         """Apply what waits; returns the requests for a single frame."""
@@ -235,7 +235,7 @@ class FrameLoop:
         applied = self._simulation.apply(command, source)
         if command.kind in ("speed", "force"):
             self._hold(command)
-        else:
+        elif command.kind in ("emergency_stop", "release", "reset"):
             self._deadlines.clear()
             if command.kind == "reset" and self.fault:
                 self.fault = ""

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -26,8 +28,10 @@ from cable_twin.messages import (
     CLOCK,
     DIAGNOSTICS,
     JOINT_COMMANDS,
+    PAYLOAD,
     SCENARIO,
     TF,
+    WIND,
     MessageEncoder,
     applied_command_message,
     clock_message,
@@ -35,8 +39,10 @@ from cable_twin.messages import (
     decode,
     diagnostics_message,
     nanoseconds,
+    payload_from_joint_state,
     scenario_message,
     topics,
+    wind_from_vector,
 )
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
@@ -66,10 +72,17 @@ MESSAGE_TYPES = {
     )
     if kind is not None
 }
+# what is subscribed: type, and how it is understood
+INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
+    JOINT_COMMANDS: (JointState, lambda m: command_from_joint_state(m.name, m.position, m.velocity, m.effort)),
+    PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
+    WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
+}
 SERVICE_TIMEOUT = 5.0  # s
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
+FIRST_FRAME_TIMEOUT = 2.0  # s that time waits for the logs to take the first frame
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
@@ -99,7 +112,7 @@ class TwinNode(Node):
         self._recording_fault = ""
         self._simulation = self._build_simulation()
         self._epoch_ns = time.time_ns() - nanoseconds(self._simulation.time)
-        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns)
+        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
             self._simulation.carriages, clock=self._settings["publish_clock"], tf=TFMessage is not None
@@ -115,7 +128,7 @@ class TwinNode(Node):
                 ),
             )
             for topic in self._topics
-            if topic.name != JOINT_COMMANDS
+            if topic.name not in INPUTS
         }
         self._loop = FrameLoop(
             self._simulation,
@@ -127,7 +140,8 @@ class TwinNode(Node):
             on_fault=self._report_fault,
             paused=self._settings["start_paused"],
         )
-        self.create_subscription(JointState, f"~/{JOINT_COMMANDS}", self._on_command, 50, raw=True)
+        for name, (kind, _) in INPUTS.items():
+            self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
@@ -148,12 +162,20 @@ class TwinNode(Node):
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
+        self._publish_frame(self._simulation.snapshot)
+        self._await_recorder()
+        gc.collect()  # before time runs, not beside it
+        gc.freeze()  # what stays to the end need not be looked through between two frames
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
-        names = ", ".join(self._simulation.carriages)
+        scenario = self._simulation.scenario
+        names = list(scenario.carriages)
+        if scenario.carriers is not None:
+            names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
+        drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self.get_logger().info(
-            f"'{self._simulation.scenario.name}' runs at {rate:g} Hz{start}; carriages: {names}; "
+            f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
             f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
         )
 
@@ -244,6 +266,12 @@ class TwinNode(Node):
         self.get_logger().info(f"log: {self._run.directory}{live}")
         self._report_recording_faults()
 
+    def _await_recorder(self) -> None:
+        """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
+        deadline = time.monotonic() + FIRST_FRAME_TIMEOUT
+        while self._run is not None and not self._run.recorder.idle and time.monotonic() < deadline:
+            time.sleep(0.005)
+
     def _publish_frame(self, snapshot: Snapshot) -> None:
         """Build the messages of a frame once; publish and record the same bytes."""
         stamp_ns = self._encoder.stamp_ns(snapshot)
@@ -273,33 +301,33 @@ class TwinNode(Node):
                 f"from {applied.time:.2f} s of simulated time on"
             )
 
-    def _on_command(self, data: bytes) -> None:
-        """A drive command: record it as it came, then apply it whole or refuse it whole."""
+    def _on_command(self, topic: str, data: bytes) -> None:
+        """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
+        kind, understand = INPUTS[topic]
         if self._run is not None:
             stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
-            self._run.recorder.record([(JOINT_COMMANDS, data)], stamp_ns)
+            self._run.recorder.record([(topic, data)], stamp_ns)
         try:
-            message = decode(data, "sensor_msgs/msg/JointState")
-            command = command_from_joint_state(message.name, message.position, message.velocity, message.effort)
+            command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
         except CommandError as error:
-            self._refuse(error)
+            self._refuse(topic, error)
             return
         except Exception as error:
-            self._refuse(CommandError(f"not a JointState: {error}"))
+            self._refuse(topic, CommandError(f"not a {kind.__name__}: {error}"))
             return
-        self._loop.submit(command, JOINT_COMMANDS).add_done_callback(self._on_obeyed)
+        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
 
-    def _on_obeyed(self, future: Any) -> None:
+    def _on_obeyed(self, topic: str, future: Any) -> None:
         if not future.cancelled() and future.exception() is not None:
-            self._refuse(future.exception())
+            self._refuse(topic, future.exception())
 
-    def _refuse(self, error: BaseException) -> None:
+    def _refuse(self, topic: str, error: BaseException) -> None:
         self._refused += 1
         now = time.monotonic()
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self.get_logger().warning(
-                f"{self.get_fully_qualified_name()}/{JOINT_COMMANDS}: command refused, "
+                f"{self.get_fully_qualified_name()}/{topic}: command refused, "
                 f"the last good one stays: {error} ({self._refused} refused so far)"
             )
 
@@ -376,7 +404,8 @@ class TwinNode(Node):
 
     def _publish_diagnostics(self) -> None:
         statistics = self._loop.take_statistics().summary()
-        values: dict[str, str] = {key: f"{value:.6g}" for key, value in statistics.items()}
+        total = {f"total_{key}": value for key, value in self._loop.total_lateness.summary().items()}
+        values: dict[str, str] = {key: f"{value:.9g}" for key, value in {**statistics, **total}.items()}
         values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
         values["commands_applied"] = str(self._commands_applied)
         values["commands_refused"] = str(self._refused)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import re
 import sys
@@ -21,6 +20,8 @@ examples:
   sim --rerun live                       watch it: rerun rerun+http://127.0.0.1:9876/proxy
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
+
+SWITCH_INTERVAL = 0.0005  # s a frame that is due may wait for another thread's Python; 5 ms where nobody says it
 
 
 def parser() -> OneLineParser:
@@ -83,12 +84,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         rclpy.try_shutdown()
         return 1
     ending.starting = False
+    sys.setswitchinterval(SWITCH_INTERVAL)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         node.start()
-        gc.collect()
-        gc.freeze()  # what stays to the end need not be looked through between two frames
         while not ending.is_set() and not node.failed:
             executor.spin_once(timeout_sec=0.2)
     finally:

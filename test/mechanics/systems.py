@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import CONTINUUM, Cable, Carriages, Solver, System
+from cable_twin.mechanics.parameters import (
+    CONTINUUM,
+    END,
+    Air,
+    Cable,
+    Carriages,
+    Counterweights,
+    HaulRopes,
+    Solver,
+    Supports,
+    System,
+)
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 
 
@@ -46,14 +57,21 @@ def make_carriages(chains=(), **changes):
         upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
         lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
         fixed=np.zeros(count, dtype=np.bool_),
+        clamped=np.zeros(count, dtype=np.bool_),
+        loop_place=np.zeros(count),
         rolling_friction=np.zeros(count),
         viscous_friction=np.zeros(count),
         presliding=np.full(count, 1e-2),
         speed_limit=np.full(count, np.inf),
         acceleration_limit=np.full(count, 0.5),
+        deceleration_limit=np.full(count, 0.5),
         emergency_deceleration=np.full(count, 1.5),
         jerk_limit=np.full(count, np.inf),
         force_limit=np.full(count, np.inf),
+        power_limit=np.full(count, np.inf),
+        drive_stops=np.ones(count, dtype=np.bool_),
+        brake_force=np.zeros((count, 3)),
+        brake_rise_time=np.zeros((count, 3)),
         stop_stroke=np.full(count, 0.1),
         stop_stiffness=np.full(count, 800.0),
         stop_damping=np.full(count, 0.3),
@@ -61,11 +79,65 @@ def make_carriages(chains=(), **changes):
     return carriages._replace(**changes)
 
 
-def make_system(dim=2, *, chains=(), cable=None, carriages=None):
-    """System of the two above."""
+def make_supports(dim=2, contacts=0, **changes):
+    """Towers of one contact each, rough, over which the cable of `disturbed_state` passes."""
+    numbers = np.arange(contacts, dtype=float)
+    side = np.zeros((contacts, dim))
+    side[:, -1] = 1.0
+    supports = Supports(
+        contact_offset=np.arange(contacts + 1, dtype=np.int64),
+        top=np.zeros((contacts, dim)),
+        position=np.zeros((contacts, dim)),
+        normal=side,
+        stiffness=3000.0 + 100.0 * numbers,
+        damping=np.full(contacts, 0.2),
+        friction=np.full(contacts, 0.3),
+        presliding=np.full(contacts, 0.02),
+        toe=np.full(contacts, 0.01),
+    )
+    return supports._replace(**changes)
+
+
+def make_counterweights(dim=2, **changes):
+    """No counterweight at either end."""
+    weights = Counterweights(
+        direction=np.full((2, dim), np.nan),
+        mass=np.zeros(2),
+        force=np.zeros(2),
+        travel=np.tile([-np.inf, np.inf], (2, 1)),
+        stiffness=np.ones(2),
+        damping=np.zeros(2),
+    )
+    return weights._replace(**changes)
+
+
+def make_haul_ropes(count, **changes):
+    """No haul rope for any of `count` carriages, unless an axial stiffness is given."""
+    ropes = HaulRopes(
+        axial_stiffness=np.zeros(count),
+        mass_per_length=np.full(count, 2.0),
+        damping_ratio=np.full(count, 0.05),
+        station=np.full(count, END, dtype=np.int64),
+        beyond_track=np.full(count, 0.4),
+        pretension=np.full(count, 500.0),
+        drive_inertia=np.full(count, 7.0),
+        present="axial_stiffness" in changes,
+    )
+    return ropes._replace(**changes)
+
+
+def make_system(
+    dim=2, *, chains=(), cable=None, carriages=None, supports=None, counterweights=None, haul_ropes=None, air=None
+):
+    """System of those above; no drag unless `air` is given."""
+    bodies = sum(chains)
     return System(
         cable=make_cable(dim, **(cable or {})),
         carriages=make_carriages(chains, **(carriages or {})),
+        supports=make_supports(dim, **(supports or {})),
+        counterweights=make_counterweights(dim, **(counterweights or {})),
+        haul_ropes=make_haul_ropes(len(chains), **(haul_ropes or {})),
+        air=Air(rope_drag=0.0, body_drag=np.zeros(bodies), present=False) if air is None else air,
         solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
     )
 

@@ -17,6 +17,7 @@ from cable_twin.mechanics.equations_of_motion import (
     solve,
     solve_accelerations,
 )
+from cable_twin.mechanics.moving_cable import add_flow
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
 from cable_twin.mechanics.sliding_joint import friction_force, place_joint, stop_force
@@ -74,6 +75,8 @@ def rows(system, state, work):
     cable, carriages = system.cable, system.carriages
     e = state.nodal_coordinates.reshape(-1, 2)
     add_cable(cable, state, 0.0, 0.0, 0.0, work)
+    if system.moving_cable.moving:
+        add_flow(cable, state, 0.0, 0.0, work)
     on_cable = -work.right_side.reshape(-1, 2)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
         element = min(int(arc_length / cable.element_length), cable.element_count - 1)

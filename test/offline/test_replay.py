@@ -31,12 +31,28 @@ from cable_twin.simulation import Simulation
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 FRAME_STEPS = 2  # of 5 ms
-KINDS = ("speed", "force", "emergency_stop", "release", "reset")
+KINDS = ("speed", "force", "wind", "payload", "emergency_stop", "release", "reset")
+SHARES = (0.45, 0.2, 0.1, 0.05, 0.05, 0.1, 0.05)
+DRIVE = {
+    "haul_rope": {"axial_stiffness": 9e7, "mass_per_length": 7.0, "drive_inertia": 3e4, "pretension": 6e4},
+    "emergency_brake": {"force": 6e4, "rise_time": 0.4},
+    "track_rope_brake": {"force": 4e4, "rise_time": 0.3},
+    "emergency_stop": ["emergency_brake", "track_rope_brake"],
+}
+
+
+def random_command(kind: str, random: np.random.Generator) -> Command:
+    """A command of a kind, mostly one that the twin takes."""
+    if kind == "wind":
+        return Command(kind, {"x": float(random.uniform(-15.0, 15.0)), "z": float(random.uniform(-2.0, 2.0))})
+    span = {"speed": (-8.0, 8.0), "force": (0.0, 4e4), "payload": (0.0, 6400.0)}.get(kind)
+    return Command(kind, {} if span is None else {"cabin": float(random.uniform(*span))})
 
 
 def record(directory: Path, seconds: float, *, seed: int) -> Path:
     """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
-    simulation = Simulation(load_scenario(write_quick_scenario(directory)))
+    drive = {f"carriages.cabin.drive.{key}": value for key, value in DRIVE.items()}
+    simulation = Simulation(load_scenario(write_quick_scenario(directory), drive))
     table = topics(simulation.carriages)
     period = FRAME_STEPS * simulation.step
     run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=period, rerun="off")
@@ -49,11 +65,10 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
 
     put_frame()
     for frame in range(round(seconds / period)):
-        if random.random() < 0.1:
-            kind = random.choice(KINDS, p=[0.5, 0.3, 0.05, 0.1, 0.05])
-            value = float(random.uniform(-8.0, 8.0) if kind == "speed" else random.uniform(0.0, 4e4))
-            with suppress(CommandError):  # while the emergency stop is in force
-                applied = simulation.apply(Command(kind, {"cabin": value} if kind in ("speed", "force") else {}))
+        if frame == 0 or random.random() < 0.1:
+            kind = "payload" if frame == 0 else random.choice(KINDS, p=SHARES)
+            with suppress(CommandError):  # while the emergency stop is in force, or outside the station
+                applied = simulation.apply(random_command(kind, random))
                 data = applied_command_message(applied, EPOCH)
                 run.recorder.record_command(applied, data, EPOCH + round(applied.time * 1e9))
         simulation.advance_to((frame + 1) * period)

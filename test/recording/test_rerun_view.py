@@ -1,5 +1,6 @@
 """The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
 
+import dataclasses
 import socket
 import subprocess
 import sys
@@ -17,7 +18,8 @@ psutil = pytest.importorskip("psutil")  # rerun brings it
 
 from rerun.chunk import RrdReader  # noqa: E402
 
-from cable_twin.recording.rerun_view import RerunView, describe_command, outline_from_pivots  # noqa: E402
+from cable_twin.outlines import outline_from_pivots  # noqa: E402
+from cable_twin.recording.rerun_view import RerunView, describe_command  # noqa: E402
 from cable_twin.records import (  # noqa: E402
     AppliedCommand,
     BodyState,
@@ -27,6 +29,7 @@ from cable_twin.records import (  # noqa: E402
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
 
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
@@ -162,6 +165,25 @@ def test_commanded_speed_holds_from_its_command_on(recording):
     assert texts == [["speed cabin 12 m/s (topic)"], ["emergency stop (service)"]]
 
 
+def test_payload_and_gusts_are_listed_and_leave_the_commanded_speed_alone(tmp_path):
+    path = tmp_path / "loads.rrd"
+    view = RerunView(
+        "test ropeway", OUTLINES, path=path, live=False, ground=[(0.0, -60.0), (500.0, -20.0), (SPAN, 90.0)]
+    )
+    drive = Command("speed", {"cabin": 12.0})
+    gusts = [Command("wind", {"x": 5.0 + 0.4 * k, "z": 0.0}) for k in range(6)]
+    orders = [Command("payload", {"cabin": 640.0}), *(order for gust in gusts for order in (drive, gust))]
+    for index, order in enumerate(orders):
+        view.log_command(AppliedCommand(0.1 * index, order, "desk"))
+        view.log(snapshot_at(0.1 * index))
+    view.close()
+    _, texts = column(path, "/commands", "TextLog:text")
+    shown = ["payload cabin 640 kg", "speed cabin 12 m/s", *(f"wind x {x:g} m/s, z 0 m/s" for x in (5.0, 6.2))]
+    assert [text[0] for text in texts] == [f"{line} (desk)" for line in shown]
+    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    assert [speed[1] for speed in speeds[1:]] == [12.0] * (len(orders) - 1)
+
+
 def test_tension_and_swing_have_the_units_of_their_titles(recording):
     path, snapshots = recording
     _, tensions = column(path, "/plots/tension", "Scalars:scalars")
@@ -171,6 +193,25 @@ def test_tension_and_swing_have_the_units_of_their_titles(recording):
     np.testing.assert_allclose(tensions[700], [rope.max(), rope[0], rope[-1]])
     bodies = drawn.carriages["cabin"].bodies
     np.testing.assert_allclose(swings[700], np.rad2deg([bodies["hanger"].pitch, bodies["cabin"].pitch]))
+
+
+def test_towers_are_drawn_with_their_loads_and_counterweights_with_their_travel(tmp_path):
+    place = [700.0, rope_height(np.array(700.0), 700.0, HORIZONTAL)]
+    view = RerunView("towers", OUTLINES, path=tmp_path / "run.rrd", live=False, support_positions={"tower": place})
+    loads = [2e5, 1.5e5, 0.0]
+    for index, load in enumerate(loads):
+        snapshot = snapshot_at(0.05 * index)
+        tower = SupportState(np.array([0.0, load]), TowerState(load, min(loads[: index + 1]), 2e5, load == 0.0))
+        end = dataclasses.replace(snapshot.supports["end"], travel=-0.25)
+        view.log(dataclasses.replace(snapshot, supports={**snapshot.supports, "end": end, "tower": tower}))
+    view.close()
+    _, drawn = column(tmp_path / "run.rrd", "/plots/tower_load/tower", "Scalars:scalars")
+    np.testing.assert_allclose(drawn, np.array(loads)[:, None] / 1e3)
+    _, texts = column(tmp_path / "run.rrd", "/readout", "TextDocument:text")
+    assert "| tower | **200 kN** |" in texts[0][0]
+    assert "| tower | **lifted off** |" in texts[-1][0]
+    assert "| counterweight | **-0.250 m** |" in texts[0][0]
+    assert "tower" in rerun_command("rrd", "print", "-vvv", tmp_path / "run.rrd")
 
 
 def test_bodies_are_drawn_where_they_are(recording):

@@ -83,7 +83,7 @@ def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["gondola", "--speed", "1"], "drive: the twin has no carriage 'gondola'; it has: cabin"),
+        (["gondola", "--speed", "1"], "drive: the twin has no carriage or drive 'gondola' to command; it has: cabin"),
         (["cabin", "--speed", "11"], "drive: speed of 'cabin' is 11 m/s; allowed are -10 to 10 m/s"),
         (["cabin", "--force", "-2e5"], "drive: force of 'cabin' is -200000 N; allowed are -150000 to 150000 N"),
     ],

@@ -15,14 +15,14 @@ from cable_twin.ros.parameters import PARAMETERS
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, Vector3, Vector3Stamped
 from nav_msgs.msg import Path
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_participant import Participant
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -170,6 +170,41 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
     assert len(speeds) > 100
     assert speeds == pytest.approx([2.0] * len(speeds), abs=1e-6)
     assert "Traceback" not in process.output
+
+
+def test_payload_and_wind_are_taken_from_their_topics_or_refused_by_name(running, twin):
+    process, _ = running
+    loads = twin.node.create_publisher(JointState, f"{twin.twin}/payload", 10)
+    winds = twin.node.create_publisher(Vector3Stamped, f"{twin.twin}/wind", 10)
+    twin.until(lambda: loads.get_subscription_count() and winds.get_subscription_count(), what="a twin that listens")
+
+    def applied(kind: str) -> JointState | None:
+        return next((m for m in twin.received["applied_commands"] if m.header.frame_id == f"{kind}:{kind}"), None)
+
+    loads.publish(JointState(name=["cabin"], effort=[3200.0]))
+    winds.publish(Vector3Stamped(vector=Vector3(x=12.0, z=-1.0)))
+    load = twin.until(lambda: applied("payload"), what="applied payload")
+    wind = twin.until(lambda: applied("wind"), what="applied wind")
+    assert (load.name, list(load.effort)) == (["cabin"], [3200.0])
+    assert dict(zip(wind.name, wind.velocity, strict=True)) == {"x": 12.0, "z": -1.0}
+    # the cabin, third of the joints after the carriage, swings downwind
+    pitch = 3
+    twin.until(lambda: twin.received["joint_states"][-1].position[pitch] < -0.005, what="a cabin in the wind")
+    for publisher, message, reason in (
+        (loads, JointState(name=["cabin"], effort=[1e6]), "/payload: command refused"),
+        (winds, Vector3Stamped(vector=Vector3(y=3.0)), "/wind: command refused"),
+        (winds, Vector3Stamped(vector=Vector3(x=math.inf)), "wind x is inf m/s; allowed are -100 to 100 m/s"),
+    ):
+        twin.spin(1.05)  # beyond the throttle
+        length = len(process.output)
+        publisher.publish(message)
+        twin.until(lambda length=length, reason=reason: reason in process.output[length:], what=reason)
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.speed > 0.5)
+        twin.spin(1.05)
+        length = len(process.output)
+        loads.publish(JointState(name=["cabin"], effort=[0.0]))
+        twin.until(lambda: "payload of 'cabin', which" in process.output[length:], what="a refusal under way")
 
 
 def test_reset_puts_the_state_back_and_never_the_time(twin):

@@ -1,0 +1,12 @@
+"""What the solver costs, beside the strongest other program: one part a file, `python -m benchmarks` runs them all.
+
+A part is a function `run(quick, repetitions, progress)` that gives a `report.Part`. Everything is measured on one
+thread; the libraries below read their number of threads when they are loaded, so it is set here.
+"""
+
+from __future__ import annotations
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ[variable] = "1"

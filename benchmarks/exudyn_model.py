@@ -1,0 +1,198 @@
+"""A scenario of ours as a model of Exudyn: same mesh, same elements, same rigid bodies, same start at rest.
+
+Exudyn's `ANCFCable2D` is the same element as ours: cubic in the position, strain |r_x| - 1, material curvature. It is
+planar in x and y, where ours is in x and z, and turns the other way round. Every carriage hangs from the cable by an
+`ObjectJointSliding2D`, every further body from the one before it by a `RevoluteJoint2D`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from cable_twin.records import FloatArray
+from cable_twin.scenario import Scenario
+from cable_twin.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How Exudyn solves: what of it can be chosen and matters here.
+
+    Its modified Newton method keeps a Jacobian for some iterations while the residual contracts.
+    """
+
+    name: str
+    classical_joint: bool  # its default: the contact force is unknown and has no component along the cable
+    contractivity: float  # -, largest ratio of two residuals with one Jacobian
+    kept_iterations: int  # with one Jacobian
+    tolerance: float = 1e-6  # of the residual, absolute and relative to its first value
+
+
+DEFAULT_JOINT = Setting("Exudyn, default joint", True, 0.5, 8)  # Newton as Exudyn has it by default
+ACCURATE = Setting("Exudyn, accurate joint", False, 0.7, 12)  # a tenth faster with this joint
+
+
+def load_exudyn() -> Any:
+    """Exudyn in its variant without range checks, or None where it is not installed."""
+    sys.exudynFast = True  # type: ignore[attr-defined]  # its own switch, read on the first import
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            import exudyn  # noqa: PLC0415 - optional
+    except ImportError:
+        return None
+    exudyn.config.printToConsole = False
+    return exudyn
+
+
+class ExudynModel:
+    """One scenario in Exudyn, to be run once.
+
+    Args:
+        exudyn: the module, as `load_exudyn` gives it.
+        simulation: ours at its start, from which the static equilibrium is taken.
+        setting: how it is solved.
+    """
+
+    def __init__(self, exudyn: Any, simulation: Simulation, setting: Setting) -> None:
+        from exudyn import itemInterface as items  # noqa: PLC0415, N813 - optional
+
+        self._exudyn, self._items, self._setting = exudyn, items, setting
+        self._scenario: Scenario = simulation.scenario
+        self._container = exudyn.SystemContainer()
+        self._system = self._container.AddSystem()
+        self._ground = self._system.AddObject(items.ObjectGround())
+        cables = self._add_cable(simulation)
+        self._joints = {name: self._add_carriage(name, simulation, cables) for name in self._scenario.carriages}
+        self._system.Assemble()
+
+    def run(self, duration: float) -> None:
+        """Integrate from the start for `duration` (s).
+
+        Raises:
+            RuntimeError: Exudyn gave up.
+        """
+        settings, setting, solver = self._exudyn.SimulationSettings(), self._setting, self._scenario.solver
+        settings.timeIntegration.endTime = duration
+        settings.timeIntegration.numberOfSteps = round(duration / solver.step)
+        settings.timeIntegration.verboseMode = 0
+        settings.timeIntegration.generalizedAlpha.spectralRadius = solver.spectral_radius
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # as ours: released from rest
+        newton = settings.timeIntegration.newton
+        newton.relativeTolerance = newton.absoluteTolerance = setting.tolerance
+        newton.useModifiedNewton = True
+        newton.modifiedNewtonContractivity = setting.contractivity
+        newton.maxModifiedNewtonIterations = setting.kept_iterations
+        newton.maxModifiedNewtonRestartIterations = max(7, setting.kept_iterations - 1)
+        settings.solution.file.write = False
+        settings.parallel.numberOfThreads = 1
+        settings.linearSolver.solverType = self._exudyn.LinearSolverType.EigenSparse
+        settings.linearSolver.reuseAnalyzedPattern = True
+        self._system.SolveDynamic(settings)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of the run."""
+        return self._system.sys["dynamicSolver"].it.newtonStepsCount
+
+    def positions(self) -> dict[str, FloatArray]:
+        """Joint (2,) in m of each carriage now."""
+        output = self._exudyn.OutputVariableType.Position
+        return {name: np.array(self._system.GetObjectOutput(joint, output))[:2] for name, joint in self._joints.items()}
+
+    def _add_cable(self, simulation: Simulation) -> list[Any]:
+        """Nodes, elements, gravity and pinned ends; returns the elements."""
+        cable, system, items = self._scenario.cable, self._system, self._items
+        length = cable.unstrained_length / cable.elements
+        positions, slopes = nodal_shape(simulation)
+        ground = system.AddMarker(
+            items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
+        )
+        straight = np.array([1.0, 0.0])
+        nodes = []
+        for index, (position, slope) in enumerate(zip(positions, slopes, strict=True)):
+            reference = np.array([index * length, 0.0])
+            initial = [*(position - reference), *(slope - straight)]
+            nodes.append(
+                system.AddNode(
+                    items.NodePoint2DSlope1(referenceCoordinates=[*reference, *straight], initialCoordinates=initial)
+                )
+            )
+        elements = []
+        for pair in pairwise(nodes):
+            element = system.AddObject(
+                items.ObjectANCFCable2D(
+                    length=length,
+                    massPerLength=cable.mass_per_length,
+                    bendingStiffness=cable.bending_stiffness,
+                    axialStiffness=cable.axial_stiffness,
+                    bendingDamping=cable.damping_time * cable.bending_stiffness,
+                    axialDamping=cable.damping_time * cable.axial_stiffness,
+                    nodeNumbers=list(pair),
+                    useReducedOrderIntegration=1,  # 4 Gauss points, as ours; its default has 5 and is slower
+                )
+            )
+            elements.append(element)
+            marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=element))
+            system.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=[0, -self._scenario.gravity, 0]))
+        for node in (nodes[0], nodes[-1]):
+            for coordinate in (0, 1):
+                held = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
+                offset = system.GetNode(node)["initialCoordinates"][coordinate]
+                system.AddObject(items.ObjectConnectorCoordinate(markerNumbers=[ground, held], offset=offset))
+        return elements
+
+    def _add_carriage(self, name: str, simulation: Simulation, cables: list[Any]) -> Any:
+        """Bodies and joints of one carriage; returns its sliding joint."""
+        cable, carriage, system, items = self._scenario.cable, self._scenario.carriages[name], self._system, self._items
+        length = cable.unstrained_length / cable.elements
+        state = simulation.snapshot.carriages[name]
+        first, above = None, None
+        for body_name, body in carriage.bodies.items():
+            place = state.bodies[body_name]
+            node = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[place.x, place.z, -place.pitch]))
+            rigid = system.AddObject(items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node))
+            upper = system.AddMarker(items.MarkerBodyPosition(bodyNumber=rigid, localPosition=[*body.upper_pivot, 0]))
+            centre = system.AddMarker(items.MarkerBodyPosition(bodyNumber=rigid, localPosition=[0, 0, 0]))
+            weight = [0, -body.mass * self._scenario.gravity, 0]
+            system.AddLoad(items.LoadForceVector(markerNumber=centre, loadVector=weight))
+            if above is not None:
+                system.AddObject(items.ObjectJointRevolute2D(markerNumbers=[above, upper]))
+            if first is None:
+                first = upper
+            if body.lower_pivot is not None:
+                above = system.AddMarker(
+                    items.MarkerBodyPosition(bodyNumber=rigid, localPosition=[*body.lower_pivot, 0])
+                )
+        markers = [system.AddMarker(items.MarkerBodyCable2DCoordinates(bodyNumber=item)) for item in cables]
+        element = min(int(carriage.arc_length / length), cable.elements - 1)
+        data = system.AddNode(
+            items.NodeGenericData(initialCoordinates=[element, carriage.arc_length], numberOfDataCoordinates=2)
+        )
+        return system.AddObject(
+            items.ObjectJointSliding2D(
+                markerNumbers=[first, markers[element]],
+                slidingMarkerNumbers=markers,
+                slidingMarkerOffsets=[index * length for index in range(cable.elements)],
+                nodeNumber=data,
+                useClassicalFormulation=self._setting.classical_joint,
+            )
+        )
+
+
+def nodal_shape(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
+    """Nodes of the cable now: positions (nodes, 2) in m and slopes r_x (nodes, 2), exact as each element is a cubic."""
+    cable = simulation.scenario.cable
+    length = cable.unstrained_length / cable.elements
+    points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))
+    nodes = points[::3]
+    ahead = np.array([-11.0, 18.0, -9.0, 2.0]) / (2.0 * length)  # one-sided third-order difference over a third
+    slopes = sum(weight * points[k : points.shape[0] - 3 + k : 3] for k, weight in enumerate(ahead))
+    last = -sum(weight * points[-1 - k] for k, weight in enumerate(ahead))
+    return nodes, np.vstack([slopes, last])

@@ -1,0 +1,124 @@
+"""Tables on the screen, in Markdown and in JSON, all from the same rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from benchmarks.measure import machine
+
+Value = float | int | str | None
+HEAD = """\
+# Benchmarks
+
+Written by `python -m benchmarks --output docs`; the same numbers are in [benchmarks.json](benchmarks.json). Wall times
+are medians of interleaved repetitions on one thread.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of one shape; the keys are the headings, with their units."""
+
+    title: str
+    rows: list[dict[str, Value]]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one part measured."""
+
+    title: str
+    tables: list[Table]
+    notes: list[str]
+    faults: list[str] = field(default_factory=list)  # what was measured but must not be, a line each
+    pictures: dict[str, bytes] = field(default_factory=dict)  # PNG by file name
+    machine: dict[str, str] = field(default_factory=machine)
+
+    def record(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        record = asdict(self)
+        record["pictures"] = list(self.pictures)
+        return record
+
+
+def text(value: Value) -> str:
+    """A cell: three significant digits."""
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int) or abs(value) >= 1000.0:
+        return f"{value:.0f}"
+    return f"{value:#.3g}".rstrip(".") if value == 0.0 or abs(value) >= 1e-3 else f"{value:.2g}"
+
+
+def print_part(part: Part, console: Console) -> None:
+    """Print the tables and notes of a part."""
+    console.print(f"\n[bold]{part.title}[/bold]")
+    for table in part.tables:
+        shown = RichTable(title=escape(table.title), title_justify="left")
+        for key in table.rows[0]:
+            words = any(isinstance(row[key], str) for row in table.rows)
+            heading = escape(key)  # a unit in brackets is no markup
+            shown.add_column(heading, justify="left" if words else "right", no_wrap=words)
+        for row in table.rows:
+            shown.add_row(*map(text, row.values()))
+        console.print(shown)
+    for note in part.notes:
+        console.print(Markdown(f"- {note}"))
+
+
+def merge(directory: Path, parts: Mapping[str, Part], order: list[str]) -> dict[str, Any]:
+    """Put what was measured now over what `directory` has from earlier runs.
+
+    Raises:
+        OSError: the earlier file cannot be read.
+        ValueError: it is not one of ours.
+    """
+    path = directory / "benchmarks.json"
+    records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    if not isinstance(records, dict) or not all(isinstance(one, dict) and "tables" in one for one in records.values()):
+        raise ValueError(f"{path} is not from here; remove it or choose another directory")
+    records.update({name: part.record() for name, part in parts.items()})
+    return {name: records[name] for name in order if name in records}
+
+
+def write(directory: Path, records: Mapping[str, Any], parts: Mapping[str, Part]) -> list[Path]:
+    """Write benchmarks.json, benchmarks.md and the new pictures into `directory`; returns the files.
+
+    Raises:
+        OSError: the disk refuses.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    contents = {
+        "benchmarks.json": (json.dumps(records, indent=1) + "\n").encode(),
+        "benchmarks.md": (HEAD + "\n".join(map(_markdown, records.values()))).encode(),
+        **{name: picture for part in parts.values() for name, picture in part.pictures.items()},
+    }
+    for name, content in contents.items():
+        (directory / name).write_bytes(content)
+    return [directory / name for name in contents]
+
+
+def _markdown(record: Mapping[str, Any]) -> str:
+    """One part as a section."""
+    lines = [f"\n## {record['title']}\n"]
+    for table in record["tables"]:
+        keys = list(table["rows"][0])
+        lines += [f"**{table['title']}**\n", f"| {' | '.join(keys)} |", f"| {' | '.join('---' for _ in keys)} |"]
+        lines += [f"| {' | '.join(text(row[key]) for key in keys)} |" for row in table["rows"]]
+        lines.append("")
+    lines += [f"- {note}" for note in record["notes"]]
+    lines += [f"\n![{record['title']}]({picture})" for picture in record["pictures"]]
+    described = ", ".join(f"{key} {value}" if key != "date" else value for key, value in record["machine"].items())
+    lines.append(f"\n<sub>{described}</sub>\n")
+    return "\n".join(lines)

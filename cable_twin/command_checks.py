@@ -1,0 +1,102 @@
+"""What commands the twin takes: each is refused whole, with what was given and what is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.state import State
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import Scenario
+from cable_twin.scenario_schema import Carriage, Limits
+
+STRONGEST_WIND = 100.0  # m/s
+
+
+def check_drive(command: Command, scenario: Scenario) -> None:
+    """Refuse a speed or force command that cannot be carried out whole.
+
+    Raises:
+        CommandError: unknown carriage, fixed one, not finite, over the limit.
+    """
+    if not command.values:
+        raise CommandError("a command without a name")
+    unit = "m/s" if command.kind == "speed" else "N"
+    for name, value in command.values.items():
+        limits = _limits(name, command.kind, scenario)
+        if not math.isfinite(value):
+            raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
+        limit = limits.speed if command.kind == "speed" else limits.force
+        if limit is not None and abs(value) > limit:
+            raise CommandError(
+                f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
+            )
+
+
+def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
+    """Limits of what a command of a kind may name: a carriage that drives itself, or the drive of a moving cable."""
+    if name in scenario.drives:
+        if kind == "force":
+            raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
+        return scenario.drives[name].limits
+    carriage = _known(name, scenario)
+    if carriage.joint == "clamped":
+        raise CommandError(f"'{name}' goes with the cable and takes no command; drive: {next(iter(scenario.drives))}")
+    if carriage.joint == "fixed":
+        raise CommandError(f"'{name}' is fixed to the cable and takes no command")
+    return carriage.drive.limits
+
+
+def check_payload(command: Command, scenario: Scenario, system: System, state: State) -> None:
+    """Refuse a payload that is none, or for a carriage that does not stand in a station.
+
+    Raises:
+        CommandError: unknown carriage, no room, beyond the capacity, outside the stations, under way.
+    """
+    if not command.values:
+        raise CommandError("a payload without a carriage")
+    length = system.cable.unstrained_length
+    for name, mass in command.values.items():
+        room = _known(name, scenario).payload
+        if room is None:
+            raise CommandError(f"'{name}' carries no payload: the scenario gives it none")
+        if not 0.0 <= mass <= room.capacity:
+            raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
+        index = list(scenario.vehicles).index(name)
+        place, speed = float(state.sliding_coordinate[index]), float(state.sliding_velocity[index])
+        distance = room.station_distance or 2.0 * float(system.carriages.stop_stroke[index])
+        if min(place, length - place) > distance:
+            raise CommandError(
+                f"payload of '{name}', which is at {place:.1f} m of {length:.1f} m; "
+                f"allowed within {distance:g} m of an end of the track"
+            )
+        if abs(speed) > room.station_speed:
+            raise CommandError(
+                f"payload of '{name}', which moves at {speed:.3g} m/s; allowed up to {room.station_speed:g} m/s"
+            )
+
+
+def check_wind(values: Sequence[tuple[str, float]]) -> None:
+    """Refuse a wind that none is: axes and m/s.
+
+    Raises:
+        CommandError: other axes than x and z, not finite, too strong.
+    """
+    if {axis for axis, _ in values} != {"x", "z"}:
+        raise CommandError(
+            f"wind with {', '.join(axis for axis, _ in values) or 'nothing'}; needed are x and z, in m/s"
+        )
+    for axis, speed in values:
+        if not abs(speed) <= STRONGEST_WIND:
+            raise CommandError(
+                f"wind {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
+            )
+
+
+def _known(name: str, scenario: Scenario) -> Carriage:
+    if name not in scenario.vehicles:
+        movable = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
+        known = ", ".join([*scenario.drives, *movable]) or "none in this scenario"
+        raise CommandError(f"unknown carriage '{name}'; known: {known}")
+    return scenario.vehicles[name]

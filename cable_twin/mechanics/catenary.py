@@ -1,0 +1,212 @@
+"""The bare cable at rest over its supports: an elastic catenary in each span (Irvine 1981), in closed form.
+
+Towers are taken as points without friction, so that the tension is the same on both sides of each, and as if they held
+the cable down as well: a load that comes out negative is that of a tower which the cable does not touch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq, root
+
+from cable_twin.mechanics.parameters import FloatArray, System
+
+ENDS = ("start", "end")
+
+
+class EquilibriumError(RuntimeError):
+    """No static equilibrium was found; the message says how far it came."""
+
+
+class Rest(NamedTuple):
+    """The spans of the cable at rest; span k is before tower k."""
+
+    corner: FloatArray  # (spans + 1, dim) m: ends and towers
+    basis: FloatArray  # (2, dim): unit vectors, level along the span and up
+    pull: FloatArray  # (spans, 2) N at the start of each span: level, and upwards along the cable
+    length: FloatArray  # (spans,) m, unstrained
+    weight: float  # N/m
+    stiffness: float  # EA, N
+
+    def load(self) -> FloatArray:
+        """Force (towers, dim) in N of each tower on the cable."""
+        after = self.pull + np.stack([np.zeros_like(self.length), self.weight * self.length], axis=1)
+        return (after[:-1] - self.pull[1:]) @ self.basis
+
+    def place(self, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions (n, dim) in m and slopes r_x (n, dim) at arc lengths (n,) in m."""
+        corner_at = np.concatenate([[0.0], np.cumsum(self.length)])
+        span = np.clip(np.searchsorted(corner_at, arc_lengths, side="right") - 1, 0, self.length.size - 1)
+        s = arc_lengths - corner_at[span]
+        pull = self.pull[span]
+        shape = elastic_catenary(pull, s, self.weight, self.stiffness)
+        tension = pull + np.stack([np.zeros_like(s), self.weight * s], axis=-1)
+        slopes = tension / self.stiffness + tension / np.linalg.norm(tension, axis=-1, keepdims=True)
+        return self.corner[span] + shape @ self.basis, slopes @ self.basis
+
+
+def elastic_catenary(pull: FloatArray, s: FloatArray, weight: float, stiffness: float) -> FloatArray:
+    """Place (n, 2), level and up in m, of elastic catenaries from the origin at arc lengths `s` (n,) in m.
+
+    With tension (H, V + w s), r_x = (1/EA + 1/T) (H, V + w s), integrated. `pull` (n, 2) is (H, V) in N, `weight` w in
+    N/m, `stiffness` EA in N.
+    """
+    level, rise = pull[..., 0], pull[..., 1]
+    risen = rise + weight * s
+    along = level * s / stiffness + level / weight * (np.arcsinh(risen / level) - np.arcsinh(rise / level))
+    above = s * (rise + 0.5 * weight * s) / stiffness + (np.hypot(level, risen) - np.hypot(level, rise)) / weight
+    return np.stack([along, above], axis=-1)
+
+
+def rest_over_supports(system: System) -> Rest:
+    """The cable at rest over its towers, both ends held or one of them by a counterweight.
+
+    Unknown are pull and length of each span, and the travel of the counterweight; known are the corners, that the
+    tension is the same on both sides of a tower, and the whole length.
+
+    Raises:
+        EquilibriumError: when there is none.
+    """
+    cable, counterweights = system.cable, system.counterweights
+    gravity = np.array(cable.gravity)
+    strength = float(np.linalg.norm(gravity))
+    corner = np.concatenate([cable.support_position[:1], system.supports.top, cable.support_position[1:]])
+    up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
+    whole = corner[-1] - corner[0]
+    level = whole - (whole @ up) * up
+    width = float(np.linalg.norm(level))
+    level = level / width if width > 0.0 else np.eye(gravity.size)[0]
+    basis = np.stack([level, up])
+    stiffness, length = cable.axial_stiffness, cable.unstrained_length
+    # a cable without weight is taken as one of hardly any
+    weight = max(cable.mass_per_length * strength, 1e-7 * stiffness / length if strength == 0.0 else 0.0)
+    weighted = counterweights.mass > 0.0
+    end = int(np.flatnonzero(weighted)[0]) if weighted.any() else -1
+    outwards = basis @ counterweights.direction[end] if end >= 0 else np.zeros(2)
+    given = counterweights.force[end] if end >= 0 else 0.0
+
+    def spans_at(travel: float) -> FloatArray:
+        moved = corner.copy()
+        if end >= 0:
+            moved[-end] += travel * counterweights.direction[end]  # the first corner, or the last one
+        return np.diff(moved, axis=0) @ basis.T
+
+    spans = spans_at(0.0)
+    spans[:, 0] = np.maximum(spans[:, 0], 1e-3 * length / spans.shape[0])
+    pulls, lengths = _first_guess(spans, weight, stiffness, length, given)
+    scale = float(np.abs(pulls[0]).sum())
+    count = lengths.size
+
+    def miss(unknown: FloatArray) -> FloatArray:
+        pull, s = unknown[: 2 * count].reshape(count, 2) * scale, unknown[2 * count : 3 * count] * length
+        travel = unknown[-1] * length if end >= 0 else 0.0
+        goal = spans_at(travel)
+        if end < 0:
+            goal[:, 0] = spans[:, 0]
+        after = pull + np.stack([np.zeros(count), weight * s], axis=1)
+        gaps = (elastic_catenary(pull, s, weight, stiffness) - goal) / length
+        tensions = (np.hypot(*after[:-1].T) - np.hypot(*pull[1:].T)) / scale
+        result = [gaps.ravel(), tensions, [s.sum() / length - 1.0]]
+        if end >= 0:
+            held = after[-1] if end == 1 else -pull[0]
+            result.append([(held @ outwards - given) / scale])
+        return np.concatenate(result)
+
+    first = np.concatenate([pulls.ravel() / scale, lengths / length, [0.0] if end >= 0 else []])
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        found = root(miss, first, method="hybr", tol=1e-12)
+        missed = np.abs(miss(found.x)).max()
+    pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
+    if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
+        height = float(whole @ up)
+        towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
+        reach = f"of {length:g} m reaches over {width:g} m and up {height:g} m{towers}"
+        if end >= 0:
+            raise EquilibriumError(
+                f"cable.{ENDS[end]}.mass: with a counterweight of {given:g} N, no catenary {reach}: it is too light to "
+                f"hold a cable of {weight * length:.3g} N; allowed: a heavier one"
+            )
+        raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+    if end >= 0:
+        corner[-end] += found.x[-1] * length * counterweights.direction[end]
+    return Rest(corner, basis, pulls, lengths, weight, stiffness)
+
+
+def check_rest(system: System, towers: Sequence[str]) -> None:
+    """Refuse towers that the bare cable does not touch at rest, and a counterweight that rests at a limit.
+
+    Args:
+        system: parameters.
+        towers: their names.
+
+    Raises:
+        EquilibriumError: naming the first one, how it misses and what is allowed.
+    """
+    supports, counterweights, cable = system.supports, system.counterweights, system.cable
+    weighted = np.flatnonzero(counterweights.mass > 0.0)
+    if supports.top.size == 0 and weighted.size == 0:
+        return
+    rest = rest_over_supports(system)
+    for tower, (name, load) in enumerate(zip(towers, rest.load(), strict=True)):
+        first, end = supports.contact_offset[tower : tower + 2]
+        side = supports.normal[first:end].mean(axis=0)
+        if load @ side <= 0.0:
+            others = supports._replace(top=np.delete(supports.top, tower, axis=0))
+            passing = rest_over_supports(system._replace(supports=others))
+            places, _ = passing.place(np.linspace(0.0, cable.unstrained_length, 10_001))
+            up = rest.basis[1]
+            away = float(np.interp(supports.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
+            away -= float(supports.top[tower] @ up)
+            where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
+            raise EquilibriumError(
+                f"towers.{name}.position: the bare cable at rest passes {abs(away):.3g} m {where} its top and would "
+                f"have to be pulled there with {abs(load @ side):.3g} N; allowed: more than {abs(away):.3g} m {more}, "
+                f"or hold_down the other way round"
+            )
+    for end in weighted:
+        travel = float((rest.corner[-end] - cable.support_position[end]) @ counterweights.direction[end])
+        low, high = counterweights.travel[end]
+        if not low < travel < high:
+            cause = (
+                "it is too light, or the cable too short" if travel <= low else "it is too heavy, or the cable too long"
+            )
+            raise EquilibriumError(
+                f"cable.{ENDS[end]}.travel: the counterweight of {counterweights.force[end]:g} N would rest at "
+                f"{travel:.3f} m, {cause}; allowed: between {low:g} and {high:g} m"
+            )
+
+
+def _first_guess(
+    spans: FloatArray, weight: float, stiffness: float, length: float, given: float
+) -> tuple[FloatArray, FloatArray]:
+    """Where to look for pulls (spans, 2) in N and lengths (spans,) in m; `given` is the force of a counterweight (N).
+
+    One span that is slack: a parabola of the same sag (Jayaraman, Knudson 1981). Else a common tension T at which flat
+    parabolas, stretched by T / EA, take up the whole length.
+    """
+    chords = np.hypot(spans[:, 0], spans[:, 1])
+    cosines, sines = spans[:, 0] / chords, spans[:, 1] / chords
+    if chords.size == 1 and given == 0.0:
+        width, height = spans[0]
+        slack = (length**2 - height**2) / width**2 - 1.0
+        if slack > 0.0:
+            sag = float(np.sqrt(3.0 * slack))
+            pull = [0.5 * weight * width / sag, 0.5 * weight * (height / np.tanh(sag) - length)]
+        else:
+            tension = stiffness * (chords[0] / length - 1.0) + weight * length
+            pull = [tension * cosines[0], tension * sines[0] - 0.5 * weight * length]
+        return np.array([pull]), np.array([length])
+
+    def taken(tension: float) -> FloatArray:
+        return chords * (1.0 + (weight * chords * cosines / tension) ** 2 / 24.0) / (1.0 + tension / stiffness)
+
+    tension = given
+    if tension == 0.0:
+        least, most = 1e-9 * stiffness, 10.0 * stiffness
+        tension = brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
+        tension = float(np.exp(tension))
+    lengths = taken(tension)
+    return np.stack([tension * cosines, tension * sines - 0.5 * weight * lengths], axis=1), lengths

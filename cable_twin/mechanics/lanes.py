@@ -1,0 +1,180 @@
+"""Four numbers side by side in one register: one formula for four elements at once.
+
+A value of lanes takes the place of a float in the formulas of an element, which are written for either. Each lane has
+the arithmetic of IEEE 754 that a float would have, so the results are the same to the last bit. With the JIT off,
+lanes are arrays of numpy.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typeconv import Conversion
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
+
+_intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
+
+WIDTH = 4  # lanes; a processor with registers of two numbers takes two
+
+
+class LanesType(types.Type):
+    """numba's type of `WIDTH` floats that are computed together."""
+
+    def __init__(self) -> None:
+        super().__init__(name=f"lanes{WIDTH}")
+
+    def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
+        """A number stands for the same in all lanes."""
+        return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
+
+
+LANES = LanesType()
+_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+_WORD = ir.IntType(32)
+
+
+@register_model(LanesType)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: LanesType) -> None:
+        super().__init__(manager, kind, _VECTOR)
+
+
+@lower_cast(types.Float, LanesType)
+@lower_cast(types.Integer, LanesType)
+def _repeat(context: Any, builder: ir.IRBuilder, source: Any, target: Any, value: ir.Value) -> ir.Value:
+    number = context.cast(builder, value, source, types.float64)
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(_WORD, 0))
+    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(_WORD, WIDTH), [0] * WIDTH))
+
+
+def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:
+    """Make an operator of Python, between lanes or lanes and a number, one instruction."""
+
+    @infer_global(function)
+    class _Typing(ConcreteTemplate):
+        cases = [signature(LANES, *[LANES] * operands)]  # noqa: RUF012 - numba wants a list
+
+    @lower_builtin(function, *[LANES] * operands)
+    def _lower(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        return getattr(builder, instruction)(*values)
+
+
+_define(operator.neg, "fneg", operands=1)
+for _plain, _in_place, _instruction in (
+    (operator.add, operator.iadd, "fadd"),
+    (operator.sub, operator.isub, "fsub"),
+    (operator.mul, operator.imul, "fmul"),
+    (operator.truediv, operator.itruediv, "fdiv"),
+):
+    _define(_plain, _instruction)
+    _define(_in_place, _instruction)
+
+
+@_intrinsic
+def _root(typingctx, value):
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        function = ir.FunctionType(_VECTOR, [_VECTOR])
+        return builder.call(cgutils.get_or_insert_function(builder.module, function, f"llvm.sqrt.v{WIDTH}f64"), values)
+
+    return LANES(LANES), generate
+
+
+def square_root(value: Any) -> Any:
+    """Square root of a float, or of each lane."""
+    return np.sqrt(value)
+
+
+@overload(square_root)
+def _square_root(value):
+    function = _root if isinstance(value, LanesType) else math.sqrt
+
+    def root(value):
+        return function(value)
+
+    return root
+
+
+@_intrinsic
+def _read(typingctx, coordinates, first, end, slot, entry):
+    """Lanes of coordinates[first + lane + end, slot, entry]; past the last element, those of the last one."""
+
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        array = context.make_array(kinds.args[0])(context, builder, values[0])
+        _, first, end, slot, entry = values
+        nodes, slots, dim = cgutils.unpack_tuple(builder, array.shape, 3)
+        last = builder.sub(nodes, ir.Constant(first.type, 2))
+        within = builder.add(builder.mul(slot, dim), entry)
+        lanes = ir.Constant(_VECTOR, ir.Undefined)
+        for lane in range(WIDTH):
+            element = builder.add(first, ir.Constant(first.type, lane))
+            element = builder.select(builder.icmp_signed("<", element, last), element, last)
+            place = builder.add(builder.mul(builder.add(element, end), builder.mul(slots, dim)), within)
+            value = builder.load(builder.gep(array.data, [place]))
+            lanes = builder.insert_element(lanes, value, ir.Constant(_WORD, lane))
+        return lanes
+
+    return LANES(coordinates, types.intp, types.intp, types.intp, types.intp), generate
+
+
+def gather(coordinates: Any, first: int, like: tuple[float, ...]) -> tuple[Any, ...]:
+    """r_A, slope A, r_B, slope B, vectors (dim,) of lanes, of `WIDTH` elements from `first` on.
+
+    Takes `coordinates` (nodes, 2, dim) or their rates. Past the last element, that one is repeated.
+    """
+    nodes = np.minimum(first + np.arange(WIDTH), coordinates.shape[0] - 2)
+    ends = coordinates[nodes], coordinates[nodes + 1]
+    return tuple(tuple(end[:, slot, k] for k in range(len(like))) for end in ends for slot in range(2))
+
+
+@overload(gather)
+def _gather(coordinates, first, like):
+    def planar(coordinates, first, like):
+        return (
+            (_read(coordinates, first, 0, 0, 0), _read(coordinates, first, 0, 0, 1)),
+            (_read(coordinates, first, 0, 1, 0), _read(coordinates, first, 0, 1, 1)),
+            (_read(coordinates, first, 1, 0, 0), _read(coordinates, first, 1, 0, 1)),
+            (_read(coordinates, first, 1, 1, 0), _read(coordinates, first, 1, 1, 1)),
+        )
+
+    def spatial(coordinates, first, like):
+        c, k = coordinates, first
+        return (
+            (_read(c, k, 0, 0, 0), _read(c, k, 0, 0, 1), _read(c, k, 0, 0, 2)),
+            (_read(c, k, 0, 1, 0), _read(c, k, 0, 1, 1), _read(c, k, 0, 1, 2)),
+            (_read(c, k, 1, 0, 0), _read(c, k, 1, 0, 1), _read(c, k, 1, 0, 2)),
+            (_read(c, k, 1, 1, 0), _read(c, k, 1, 1, 1), _read(c, k, 1, 1, 2)),
+        )
+
+    return planar if like.count == 2 else spatial
+
+
+@_intrinsic
+def _write(typingctx, lanes, row):
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        array = context.make_array(kinds.args[1])(context, builder, values[1])
+        builder.store(values[0], builder.bitcast(array.data, _VECTOR.as_pointer()), align=8)
+        return context.get_dummy_value()
+
+    return types.void(LANES, row), generate
+
+
+def spread(values: tuple[Any, ...], rows: Any, first: int) -> None:
+    """Write a tuple of lanes to as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    for i in range(len(values)):
+        rows[first + i] = values[i]
+
+
+@overload(spread)
+def _spread(values, rows, first):
+    def write(values, rows, first):
+        for i in range(len(values)):
+            _write(values[i], rows[first + i])
+
+    return write

@@ -1,0 +1,125 @@
+"""Air drag: its force against its definition, and its tangent in a Newton step of the whole system."""
+
+import numpy as np
+import pytest
+from systems import disturbed_state, make_system
+from test_equations_of_motion import ELASTIC, rows
+from test_haul_rope import check_newton_step
+
+from cable_twin.mechanics.air import POINTS, drag_bodies, drag_rope
+from cable_twin.mechanics.parameters import FREE, SPEED, Air
+from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.sliding_joint import place_joint
+
+ROPE_DRAG = 2.5  # kg/m^2
+WIND = np.array([4.0, -1.5])
+
+
+def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
+    air = Air(rope_drag=rope, body_drag=np.full(sum(chains), body), present=True)
+    system = make_system(dim, chains=chains, cable=ELASTIC, air=air)
+    state, work = disturbed_state(system)
+    state.drive_mode[:] = modes
+    state.reference[:, 0] = state.sliding_coordinate + 0.01
+    state.wind[0], state.wind[-1] = WIND
+    for carriage in range(len(chains)):
+        place_joint(system.cable, state, carriage)
+    return system, state, work
+
+
+def add_drag(system, state, work):
+    """Drag on rope and bodies as `assemble` has it."""
+    drag_rope(
+        system.cable,
+        system.air.rope_drag,
+        state.wind,
+        state.nodal_coordinates,
+        state.nodal_velocities,
+        25.0,
+        1.0,
+        work.diagonal,
+        work.upper,
+        work.lower,
+        work.right_side,
+    )
+    drag_bodies(system.air.body_drag, state.wind, state.body_velocities, 25.0, work.body_drag, work.body_drag_tangent)
+
+
+def drag_on_cable(system, state):
+    """Nodal forces (nodes 2, dim): the definition in numpy."""
+    cable = system.cable
+    places, weights = np.polynomial.legendre.leggauss(POINTS)
+    e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodal_coordinates, state.nodal_velocities))
+    forces = np.zeros_like(e)
+    for element in range(cable.element_count):
+        nodes = slice(2 * element, 2 * element + 4)
+        for place, weight in zip((places + 1.0) / 2.0, weights / 2.0, strict=True):
+            shape = np.array(shape_functions(place * cable.element_length, cable.element_length))
+            r_x = np.array(shape_functions_x(place * cable.element_length, cable.element_length)) @ e[nodes]
+            t = r_x / np.linalg.norm(r_x)
+            relative = state.wind - shape @ e_dot[nodes]
+            across = relative - t * (t @ relative)
+            force = system.air.rope_drag * np.linalg.norm(across) * across
+            forces[nodes] += np.outer(shape, force) * weight * cable.element_length
+    return forces
+
+
+def drag_on_bodies(system, state):
+    """Forces and moments (bodies, 3)."""
+    relative = state.wind - state.body_velocities[:, :2]
+    forces = system.air.body_drag[:, None] * np.linalg.norm(relative, axis=1, keepdims=True) * relative
+    return np.column_stack([forces, np.zeros(len(forces))])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_force_on_the_rope(dim):
+    system, state, work = setup(dim, chains=())
+    add_drag(system, state, work)
+    np.testing.assert_allclose(work.right_side.reshape(-1, dim), drag_on_cable(system, state), atol=1e-12)
+
+
+@pytest.mark.parametrize("modes", [FREE, SPEED], ids=["free", "driven"])
+@pytest.mark.parametrize(("rope", "body"), [(ROPE_DRAG, 0.0), (0.0, 3.0), (ROPE_DRAG, 3.0)])
+def test_newton_step(rope, body, modes):
+    """Drag on the rope, on bodies, on both: the tangent is exact, to 1e-8."""
+    system, state, work = setup(rope=rope, body=body, modes=modes)
+
+    def residual(moved):
+        bare = rows(system, moved, work)
+        nodal = 4 * (system.cable.element_count + 1)
+        inner = slice(2, -2)  # of the nodal vectors; both ends are pinned and hold their places
+        drag = drag_on_cable(system, moved)
+        bare[:nodal].reshape(-1, 2)[inner] -= drag[inner]
+        bare[[2, 3]] -= drag[1]
+        bare[[nodal - 2, nodal - 1]] -= drag[-1]
+        bodies = drag_on_bodies(system, moved)
+        bare[nodal : nodal + bodies.size] -= bodies.ravel()
+        return np.concatenate([bare, np.zeros(2)])
+
+    check_newton_step(system, state, work, residual)
+
+
+def test_no_wind_and_no_motion_is_no_force():
+    """Also where the relative wind, by whose size the tangent divides, is zero."""
+    system, state, work = setup()
+    for array in (state.nodal_velocities, state.body_velocities, state.wind):
+        array[:] = 0.0
+    work.right_side[:] = 0.0
+    work.diagonal[:] = 0.0
+    add_drag(system, state, work)
+    assert not work.right_side.any()
+    assert not work.diagonal.any()
+    assert not work.body_drag.any()
+    assert not work.body_drag_tangent.any()
+
+
+def test_a_rope_that_runs_along_itself_feels_nothing():
+    system, state, work = setup(chains=())
+    state.nodal_coordinates[:, 0] = np.arange(4)[:, None] * 0.7 * np.array([0.8, 0.6])
+    state.nodal_coordinates[:, 1] = 0.8, 0.6
+    state.nodal_velocities[:] = 0.0
+    state.nodal_velocities[:, 0] = 9.0 * np.array([0.8, 0.6])
+    state.wind[:] = 0.0
+    work.right_side[:] = 0.0
+    add_drag(system, state, work)
+    np.testing.assert_allclose(work.right_side, 0.0, atol=1e-12)

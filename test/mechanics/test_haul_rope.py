@@ -1,0 +1,180 @@
+"""The haul rope: one condensed Newton step against the dense rows, written here from their definition; its statics."""
+
+import numpy as np
+import pytest
+from systems import difference, disturbed_state, make_system
+from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split
+
+from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.haul_rope import hang_in_rope, haul_energies, rope_force, sheave_force
+from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
+from cable_twin.mechanics.sliding_joint import place_joint
+
+MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
+
+
+def setup(chains=(2,), *, station=END, sheave=FORCE, **changes):
+    """System whose carriages all hang on haul ropes, in general position."""
+    count = len(chains)
+    ropes = {"axial_stiffness": np.full(count, 3000.0), "station": np.full(count, station, dtype=np.int64)} | changes
+    rough = {name: np.full(count, value) for name, value in ROUGH.items()}
+    system = make_system(chains=chains, cable=ELASTIC, carriages=rough, haul_ropes=ropes)
+    state, work = disturbed_state(system)
+    state.drive_mode[:], state.sheave_mode[:] = HAULED, sheave
+    state.drive_force[:] = 40.0
+    state.sheave[:] = np.array([0.0, 0.7, -1.3, 0.5])
+    state.sheave[:, 0] = state.sliding_coordinate + 0.02
+    state.hauled_acceleration[:] = 0.9
+    state.friction_origin[:] = state.sliding_coordinate - 0.004
+    state.friction_deflection[:] = 0.2
+    for carriage in range(count):
+        place_joint(system.cable, state, carriage)
+    return system, state, work
+
+
+def haul_rows(system, state):
+    """What the haul ropes add to the rows of s, and the rows of the sheaves, of one carriage each."""
+    on_s, on_u = [], []
+    ropes, carriages = system.haul_ropes, system.carriages
+    for k in range(carriages.fixed.size):
+        u, u_dot, u_ddot, _ = state.sheave[k]
+        s, s_dot, s_ddot = state.sliding_coordinate[k], state.sliding_velocity[k], state.hauled_acceleration[k]
+        way = u if ropes.station[k] == START else system.cable.unstrained_length - u
+        length = ropes.beyond_track[k] + way
+        stiffness = ropes.axial_stiffness[k] / length
+        weight = carriages.mass[carriages.body_offset[k] : carriages.body_offset[k + 1]].sum()
+        moving = weight + ropes.mass_per_length[k] * length / 3.0
+        damping = 2.0 * ropes.damping_ratio[k] * np.sqrt(stiffness * moving)
+        pull = stiffness * (u - s) + damping * (u_dot - s_dot)
+        floor = ropes.pretension[k]
+        pull = max(pull, -floor) if ropes.station[k] == END else min(pull, floor)
+        mass = ropes.mass_per_length[k] * length
+        on_s.append(-pull + mass * (s_ddot / 3.0 + u_ddot / 6.0))
+        if state.sheave_mode[k] == SPEED:
+            on_u.append(0.0)
+        else:
+            inertia = (ropes.drive_inertia[k] + mass / 3.0) * u_ddot + mass * s_ddot / 6.0
+            on_u.append(inertia + pull - state.drive_force[k])
+    return np.array(on_s), np.array(on_u)
+
+
+def moved_by(system, state, unknown):
+    """State moved by Newton increments of all unknowns, as the integrator moves it."""
+    count = system.carriages.fixed.size
+    e, q, s, multipliers = split(system, unknown[: unknown.size - count])
+    sheave = state.sheave + np.outer(unknown[unknown.size - count :], [1.0, RATE_FACTOR, MASS_FACTOR, 0.0])
+    return state._replace(
+        nodal_coordinates=state.nodal_coordinates + e,
+        nodal_velocities=state.nodal_velocities + RATE_FACTOR * e,
+        nodal_accelerations=state.nodal_accelerations + MASS_FACTOR * e,
+        body_coordinates=state.body_coordinates + q,
+        body_velocities=state.body_velocities + RATE_FACTOR * q,
+        body_accelerations=state.body_accelerations + MASS_FACTOR * q,
+        sliding_coordinate=state.sliding_coordinate + s,
+        sliding_velocity=state.sliding_velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
+        hauled_acceleration=state.hauled_acceleration + MASS_FACTOR * s,
+        multipliers=state.multipliers + multipliers,
+        sheave=sheave,
+    )
+
+
+def check_newton_step(system, state, work, residual, tolerance=1e-8):
+    """`assemble` and `solve` against the dense solution of `residual` (state), whose last rows are the sheaves'."""
+    size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
+    total = size + 5 * system.carriages.mass.size + 2 * count
+    still = held(system)
+    matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
+    right = -residual(state)
+    matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
+    matrix[:size, :size] += still
+    for k in range(count):
+        if state.drive_mode[k] != HAULED or state.sheave_mode[k] == SPEED:
+            matrix[total - count + k] = np.eye(total)[total - count + k]  # it is where it has to be
+    exact = np.linalg.solve(matrix, right)
+    before = state.multipliers.copy()
+    measure_gaps(system, state, work, True)
+    assemble(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
+    assert solve(system, state, work)
+    e, q, s, multipliers = split(system, exact[: total - count])
+    got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
+    names = ("cable", "bodies", "sliding", "multipliers", "sheaves")
+    for name, value, expected in zip(
+        names, (*got, work.sheave_increment), (e, q, s, multipliers, exact[-count:]), strict=True
+    ):
+        scale = np.abs(expected).max(initial=1e-12)
+        np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
+
+
+def hauled_residual(system, work):
+    """Rows of eq. 16 with haul ropes."""
+
+    def residual(state):
+        bare = rows(system, state._replace(drive_force=np.zeros_like(state.drive_force)), work)
+        on_s, on_u = haul_rows(system, state)
+        first = 4 * (system.cable.element_count + 1) + 3 * system.carriages.mass.size
+        bare[first : first + on_s.size] += on_s
+        return np.concatenate([bare, on_u])
+
+    return residual
+
+
+@pytest.mark.parametrize("sheave", [FREE, FORCE, SPEED], ids=["free", "force", "speed"])
+@pytest.mark.parametrize("station", [START, END], ids=["start", "end"])
+def test_newton_step(station, sheave):
+    """Elastic, viscous and inertial coupling of carriage and sheave, stiffness by the rope's length: to 1e-8."""
+    system, state, work = setup(station=station, sheave=sheave)
+    if sheave == FREE:
+        state.drive_force[:] = 0.0
+    check_newton_step(system, state, work, hauled_residual(system, work))
+
+
+@pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
+def test_newton_step_of_a_slack_rope(sheave):
+    """What the counter rope can pull is what the loop can push."""
+    system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
+    state.sheave[:, 0] = state.sliding_coordinate - 0.3
+    assert rope_force(system, state, 0)[0] == -15.0
+    check_newton_step(system, state, work, hauled_residual(system, work))
+
+
+def test_newton_step_of_several_carriages():
+    system, state, work = setup((1, 2))
+    check_newton_step(system, state, work, hauled_residual(system, work))
+
+
+@pytest.mark.parametrize(("station", "sign"), [(START, 1.0), (END, -1.0)])
+def test_a_rope_without_a_counter_rope_only_pulls(station, sign):
+    system, state, _ = setup(station=station, pretension=np.zeros(1))
+    state.sheave[0, 1] = state.sliding_velocity[0]
+    state.sheave[0, 0] = state.sliding_coordinate[0] + sign * 0.1
+    assert rope_force(system, state, 0)[0] == 0.0
+    state.sheave[0, 0] = state.sliding_coordinate[0] - sign * 0.1
+    assert sign * rope_force(system, state, 0)[0] < -100.0
+
+
+@pytest.mark.parametrize("station", [START, END], ids=["start", "end"])
+@pytest.mark.parametrize("force", [-300.0, 0.0, 420.0])
+def test_a_carriage_hangs_in_its_rope(station, force):
+    system, state, _ = setup(station=station)
+    state.sliding_velocity[:] = 0.0
+    assert hang_in_rope(system, state, 0, force)
+    assert rope_force(system, state, 0)[0] == pytest.approx(force, abs=1e-9)
+    state.hauled_acceleration[:] = 0.0
+    assert sheave_force(system, state, 0) == pytest.approx(force, abs=1e-9)
+    assert not hang_in_rope(system, state, 0, 501.0 if station == START else -501.0)
+
+
+def test_energy_is_what_the_forces_and_masses_say():
+    """Its derivative by s is minus the force; its kinetic part that of a rod between two speeds, and the drive."""
+    system, state, _ = setup(damping_ratio=np.zeros(1))
+
+    def elastic(s):
+        return haul_energies(system, state._replace(sliding_coordinate=s))[1]
+
+    slope = difference(lambda s: np.array([elastic(s)]), state.sliding_coordinate.copy(), 1e-4)
+    assert -slope[0, 0] == pytest.approx(rope_force(system, state, 0)[0], rel=1e-9)
+    length = 0.4 + system.cable.unstrained_length - state.sheave[0, 0]
+    share = np.linspace(0.0, 1.0, 2001)
+    speed = (1.0 - share) * state.sliding_velocity[0] + share * 0.7
+    rod = 0.5 * 2.0 * length * np.trapezoid(speed**2, share)
+    assert haul_energies(system, state)[0] == pytest.approx(rod + 0.5 * 7.0 * 0.7**2, rel=1e-6)

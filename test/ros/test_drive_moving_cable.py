@@ -1,0 +1,61 @@
+"""`drive` beside the twin of a ski lift: its rope is what commands name, and silence stops it."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from test_moving_cable_twin import short_lift
+from twin_process import TwinProcess
+
+pytest.importorskip("rclpy")
+from ros_participant import Participant
+from std_srvs.srv import SetBool
+
+
+@pytest.fixture
+def lift(tmp_path):
+    """A running lift of six chairs, and a participant."""
+    (tmp_path / "lift.yaml").write_text(short_lift().scenario.to_yaml())
+    process = TwinProcess(tmp_path, "--scenario", "lift.yaml")
+    participant = Participant(process.domain)
+    participant.subscribe_standard()
+    participant.until(lambda: participant.received["joint_states"])
+    yield process, participant
+    participant.close()
+    process.kill()
+
+
+def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes):
+    process, participant = lift
+    assert "drive: haul_rope; carriages: chair_1 to chair_6; commands on" in process.output
+
+    def speed():
+        message = participant.received["joint_states"][-1]
+        return message.velocity[message.name.index("haul_rope")]
+
+    drive = processes("haul_rope", "--speed", "2", module="drive", domain=process.domain)
+    participant.until(lambda: speed() > 1.0, what="motion")
+    drive.send(signal.SIGKILL)
+    participant.until(lambda: "no command for 0.5 s: haul_rope ramps to a stop" in process.output, what="time-out")
+    participant.until(lambda: speed() == 0.0, what="stop")
+    processes("haul_rope", "--speed", "-2", module="drive", domain=process.domain)
+    participant.until(lambda: speed() < -1.0, what="motion backwards")
+    assert participant.call("emergency_stop", SetBool, data=True).success
+    participant.until(lambda: speed() == 0.0, what="emergency stop")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["haul_rope", "--force", "5"], "'haul_rope' moves the cable and takes no force; give it a speed (m/s)"),
+        (["chair_1", "--speed", "1"], "the twin has no carriage or drive 'chair_1' to command; it has: haul_rope"),
+        (["haul_rope", "--speed", "9"], "speed of 'haul_rope' is 9 m/s; allowed are -5 to 5 m/s"),
+    ],
+)
+def test_what_it_cannot_do_is_one_line(lift, processes, arguments, line):
+    process, participant = lift
+    drive = processes(*arguments, module="drive", domain=process.domain)
+    participant.until(lambda: drive.process.poll() is not None, what="end of drive")
+    assert drive.wait() == 1
+    assert drive.output.strip() == f"drive: {line}"

@@ -1,0 +1,122 @@
+"""The benchmark command measures for real, says what it measured, and compares equal motions only."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from math import isfinite
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def run(*arguments):
+    # compiled in any case: what Python alone takes is not of interest
+    environment = dict(os.environ, NUMBA_DISABLE_JIT="0", PYTHONPATH=str(ROOT))
+    return subprocess.run(
+        [sys.executable, "-m", "benchmarks", *map(str, arguments)],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+
+
+def numbers(rows, key):
+    """Values of one column; all of them are finite and above zero."""
+    values = [row[key] for row in rows]
+    assert all(isinstance(value, (int, float)) and isfinite(value) and value > 0.0 for value in values)
+    return values
+
+
+def test_moves_as_exudyn_does(tmp_path):
+    pytest.importorskip("exudyn")
+    result = run("exudyn", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+
+    part = json.loads((tmp_path / "benchmarks.json").read_text())["exudyn"]
+    assert part["faults"] == []
+    assert "[ms]" in result.stdout
+    summary, *tables = part["tables"]
+    assert [row["case"] for row in summary["rows"]] == [
+        "seed example, 24 elements",
+        "ropeway, 100 elements, 10 carriages",
+    ]
+    assert len(tables) == 2
+    page = (tmp_path / "benchmarks.md").read_text()
+    for table in tables:
+        assert table["title"] in result.stdout
+        assert table["title"] in page
+        ours, default, accurate = table["rows"]
+        assert [ours["program"], default["program"], accurate["program"]] == [
+            "cable_twin",
+            "Exudyn, default joint",
+            "Exudyn, accurate joint",
+        ]
+        numbers(table["rows"], "wall per step [µs]")
+        numbers(table["rows"], "per element, iteration [µs]")
+        assert all(count >= 1.0 for count in numbers(table["rows"], "iterations"))
+        for row in table["rows"]:
+            assert row["ours faster [times]"] == pytest.approx(row["processor [µs]"] / ours["processor [µs]"])
+        # two programs are never equal to the last bit, and these agree: in the step it has moved by more
+        assert 0.0 < accurate["distance [mm]"] <= accurate["allowed [mm]"] <= 5.0
+        assert default["distance [mm]"] > 0.0
+        assert default["allowed [mm]"] is None
+
+
+def test_another_motion_is_a_fault(monkeypatch):
+    """What the comparison refuses: a tenth less gravity in Exudyn."""
+    pytest.importorskip("exudyn")
+    from rich.progress import Progress  # noqa: PLC0415
+
+    from benchmarks import exudyn_comparison  # noqa: PLC0415
+    from benchmarks.exudyn_model import ExudynModel  # noqa: PLC0415
+
+    def lighter(self, exudyn, simulation, setting):
+        scenario = simulation.scenario
+        simulation.scenario = scenario.model_copy(update={"gravity": 0.9 * scenario.gravity})
+        built(self, exudyn, simulation, setting)
+
+    built = ExudynModel.__init__
+    monkeypatch.setattr(ExudynModel, "__init__", lighter)
+    with Progress(disable=True) as progress:
+        part = exudyn_comparison.run(True, 1, progress)
+    assert part.faults
+    assert all("allowed are" in fault and "mm from cable_twin" in fault for fault in part.faults)
+
+
+def test_parts_that_were_not_run_stay(tmp_path):
+    assert run("frame", "--quick", "--output", tmp_path).returncode == 0
+    frame = json.loads((tmp_path / "benchmarks.json").read_text())["frame"]
+    result = run("scaling", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+
+    records = json.loads((tmp_path / "benchmarks.json").read_text())
+    assert list(records) == ["scaling", "frame"]
+    assert records["frame"] == frame
+    stages = {row["stage"]: row["wall per frame [µs]"] for row in frame["tables"][0]["rows"]}
+    assert {"solve", "sample", "serialise", "MCAP", "rerun"} <= stages.keys()
+    assert stages.pop("all") == pytest.approx(sum(stages.values()))
+    over_elements, over_carriages, exponents = (table["rows"] for table in records["scaling"]["tables"])
+    walls = numbers(over_elements, "wall per step [µs]")
+    assert walls[-1] > walls[0]  # 3200 elements against 12
+    numbers(over_carriages, "processor per iteration [µs]")
+    assert [row["over"] for row in exponents] == ["elements", "carriages"]
+
+
+def test_refuses_what_it_does_not_know(tmp_path):
+    result = run("speed")
+    assert result.returncode == 2
+    assert "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy" in result.stderr
+    assert run("--repetitions", "0").returncode == 2
+    (tmp_path / "benchmarks.json").write_text("[]")
+    result = run("scaling", "--quick", "--output", tmp_path)
+    assert result.returncode == 1
+    assert "is not from here" in result.stderr
+    assert "Traceback" not in result.stderr

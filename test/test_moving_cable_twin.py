@@ -1,0 +1,295 @@
+"""A ski lift as a twin: its scenario, commands to its drive, carriers that go round, and a long day of it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from math import inf, nan
+
+import numpy as np
+import pytest
+from test_scenario import keys_of
+from test_simulation import numbers
+
+from cable_twin.messages import MessageEncoder, decode
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from verification import JIT
+from verification.models import chairlift, moving
+
+CHAIR = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
+SHORT_LIMITS = {"speed": 5.0, "acceleration": 0.5, "emergency_deceleration": 1.25}
+needs_jit = pytest.mark.skipif(not JIT, reason="minutes without compilation")
+
+
+def short_lift(**changes):
+    """60 m of rope with six chairs 20 m apart: three on it, three round the back."""
+    lift = {
+        "unstrained_length": 60.0,
+        "end": (58.0, 14.0),
+        "mass_per_length": 6.6,
+        "axial": 5e7,
+        "bending": 3e3,
+        "elements": 12 if JIT else 4,
+        "damping_time": 0.01,
+        "limits": SHORT_LIMITS,
+        "carriers": {"name": "chair", "count": 6, "spacing": 20.0, "bodies": {"chair": CHAIR}},
+        "step": 0.01,
+    }
+    return moving(**(lift | changes))
+
+
+SHORT = short_lift().scenario.resolved()
+
+
+def faults_of(overrides):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(SHORT, overrides)
+    return caught.value.faults
+
+
+FAULTS = [
+    ("carriers.spacing", 61.0, "given 61.0; allowed: at most 60 m, the length of the cable"),
+    ("carriers.count", 2, "given 2 every 20 m, a loop of 40 m; allowed: at least 3, for the cable of 60 m to fit in"),
+    ("carriers.count", 0, "given 0; allowed: a whole number at least 1 and at most 10000"),
+    ("carriers.spacing", -20.0, "given -20.0; allowed: a finite number above 0, in m"),
+    ("carriers.first", 121.0, "given 121.0; allowed: 0 to 120 m, on the loop"),
+    ("carriers.name", "chair lift", "given the name 'chair lift'; allowed: a letter, then letters, digits"),
+    ("carriers.bodies", {}, "given an empty mapping; allowed: a mapping with a length of at least 1"),
+    ("carriers.coutn", 3, "this key does not exist; did you mean 'count'?"),
+    ("drives", {}, "given for a cable that stands still; allowed: with a drive in drives"),
+    ("drives", {"haul_rope": {"kind": "haul"}}, "given 'haul'; allowed: one of moving_cable"),
+    ("drives.haul_rope.limits.force", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
+    ("drives.haul_rope.limits.speed", 0.0, "given 0.0; allowed: a finite number above 0, in m/s, or null"),
+    (
+        "drives",
+        {"haul_rope": {"kind": "moving_cable"}, "other": {"kind": "moving_cable"}},
+        "given a second drive of the cable; allowed: one",
+    ),
+    ("drives", {"chair_2": {"kind": "moving_cable"}}, "given 'chair', which would name 'chair_2' twice"),
+    ("cable.end.support", "free", "given 'free' for a cable that moves; allowed: pinned or clamped, at a station"),
+    ("solver.integrator", "runge_kutta", "given 'runge_kutta' for a cable that moves; allowed: generalized_alpha"),
+    (
+        "carriages",
+        {"car": {"arc_length": 5.0, "bodies": {"car": CHAIR}}},
+        "given 'sliding' on a cable that moves; allowed: clamped",
+    ),
+    (
+        "carriages",
+        {"car": {"arc_length": 121.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
+        "given 121.0; allowed: 0 to 120 m, on the loop of the cable",
+    ),
+    (
+        "carriages",
+        {"car": {"arc_length": 5.0, "joint": "clamped", "drive": {"mode": "speed"}, "bodies": {"car": CHAIR}}},
+        "given 'speed'; allowed: free, what is clamped goes with the cable",
+    ),
+    (
+        "carriages",
+        {"car": {"arc_length": 5.0, "joint": "clamped", "friction": {"rolling": 0.1}, "bodies": {"car": CHAIR}}},
+        "given 0.1; allowed: 0, what is clamped does not slide",
+    ),
+    (
+        "carriages",
+        {"haul_rope": {"arc_length": 5.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
+        "given the name of a carriage; allowed: another one, for commands name both",
+    ),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "text"), FAULTS)
+def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
+    (fault,) = faults_of({key: value})
+    assert text in fault
+
+
+def test_clamped_needs_a_cable_that_moves():
+    carriage = {"car": {"arc_length": 1.0, "joint": "clamped", "bodies": {"car": CHAIR}}}
+    with pytest.raises(ScenarioError, match="given 'clamped' on a cable that stands still; allowed: sliding, fixed"):
+        load_scenario("seed_example", {"carriages": carriage})
+
+
+@pytest.mark.parametrize("key", sorted(key for key in keys_of(SHORT) if key.startswith(("drives", "carriers"))))
+def test_no_junk_anywhere_gives_anything_but_faults(key):
+    for junk in (None, True, -1, 1e300, nan, inf, "", "junk", [], [1, "2"], {}, {"a": {}}, {1: 2}, b"x", object()):
+        with suppress(ScenarioError):
+            assert isinstance(load_scenario(SHORT, {key: junk}), Scenario)
+
+
+def test_carriers_are_numbered_and_spaced_round_the_loop():
+    scenario = load_scenario(SHORT, {"carriers.first": 110.0})
+    assert list(scenario.vehicles) == [f"chair_{number}" for number in range(1, 7)]
+    assert [vehicle.arc_length for vehicle in scenario.vehicles.values()] == [110.0, 10.0, 30.0, 50.0, 70.0, 90.0]
+    assert load_scenario(scenario.resolved()) == scenario
+    assert load_scenario(SHORT, {"carriers": None}).vehicles == {}
+
+
+def test_a_carriage_of_its_own_may_be_clamped_beside_the_carriers():
+    """Without carriers the loop is there and back."""
+    car = {"arc_length": 70.0, "joint": "clamped", "bodies": {"car": CHAIR}}
+    simulation = short_lift(carriages={"car": car})
+    assert next(iter(simulation.carriages)) == "car"
+    assert not simulation.snapshot.carriages["car"].attached
+    alone = short_lift(carriages={"car": car | {"arc_length": 119.0}}, carriers=None)
+    alone.command("haul_rope", speed=1.0)
+    assert alone.advance_to(4.0).carriages["car"].attached
+
+
+def test_a_drive_takes_speeds_and_its_carriers_nothing():
+    simulation = short_lift()
+    refusals = [
+        ({"name": "haul_rope", "force": 10.0}, "'haul_rope' moves the cable and takes no force; give it a speed"),
+        ({"name": "haul_rope", "speed": 5.5}, "speed of 'haul_rope' is 5.5 m/s; allowed are -5 to 5 m/s"),
+        ({"name": "haul_rope", "speed": nan}, "speed of 'haul_rope' is nan m/s; a finite number is needed"),
+        ({"name": "chair_1", "speed": 1.0}, "'chair_1' goes with the cable and takes no command; drive: haul_rope"),
+        ({"name": "chair_9", "speed": 1.0}, "unknown carriage 'chair_9'; known: haul_rope"),
+    ]
+    for command, text in refusals:
+        with pytest.raises(CommandError, match=text):
+            simulation.command(**command)
+    snapshot = simulation.advance_to(0.2)
+    assert snapshot.drives["haul_rope"].position == snapshot.drives["haul_rope"].speed == 0.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_start_emergency_stop_and_release(sign):
+    """0.5 m/s² to 1 m/s, then 1.25 m/s² to rest within 0.4 m, and not on before the release."""
+    simulation = short_lift()
+    simulation.command("haul_rope", speed=sign)
+    drive = simulation.advance_to(3.0).drives["haul_rope"]
+    assert drive.speed == pytest.approx(sign)
+    assert drive.position == pytest.approx(2.0 * sign)
+    simulation.emergency_stop()
+    drive = simulation.advance_to(4.0).drives["haul_rope"]
+    assert drive.speed == 0.0
+    assert drive.position == pytest.approx(2.4 * sign)
+    with pytest.raises(CommandError, match="the emergency stop is in force"):
+        simulation.command("haul_rope", speed=1.0)
+    simulation.emergency_stop(active=False)
+    assert simulation.advance_to(4.5).drives["haul_rope"].speed == 0.0
+    simulation.command("haul_rope", speed=sign)
+    assert simulation.advance_to(5.5).drives["haul_rope"].speed == pytest.approx(0.5 * sign)
+
+
+def test_reset_puts_rope_and_carriers_back():
+    simulation = short_lift()
+    start = simulation.snapshot
+    simulation.command("haul_rope", speed=4.0)
+    simulation.advance_to(4.0)
+    simulation.reset()
+    assert numbers(simulation.snapshot)[1:] == numbers(start)[1:]
+
+
+def test_the_same_commands_give_the_same_bits_whatever_the_frames():
+    commands = {0.5: 4.0, 3.0: -5.0, 6.0: 0.5}
+    snapshots = []
+    for frame in (0.01, 0.5):
+        simulation = short_lift()
+        for time in np.arange(frame, 8.0 + frame / 2, frame).tolist():
+            simulation.advance_to(time)
+            for when, speed in commands.items():
+                if abs(time - when) < 1e-9:
+                    simulation.apply(Command("speed", {"haul_rope": speed}))
+        snapshots.append(numbers(simulation.advance_to(8.0)))
+    assert snapshots[0] == snapshots[1]
+
+
+def test_vertical_support_forces_are_all_weight_at_rest():
+    snapshot = short_lift().snapshot
+    weight = 9.81 * (60.0 * 6.6 + 3 * 300.0)
+    assert [chair.attached for chair in snapshot.carriages.values()] == [True] * 3 + [False] * 3
+    assert sum(support.force[1] for support in snapshot.supports.values()) == pytest.approx(weight, rel=1e-6)
+
+
+@needs_jit
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
+    """800 m, 2.5 m/s: accelerations of the others over a step with a swap change as over the one before."""
+    simulation = chairlift()
+    state = simulation._state
+    simulation.command("haul_rope", speed=2.5 * sign)
+    simulation.advance_to(60.0)
+    changes, swaps = [], []
+    accelerations = state.body_accelerations[:, :2].copy()
+    attached = state.attached.copy()
+    for _ in range(5000):
+        simulation.advance_to(simulation.time + simulation.step)
+        both = attached & state.attached
+        change = np.abs(state.body_accelerations[:, :2] - accelerations)[both].max()
+        (changes if np.array_equal(attached, state.attached) else swaps).append(change)
+        accelerations, attached = state.body_accelerations[:, :2].copy(), state.attached.copy()
+    assert len(swaps) == 4  # 125 m go by: two leave and two enter
+    assert max(swaps) < 0.05
+    assert max(swaps) < 2.0 * np.percentile(changes, 99)
+
+
+@needs_jit
+def test_a_carrier_enters_at_the_speed_of_the_rope_and_hangs_on():
+    """No jump of its own either: its place moves on by v h |r_x| from the first step."""
+    simulation = short_lift()
+    simulation.command("haul_rope", speed=2.0)
+    before = simulation.snapshot
+    entered = 0
+    while simulation.time < 60.0:
+        snapshot = simulation.advance_to(simulation.time + simulation.step)
+        for name, chair in snapshot.carriages.items():
+            was = before.carriages[name]
+            assert abs(chair.bodies["chair"].pitch) < 0.2
+            if chair.attached and was.attached:
+                moved = np.hypot(*(chair.position - was.position))
+                assert moved == pytest.approx(snapshot.drives["haul_rope"].speed * simulation.step, abs=0.005)
+            elif chair.attached:
+                entered += 1
+                assert chair.arc_length < 0.021
+                body = chair.bodies["chair"]
+                assert np.hypot(body.x_rate, body.z_rate) == pytest.approx(2.0, rel=0.01)
+        before = snapshot
+    assert entered == 6  # 116 m go by
+
+
+@needs_jit
+def test_a_day_in_eleven_minutes():
+    """800 m with chairs: starts, stops, emergency stops, back and forth. No failed or halved step, spacing kept."""
+    simulation = chairlift()
+    scenario = simulation.scenario
+    random = np.random.default_rng(4)
+    plan = {0.0: 2.5, 150.0: 0.0, 170.0: 2.5, 300.0: -2.5, 480.0: 1.0, 560.0: 2.5}
+    plan |= {610.0 + 5.0 * k: float(random.uniform(-2.5, 2.5)) for k in range(10)}
+    loops = np.array([vehicle.arc_length for vehicle in scenario.vehicles.values()])
+    seen = set()
+    for second in range(661):
+        if second in plan:
+            simulation.command("haul_rope", speed=plan[second])
+        if second == 250:
+            simulation.emergency_stop()
+        if second == 265:
+            simulation.emergency_stop(active=False)
+            simulation.command("haul_rope", speed=2.5)
+        snapshot = simulation.advance_to(second + 1.0)
+        assert snapshot.solver.halvings == 0
+        assert snapshot.solver.constraint_residual < 1e-9
+        assert np.all(np.isfinite(numbers(snapshot)))
+        assert snapshot.cable.tensions.min() > 1e5
+        expected = (loops + snapshot.drives["haul_rope"].position) % scenario.loop_length
+        for (name, chair), place in zip(snapshot.carriages.items(), expected, strict=True):
+            assert chair.attached == (place <= 838.0)
+            assert abs(chair.bodies["chair"].pitch) < 0.5
+            if chair.attached:
+                seen.add(name)
+                assert chair.arc_length == pytest.approx(place, abs=1e-9)
+            else:
+                assert chair.arc_length in (0.0, 838.0)
+                assert chair.speed == chair.drive_force == chair.bodies["chair"].x_rate == 0.0
+    assert len(seen) > 20
+
+
+def test_joint_states_list_the_drive_after_the_carriages():
+    simulation = short_lift()
+    simulation.command("haul_rope", speed=1.0)
+    snapshot = simulation.advance_to(1.0)
+    encoder = MessageEncoder(simulation.carriages, 0, simulation.drives)
+    message = decode(dict(encoder.frame(snapshot))["joint_states"], "sensor_msgs/msg/JointState")
+    assert message.name[:8] == [*simulation.carriages, "haul_rope", "chair_1/chair"]
+    drive = snapshot.drives["haul_rope"]
+    assert (message.position[6], message.velocity[6], message.effort[6]) == (drive.position, drive.speed, drive.force)
+    for array in (message.position, message.velocity, message.effort):
+        assert np.all(np.isfinite(array))
