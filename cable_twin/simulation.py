@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -49,10 +51,12 @@ from cable_twin.records import (
     TowerState,
 )
 from cable_twin.scenario import Scenario, build_payloads, build_system
+from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SAMPLES = 200  # points at which a snapshot holds the cable
+NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 
 
 class SolverError(RuntimeError):
@@ -104,6 +108,8 @@ class Simulation:
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
+        self._commands: dict[str, Command] = {}
+        self._at_start = True
         self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
         self._arc_lengths.setflags(write=False)
         self._means = np.empty(self.system.cable.element_count)
@@ -116,7 +122,23 @@ class Simulation:
                 f"{stable_step(self.system):.3g} s: the motion will not stay finite",
                 stacklevel=2,
             )
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(NOTHING_DONE)
+
+    @classmethod
+    def load(cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES) -> Simulation:
+        """Go on from a file of `save`, or a stream of one, with the same bits as the simulation that was saved.
+
+        Raises:
+            SnapshotError: one line: no such file, not a snapshot, damaged, or from a version with another state.
+        """
+        name = str(source) if isinstance(source, str | Path) else "snapshot"
+        full = read_full_state(Path(source) if isinstance(source, str) else source, name)
+        simulation = cls(full.scenario, samples=samples)
+        try:
+            simulation.restore(full)
+        except SnapshotError as error:
+            raise SnapshotError(f"{name}: {error}") from None
+        return simulation
 
     @property
     def time(self) -> float:
@@ -137,6 +159,47 @@ class Simulation:
     def emergency_stopped(self) -> bool:
         """Whether an emergency stop is in force."""
         return self._stopped
+
+    @property
+    def commands(self) -> Mapping[str, Command]:
+        """The last drive command in force of each carriage or drive that has one."""
+        return self._commands
+
+    @property
+    def at_start(self) -> bool:
+        """Whether this is the start of the scenario: no step, no command and no snapshot since."""
+        return self._at_start
+
+    def save(self, path: str | Path) -> None:
+        """Write the full state to a file, from which `load` goes on with the same bits.
+
+        Raises:
+            OSError: the disk refuses; there is no file then.
+        """
+        self.capture().write(Path(path))
+
+    def capture(self) -> FullState:
+        """A copy of everything that changes while the simulation runs."""
+        return FullState(
+            self.scenario,
+            self.time,
+            clone_state(self._state),
+            clone_state(self._initial),
+            self._stopped,
+            dict(self._commands),
+        )
+
+    def restore(self, full: FullState) -> None:
+        """Go to what `capture` gave, of this simulation or another one of the same scenario.
+
+        Raises:
+            SnapshotError: it does not fit the scenario; nothing is changed then.
+        """
+        full.copy_to(self._state, self._initial, (*self.carriages, *self.drives))
+        self.system = self._load(self._state.payload)
+        self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
+        self._at_start = False
+        self._snapshot = self._observe(NOTHING_DONE)
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:
         """Drive one carriage, or a moving cable by the name of its drive, until the next command.
@@ -195,10 +258,12 @@ class Simulation:
                     self._state.rope_target[0] = value
                 else:
                     self._drive(self._index[name], command.kind, value)
+                self._commands[name] = Command(command.kind, {name: value})
         elif command.kind == "emergency_stop":
             if not self._stopped:
                 self._state.braking_time[:] = 0.0
             self._stopped = True
+            self._commands.clear()
             self._state.rope_target[0] = 0.0
             self._state.rope_braking[0] = True
             for index in range(len(self.carriages)):
@@ -218,13 +283,15 @@ class Simulation:
             self._state.wind[0], self._state.wind[-1] = command.values["x"], command.values["z"]
         else:
             self._stopped = False
+            self._commands.clear()
             clock = int(self._state.clock[0])
             for array, start in zip(self._state, self._initial, strict=True):
                 array[...] = start  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
             self.system = self._load(self._state.payload)
+        self._at_start = False
         applied = AppliedCommand(self.time, command, source)
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(NOTHING_DONE)
         return applied
 
     def advance_to(self, time: float) -> Snapshot:
@@ -240,6 +307,7 @@ class Simulation:
         steps = max(round(time / self.step) - clock, 0)
         if steps == 0:
             return self._snapshot
+        self._at_start = False
         outcome = self._advance(self.system, self._state, self._good, self._before, self._work, steps)
         self._snapshot = self._observe(
             SolverReport(
@@ -436,4 +504,4 @@ class Simulation:
         )
 
 
-__all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SolverError"]
+__all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -16,7 +16,16 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 SCENARIO = ("scenario", "scenario_checks", "scenario_parameters", "scenario_schema")
-BELOW_RECORDING = ("messages", "records", "simulation", "first_compilation", "outlines", "mechanics", *SCENARIO)
+BELOW_RECORDING = (
+    "messages",
+    "records",
+    "simulation",
+    "snapshot_file",
+    "first_compilation",
+    "outlines",
+    "mechanics",
+    *SCENARIO,
+)
 ALLOWED = {
     "mechanics": (),
     "records": (),
@@ -25,6 +34,7 @@ ALLOWED = {
     "outlines": SCENARIO,
     "clearance": ("outlines", "records"),
     "command_checks": ("mechanics", "records", *SCENARIO),
+    "snapshot_file": ("mechanics.state", "records", *SCENARIO),
     "simulation": (
         "clearance",
         "command_checks",
@@ -32,6 +42,7 @@ ALLOWED = {
         "mechanics",
         "outlines",
         "records",
+        "snapshot_file",
         *SCENARIO,
     ),
     "messages": ("records",),

@@ -31,11 +31,12 @@ from cable_twin.messages import (
     decode,
     topics,
 )
+from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
 from cable_twin.recording.mcap_log import run_metadata
 from cable_twin.records import CommandError
-from cable_twin.scenario import ScenarioError, load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from cable_twin.scenario import ScenarioError
+from cable_twin.simulation import EquilibriumError, SnapshotError, SolverError
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
@@ -100,9 +101,9 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
         progress: shows how far it is.
 
     Raises:
-        LogError, ScenarioError, EquilibriumError, CommandError, SolverError: the log cannot be simulated.
+        LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError: it cannot be simulated.
     """
-    simulation = Simulation(load_scenario(log.scenario), samples=int(log.metadata["sample_count"]))
+    simulation = start_of(log, samples=int(log.metadata["sample_count"]))
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
     compared = [
@@ -215,6 +216,7 @@ def origin(log: Log) -> list[str]:
         f"made by: {made}, format {log.metadata['format_version']}",
         *([f"here:    {', '.join(other)}"] if other else []),
         f"scenario: {log.scenario.get('name')}, sha256 {sha256(scenario).hexdigest()[:12]}",
+        *([f"starts from: a snapshot, sha256 {sha256(log.snapshot).hexdigest()[:12]}"] if log.snapshot else []),
         f"commands: {_counted(kinds)}{' from ' if sources else ''}{_counted(sources) if sources else ''}, "
         f"sha256 {stream.hexdigest()[:12]}",
     ]
@@ -276,7 +278,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             tolerance = 0.0 if made_here(log) else ELSEWHERE
         with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
             result = replay(log, tolerance=tolerance, progress=progress)
-    except (LogError, ScenarioError, EquilibriumError, CommandError, SolverError) as error:
+    except (LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError) as error:
         for line in str(error).splitlines():
             named = line if line.startswith(str(options.log)) else f"{options.log}: {line}"
             print(f"replay: {named}", file=sys.stderr)

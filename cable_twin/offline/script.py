@@ -86,20 +86,21 @@ def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> l
     """Find what the simulation will refuse whatever its motion: names, limits, drives after an emergency stop.
 
     Args:
-        simulation: At its start; it is put back there.
+        simulation: It is put back to where it is.
         script: The commands.
 
     Returns:
         A line for each command that would be refused.
     """
     faults = []
+    before = simulation.capture()
     for item in script:
         if item.command.kind in STATELESS:
             try:
                 simulation.apply(item.command)
             except CommandError as error:
                 faults.append(f"{item.place}: {error}")
-    simulation.reset()
+    simulation.restore(before)
     return faults
 
 

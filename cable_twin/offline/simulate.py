@@ -23,11 +23,12 @@ from ruamel.yaml.error import YAMLError
 from cable_twin.command_line import OneLineParser
 from cable_twin.messages import MessageEncoder, applied_command_message, nanoseconds, topics
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
+from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 
 DONE, FAILED, UNUSABLE = 0, 1, 2  # exit codes
 DEFAULT_SCENARIO = "aerial_tramway"
@@ -47,6 +48,7 @@ examples:
   simulate aerial_tramway --script trip.yaml --duration 300
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
+  simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
 """
 
 
@@ -58,6 +60,7 @@ class Outcome:
     wall_time: float = 0.0  # s
     applied: int = 0
     refused: list[str] = field(default_factory=list)  # a line each
+    past: int = 0  # commands before the start
     left: int = 0  # commands at or after the end
     fault: str = ""  # why it ended early
 
@@ -75,12 +78,13 @@ def simulate(
 ) -> Outcome:
     """Run a simulation with its script, and record it as the node does.
 
-    A command takes effect at the solver step nearest to its time, after the frame of that time.
+    A command takes effect at the solver step nearest to its time, after the frame of that time. Where the simulation
+    comes from a snapshot, those of before are part of its state and are not given again.
 
     Args:
-        simulation: At its start.
+        simulation: At its start, or as it was loaded.
         script: Commands in the order of time.
-        duration: s.
+        duration: s, from the present time on.
         frame_steps: Solver steps in a frame.
         epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
         run: Where it is recorded, or None.
@@ -90,14 +94,16 @@ def simulate(
     Returns:
         How far it came, and what was refused.
     """
-    encoder = MessageEncoder(simulation.carriages, epoch_ns)
-    waiting = deque(script)
-    outcome = Outcome()
+    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
+    first = round(simulation.time / simulation.step)  # solver steps that are done
+    given = list(script)
+    waiting = deque(item for item in given if round(item.time / simulation.step) >= first)
+    outcome = Outcome(past=len(given) - len(waiting))
     started = time.monotonic()
     frames = math.ceil(round(duration / simulation.step) / frame_steps)
     try:
         for frame in range(frames + 1):
-            due = frame * frame_steps
+            due = first + frame * frame_steps
             while waiting and round(waiting[0].time / simulation.step) < due:
                 item = waiting.popleft()
                 simulation.advance_to(item.time)
@@ -144,6 +150,13 @@ def parser() -> OneLineParser:
         "scenario",
         nargs="?",
         help=f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+    )
+    result.add_argument(
+        "--snapshot",
+        type=Path,
+        metavar="FILE",
+        help="go on from the state, and with the scenario, that ~/save_snapshot or Simulation.save wrote; "
+        "times of commands stay simulated time, which goes on as well",
     )
     result.add_argument(
         "--set",
@@ -214,20 +227,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         log = read_log(options.from_bag) if options.from_bag is not None else None
-        scenario = _scenario(options, log)
         script = read_script(options.script) if options.script is not None else []
         script = script_of_log(log) if log is not None else script
-        with console.status(
-            f"'{scenario.name}' settles; the first time on a machine the solver is compiled: half a minute"
-        ):
-            simulation = Simulation(scenario)
+        simulation = _simulation(options, log, console)
         faults = check_script(simulation, script)
         if faults and log is None:
             raise ScriptError("\n".join(faults))
         if log is not None and script and len(faults) == len(script):
             raise ScriptError(f"{faults[0]} (and so for all {len(script)} commands of the bag)")
-        duration = _duration(options.duration, script, log)
-    except (LogError, ScriptError, ScenarioError, EquilibriumError) as error:
+        duration = _duration(options.duration, script, log, simulation.time)
+    except (LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError) as error:
         for line in str(error).splitlines():
             print(f"simulate: {line}", file=sys.stderr)
         return UNUSABLE
@@ -239,13 +248,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{simulation.step:g} s: {rate:g} Hz is used",
             file=sys.stderr,
         )
-    epoch_ns = time.time_ns()
+    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     try:
         run = _start(simulation, options, epoch_ns, frame_steps)
     except OSError as error:
         print(f"simulate: --output {options.output}: {error.strerror or error}", file=sys.stderr)
         return FAILED
-    with _progress(console, duration) as on_frame, _signals() as ended:
+    started = simulation.time
+    with _progress(console, started, duration) as on_frame, _signals() as ended:
         outcome = simulate(
             simulation,
             script,
@@ -260,22 +270,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     if run is not None:
         run.recorder.close()
         faults += run.recorder.faults
-    return _report(scenario, outcome, run, faults)
+    return _report(simulation.scenario, started, outcome, run, faults)
 
 
-def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario:
-    """The scenario that is asked for, or that of the bag, with what is changed in it."""
-    own = log.scenario if log is not None else DEFAULT_SCENARIO
-    return load_scenario(own if options.scenario is None else options.scenario, dict(options.set))
+def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:
+    """The snapshot or the scenario that is asked for, or that of the bag, with what is changed in it."""
+    changed = options.scenario is not None or bool(options.set)
+    if changed and options.snapshot is not None:
+        raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
+    if changed and log is not None and log.snapshot is not None:
+        raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
+    with console.status("the cable settles; the first time on a machine the solver is compiled: half a minute"):
+        if options.snapshot is not None:
+            return Simulation.load(options.snapshot)
+        if log is not None and not changed:
+            return start_of(log)
+        own = log.scenario if log is not None else DEFAULT_SCENARIO
+        return Simulation(load_scenario(own if options.scenario is None else options.scenario, dict(options.set)))
 
 
-def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None) -> float:
-    """Simulated time (s) to run."""
+def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None, start: float) -> float:
+    """Simulated time (s) to run from `start` (s) on."""
     if given is not None:
         return given
     if log is not None:
-        return log.end
-    return script[-1].time + DURATION if script else DURATION
+        if log.end <= start:
+            raise SnapshotError(
+                f"{log.path}: ends at {log.end:g} s, before the snapshot of {start:g} s; give --duration"
+            )
+        return log.end - start
+    return max(script[-1].time - start, 0.0) + DURATION if script else DURATION
 
 
 def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, frame_steps: int) -> Run | None:
@@ -292,7 +316,7 @@ def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, f
 
 
 @contextmanager
-def _progress(console: Console, duration: float) -> Iterator[Callable[[float], None]]:
+def _progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
     """A bar with simulated time, speed in times real time, and the time that remains."""
     columns = (
         TextColumn("simulate"),
@@ -304,11 +328,12 @@ def _progress(console: Console, duration: float) -> Iterator[Callable[[float], N
     # a file gets nothing of it, not even the empty line in the end
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("simulate", total=duration, factor=0.0)
-        started = time.monotonic()
+        began = time.monotonic()
 
         def on_frame(simulated: float) -> None:
-            elapsed = max(time.monotonic() - started, 1e-3)
-            progress.update(task, completed=min(simulated, duration), factor=simulated / elapsed)
+            elapsed = max(time.monotonic() - began, 1e-3)
+            done = simulated - start
+            progress.update(task, completed=min(done, duration), factor=done / elapsed)
 
         yield on_frame
 
@@ -325,7 +350,7 @@ def _signals() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def _report(scenario: Scenario, outcome: Outcome, run: Run | None, faults: Sequence[str]) -> int:
+def _report(scenario: Scenario, start: float, outcome: Outcome, run: Run | None, faults: Sequence[str]) -> int:
     """Say what was done."""
     for line in outcome.refused[:5]:
         print(f"simulate: refused: {line}", file=sys.stderr)
@@ -335,9 +360,13 @@ def _report(scenario: Scenario, outcome: Outcome, run: Run | None, faults: Seque
         print(f"simulate: {fault}", file=sys.stderr)
     if outcome.left:
         print(f"simulate: not given, at or after the end: {outcome.left} commands of the script", file=sys.stderr)
-    factor = outcome.time / max(outcome.wall_time, 1e-9)
+    if outcome.past:
+        print(f"simulate: not given, before the snapshot: {outcome.past} commands of the script", file=sys.stderr)
+    simulated = outcome.time - start
+    factor = simulated / max(outcome.wall_time, 1e-9)
+    since = f" from {start:.2f} s on" if start else ""
     print(
-        f"{scenario.name}: {outcome.time:.2f} s in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
+        f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
         f"{outcome.applied} commands" + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
     if run is not None:

@@ -13,7 +13,7 @@ from typing import IO, Any
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Message, Metadata
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
@@ -27,7 +27,7 @@ from cable_twin.messages import (
     full_name,
     scenario_from_message,
 )
-from cable_twin.recording.mcap_log import FORMAT_VERSION, METADATA_NAME
+from cable_twin.recording.mcap_log import FORMAT_VERSION, METADATA_NAME, SNAPSHOT_NAME
 from cable_twin.records import AppliedCommand
 
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
@@ -47,6 +47,7 @@ class Log:
     scenario: Mapping[str, Any]
     epoch_ns: int
     complete: bool  # False: the process was killed; everything but about its last second is here
+    snapshot: bytes | None = None  # file of the full state from which the run started, if not as its scenario does
 
     @cached_property
     def commands(self) -> list[AppliedCommand]:
@@ -125,12 +126,12 @@ def read_log(path: Path | str) -> Log:
     """
     file = _find(Path(path))
     with _open(file) as stream:
-        metadata = _read_metadata(file, stream)
+        metadata, snapshot = _read_origin(file, stream)
         complete = _has_index(stream)
     _check_format(file, metadata)
     if not metadata.get("epoch_ns", "").isdecimal():
         raise LogError(f"{file}: epoch_ns is {metadata.get('epoch_ns')!r}, a whole number of nanoseconds is expected")
-    log = Log(file, metadata, {}, int(metadata["epoch_ns"]), complete)
+    log = Log(file, metadata, {}, int(metadata["epoch_ns"]), complete, snapshot)
     empty = True
     for topic, _, data in log.messages():
         empty = False
@@ -177,18 +178,25 @@ def _open(file: Path) -> IO[bytes]:
         raise LogError(f"{file}: {error.strerror}") from error
 
 
-def _read_metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
-    """Find where the run comes from: the record is before the first message."""
+def _read_origin(file: Path, stream: IO[bytes]) -> tuple[dict[str, str], bytes | None]:
+    """Find where the run comes from, and the state it starts from if that is attached: before the first message."""
+    metadata: dict[str, str] | None = None
     try:
         for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
             if isinstance(record, Metadata) and record.name == METADATA_NAME:
-                return record.metadata
-            if isinstance(record, Message):
+                metadata = record.metadata
+                if metadata.get("starts_from") != SNAPSHOT_NAME:
+                    return metadata, None
+            elif metadata is not None and isinstance(record, Attachment) and record.name == SNAPSHOT_NAME:
+                return metadata, record.data
+            elif isinstance(record, Message):
                 break
     except InvalidMagic as error:
         raise LogError(f"{file}: not a bag: no MCAP file") from error
     except UNREADABLE as error:
         raise LogError(f"{file}: not a bag, or empty: {one_line(error)}") from error
+    if metadata is not None:
+        raise LogError(f"{file}: the run started from a snapshot, and {SNAPSHOT_NAME} is not attached any more")
     raise LogError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
 
 

@@ -32,6 +32,7 @@ from cable_twin.messages import (
 
 FORMAT_VERSION = "1"
 METADATA_NAME = "cable_twin"
+SNAPSHOT_NAME = "snapshot.npz"
 FLUSH_PERIOD = 0.5  # s of wall time that a kill or a power cut takes at most
 INFINITE = {"sec": 9223372036, "nsec": 854775807}  # how rosbag2 writes a duration without end
 
@@ -66,7 +67,13 @@ class McapLog:
     """A log being written. Not for several threads at once."""
 
     def __init__(
-        self, directory: Path, topics: Iterable[Topic], metadata: Mapping[str, str], *, namespace: str = NAMESPACE
+        self,
+        directory: Path,
+        topics: Iterable[Topic],
+        metadata: Mapping[str, str],
+        *,
+        namespace: str = NAMESPACE,
+        snapshot: bytes | None = None,
     ) -> None:
         """Create the directory, the file with all its channels, and a metadata.yaml for the time until it is closed.
 
@@ -75,6 +82,7 @@ class McapLog:
             topics: Everything that may be written.
             metadata: Where the run comes from, as `run_metadata` gives it; `epoch_ns` is needed.
             namespace: Full name of the node, in front of relative topic names.
+            snapshot: Full state from which the run starts, attached; none where it starts as its scenario does.
 
         Raises:
             OSError: The disk refuses, or the log exists.
@@ -94,8 +102,17 @@ class McapLog:
             self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
             self._writer.start("ros2", f"cable_twin {_version('cable_twin')}; {LIBRARY_IDENTIFIER}")
             self._writer.add_metadata(
-                METADATA_NAME, {"format_version": FORMAT_VERSION, "namespace": namespace, **metadata}
+                METADATA_NAME,
+                {
+                    "format_version": FORMAT_VERSION,
+                    "namespace": namespace,
+                    "starts_from": SNAPSHOT_NAME if snapshot is not None else "scenario",
+                    **metadata,
+                },
             )
+            if snapshot is not None:
+                now = time.time_ns()
+                self._writer.add_attachment(now, now, SNAPSHOT_NAME, "application/octet-stream", snapshot)
             self._channels = self._register()
             self._write_bag_metadata()
             self.flush()

@@ -6,10 +6,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_twin.messages import NAMESPACE, SCENARIO, Topic, scenario_message
+from cable_twin.messages import NAMESPACE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.outlines import body_outlines
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
@@ -42,7 +43,8 @@ def start_run(
     """Open the logs of a run in a new directory named after the time.
 
     Args:
-        simulation: what is recorded; its scenario is the first message of the bag.
+        simulation: what is recorded; its scenario is the first message of the bag, and where it is not at its start
+            its full state is attached.
         topics: what the bag will hold.
         record_directory: parent of the new directory.
         epoch_ns: ns since 1970 of simulated time zero.
@@ -57,7 +59,7 @@ def start_run(
     directory = _new_directory(record_directory)
     scenario = simulation.scenario
     metadata = run_metadata(scenario=scenario.name, epoch_ns=epoch_ns, frame_period=frame_period, sample_count=SAMPLES)
-    log = McapLog(directory, topics, metadata, namespace=namespace)
+    log = McapLog(directory, topics, metadata, namespace=namespace, snapshot=_snapshot(simulation))
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
@@ -70,7 +72,7 @@ def start_run(
             faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
     recorder = Recorder(log, view)
     recorder.faults += faults
-    recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns)
+    recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns + nanoseconds(simulation.time))
     return Run(directory, recorder, view.url if view is not None else None)
 
 
@@ -97,6 +99,15 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         support_positions={name: tower.position for name, tower in scenario.towers.items()},
         **options,
     )
+
+
+def _snapshot(simulation: Simulation) -> bytes | None:
+    """What a replay has to start from, where that is not the start of the scenario."""
+    if simulation.at_start:
+        return None
+    stream = BytesIO()
+    simulation.capture().write(stream)
+    return stream.getvalue()
 
 
 def _new_directory(parent: Path) -> Path:

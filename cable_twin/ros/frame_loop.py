@@ -15,12 +15,15 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from typing import Any
 
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.simulation import Simulation, SolverError
+from cable_twin.snapshot_file import FullState
 
 IDLE = 0.005  # s between two looks at the queue while paused
+STEP, CAPTURE = "step", "capture"  # requests that are no commands
 SHORT = 0.05  # s that the end of a run may have to wait for
 
 
@@ -82,7 +85,7 @@ class FrameLoop:
         self._factor = real_time_factor
         self._on_frame, self._on_applied, self._on_fault = on_frame, on_applied, on_fault
         self._paused = paused
-        self._requests: deque[tuple[Command | None, str, Future[AppliedCommand | None]]] = deque()
+        self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
         self.total_lateness = LatenessHistogram(self._clock_period)  # since the start
@@ -125,7 +128,13 @@ class FrameLoop:
     def step(self) -> Future[AppliedCommand | None]:
         """Take one frame while paused."""
         future: Future[AppliedCommand | None] = Future()
-        self._requests.append((None, "step", future))
+        self._requests.append((None, STEP, future))
+        return future
+
+    def capture(self) -> Future[FullState]:
+        """Copy the full state at the next frame boundary."""
+        future: Future[FullState] = Future()
+        self._requests.append((None, CAPTURE, future))
         return future
 
     def take_statistics(self) -> FrameStatistics:
@@ -143,6 +152,8 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
+        for command in self._simulation.commands.values():  # of a snapshot: they too want to go on
+            self._hold(command)
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
         while not self._stopping.is_set():
             stepping = self._obey()
@@ -200,10 +211,13 @@ class FrameLoop:
         stepping = []
         while self._requests:
             command, source, future = self._requests.popleft()
-            if command is None:
+            if command is None and source == STEP:
                 stepping.append(future)
                 continue
             if not future.set_running_or_notify_cancel():
+                continue
+            if command is None:
+                future.set_result(self._simulation.capture())
                 continue
             try:
                 applied = self._apply(command, source)
@@ -220,12 +234,7 @@ class FrameLoop:
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         applied = self._simulation.apply(command, source)
         if command.kind in ("speed", "force"):
-            until = time.monotonic() + self.command_timeout
-            for name, value in command.values.items():
-                if value != 0.0 or command.kind == "force":  # without force it rolls on
-                    self._deadlines[name] = until
-                else:
-                    self._deadlines.pop(name, None)
+            self._hold(command)
         elif command.kind in ("emergency_stop", "release", "reset"):
             self._deadlines.clear()
             if command.kind == "reset" and self.fault:
@@ -233,3 +242,12 @@ class FrameLoop:
                 self._paused = False
         self._on_applied(applied)
         return applied
+
+    def _hold(self, command: Command) -> None:
+        """Let a drive command hold until the time-out."""
+        until = time.monotonic() + self.command_timeout
+        for name, value in command.values.items():
+            if value != 0.0 or command.kind == "force":  # without force it rolls on
+                self._deadlines[name] = until
+            else:
+                self._deadlines.pop(name, None)

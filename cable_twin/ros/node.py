@@ -38,6 +38,7 @@ from cable_twin.messages import (
     command_from_joint_state,
     decode,
     diagnostics_message,
+    nanoseconds,
     payload_from_joint_state,
     scenario_message,
     topics,
@@ -48,8 +49,9 @@ from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.parameters import PARAMETERS, Parameter
 from cable_twin.ros.recording_watch import RecordingWatch
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot_file import SUFFIX
 
 try:  # not among the wheels
     from tf2_msgs.msg import TFMessage
@@ -97,6 +99,7 @@ class TwinNode(Node):
     Raises:
         ParameterError: a parameter is out of its range.
         ScenarioError: the scenario does not load.
+        SnapshotError: the snapshot does not load.
         EquilibriumError: the cable of the scenario finds no rest.
     """
 
@@ -110,9 +113,8 @@ class TwinNode(Node):
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
         self._run: Run | None = None
         self._watch = RecordingWatch(self.get_logger())
-        scenario = load_scenario(self._settings["scenario"])
-        self._simulation = self._build_simulation(scenario)
-        self._epoch_ns = time.time_ns()
+        self._simulation = self._build_simulation()
+        self._epoch_ns = time.time_ns() - nanoseconds(self._simulation.time)
         self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
@@ -147,6 +149,7 @@ class TwinNode(Node):
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         self.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
+        self.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
         self.create_timer(1.0, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -173,8 +176,9 @@ class TwinNode(Node):
         if scenario.carriers is not None:
             names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
+        start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self.get_logger().info(
-            f"'{scenario.name}' runs at {rate:g} Hz; {drives}carriages: {', '.join(names)}; "
+            f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
             f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
         )
 
@@ -211,11 +215,13 @@ class TwinNode(Node):
             else:
                 self.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
             values[parameter.name] = value
+        if values["snapshot"] and "scenario" in self._parameter_overrides:
+            faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
         if faults:
             raise ParameterError("\n".join(faults))
         return values
 
-    def _build_simulation(self, scenario: Scenario) -> Simulation:
+    def _build_simulation(self) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
         started = time.monotonic()
         told = threading.Event()
@@ -227,7 +233,9 @@ class TwinNode(Node):
         timer = threading.Timer(2.0, tell)
         timer.start()
         try:
-            return Simulation(scenario)
+            if self._settings["snapshot"]:
+                return Simulation.load(self._settings["snapshot"])
+            return Simulation(load_scenario(self._settings["scenario"]))
         finally:
             timer.cancel()
             if told.is_set():
@@ -381,6 +389,25 @@ class TwinNode(Node):
             self._parameters_refused -= 1
             self._parameters_set += 1
         return result
+
+    def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Copy the state between two frames, and write it here, where no frame waits for the disk."""
+        try:
+            full = self._loop.capture().result(SERVICE_TIMEOUT)
+        except (FutureTimeoutError, CancelledError):
+            response.success, response.message = False, f"no frame boundary within {SERVICE_TIMEOUT:g} s; nothing saved"
+            return response
+        directory = self._run.directory if self._run is not None else Path(self._settings["record_directory"])
+        path = directory.expanduser().resolve() / f"snapshot_{full.time:.3f}_s{SUFFIX}"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            full.write(path)
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            reason = getattr(error, "strerror", None) or error
+            response.success, response.message = False, f"nothing saved: {path}: {reason}"
+        else:
+            response.success, response.message = True, f"saved at {full.time:.3f} s of simulated time: {path}"
+        return response
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         """Only `command_timeout` may change while the twin runs."""

@@ -49,6 +49,7 @@ class Parameter:
 
 PARAMETERS = (
     Parameter("scenario", "aerial_tramway", "name of a scenario, or path of its YAML file"),
+    Parameter("snapshot", "", "file of ~/save_snapshot to go on from, with its own scenario"),
     Parameter("frame_rate", 100.0, "frames published in a second of simulated time", "Hz", 1.0, 1000.0),
     Parameter(
         "real_time_factor", 1.0, "simulated seconds in a second of the clock, 0 as fast as possible", "", 0.0, 1000.0

@@ -16,6 +16,7 @@ Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and 
 examples:
   sim                                    the default scenario in real time
   sim --scenario seed_example            the example of the paper
+  sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
   sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
@@ -68,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print_hint("sim", error)
         return 1
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
-    from cable_twin.simulation import EquilibriumError  # noqa: PLC0415
+    from cable_twin.simulation import EquilibriumError, SnapshotError  # noqa: PLC0415
 
     try:
         rclpy.init(args=["sim", *arguments], signal_handler_options=SignalHandlerOptions.NO)
@@ -77,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     try:
         node = TwinNode()
-    except (ParameterError, ScenarioError, EquilibriumError) as error:
+    except (ParameterError, ScenarioError, EquilibriumError, SnapshotError) as error:
         for line in str(error).splitlines():
             print(f"sim: {line}", file=sys.stderr)
         rclpy.try_shutdown()
@@ -108,7 +109,7 @@ def _rcl_fault(error: Exception) -> str:
 
 def _text(default: object) -> str:
     """A default as it is typed on the command line."""
-    return f"{default:g}" if isinstance(default, float) else str(default).lower()
+    return f"{default:g}" if isinstance(default, float) else str(default).lower() or "none"
 
 
 if __name__ == "__main__":

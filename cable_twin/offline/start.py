@@ -1,0 +1,30 @@
+"""The simulation of a recorded run as it was when the run started."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+from cable_twin.recording.log_reader import Log
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import SAMPLES, Simulation, SnapshotError
+
+
+def start_of(log: Log, *, samples: int = SAMPLES) -> Simulation:
+    """Build the simulation of a log: its scenario at the start, or in the state that is attached.
+
+    Args:
+        log: The run.
+        samples: Points at which snapshots hold the cable.
+
+    Raises:
+        ScenarioError, EquilibriumError, SnapshotError: It cannot be simulated.
+    """
+    if log.snapshot is None:
+        return Simulation(load_scenario(log.scenario), samples=samples)
+    try:
+        return Simulation.load(BytesIO(log.snapshot), samples=samples)
+    except SnapshotError as error:
+        raise SnapshotError(f"{log.path}: {error}") from None
+
+
+__all__ = ["start_of"]

@@ -1,0 +1,200 @@
+"""The full state of a simulation as one file: what a run needs to go on from there with the same bits.
+
+The file is a numpy archive (.npz, nothing pickled) with a checksum over each part: `header`, a JSON text with format,
+versions, scenario and what is commanded, and the arrays `state/FIELD` and `start/FIELD` for every field of `State`, so
+that a new field comes along by itself and one that is missing is named.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from cable_twin.mechanics.state import State
+from cable_twin.records import Command
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+
+FORMAT = "cable_twin snapshot"
+FORMAT_VERSION = 1
+SUFFIX = ".npz"
+PARTS = ("state", "start")
+# what zipfile, numpy and json raise on the way
+DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    KeyError,
+    EOFError,
+    TypeError,
+    AttributeError,
+    OSError,
+    RuntimeError,
+)
+
+
+class SnapshotError(ValueError):
+    """A file from which no simulation can start: one line with the file and what is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class FullState:
+    """Everything that changes while a scenario is simulated, at one simulated time."""
+
+    scenario: Scenario
+    time: float  # s
+    state: State
+    start: State  # to which a reset goes back
+    emergency_stopped: bool
+    commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
+
+    def copy_to(self, state: State, start: State, carriages: Collection[str]) -> None:
+        """Write both states into those of a simulation with these carriages.
+
+        Raises:
+            SnapshotError: They do not fit; nothing is changed then.
+        """
+        pairs = [(part, getattr(self, part), own) for part, own in (("state", state), ("start", start))]
+        for part, given, own in pairs:
+            for field, array, target in zip(State._fields, given, own, strict=True):
+                if array.shape != target.shape or array.dtype != target.dtype:
+                    raise SnapshotError(
+                        f"{part}/{field} is {array.dtype} of shape {array.shape}; "
+                        f"its scenario needs {target.dtype} of shape {target.shape}"
+                    )
+        if strange := [name for name in self.commands if name not in carriages]:
+            raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(carriages) or 'none'}")
+        for _, given, own in pairs:
+            for array, target in zip(given, own, strict=True):
+                target[...] = array
+
+    def write(self, target: Path | IO[bytes]) -> None:
+        """Write it; a file appears whole or not at all.
+
+        Args:
+            target: Path, whose directory exists, or a binary stream.
+
+        Raises:
+            OSError: The disk refuses.
+        """
+        header = {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "package_version": package_version(),
+            "time": self.time,
+            "emergency_stopped": self.emergency_stopped,
+            "commands": {name: [item.kind, item.values[name]] for name, item in self.commands.items()},
+            "scenario": self.scenario.resolved(),
+        }
+        arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
+        for part in PARTS:
+            arrays |= {f"{part}/{name}": array for name, array in getattr(self, part)._asdict().items()}
+        if not isinstance(target, Path):
+            np.savez(target, **arrays)  # type: ignore[arg-type]  # its option allow_pickle is none of our names
+            return
+        new = target.with_name(f"{target.name}.new")
+        try:
+            with new.open("wb") as stream:
+                np.savez(stream, **arrays)  # type: ignore[arg-type]
+                stream.flush()
+                os.fsync(stream.fileno())
+            new.replace(target)
+        except OSError:
+            new.unlink(missing_ok=True)
+            raise
+
+
+def read_full_state(source: Path | IO[bytes], name: str) -> FullState:
+    """Read what `FullState.write` has written.
+
+    Args:
+        source: Path, or a binary stream.
+        name: What messages call it.
+
+    Raises:
+        SnapshotError: There is no such file, it is no snapshot, a newer or a damaged one, or of another version.
+    """
+    if not isinstance(source, Path):
+        return _read(source, name)
+    try:
+        with source.expanduser().open("rb") as stream:
+            return _read(stream, name)
+    except FileNotFoundError:
+        raise SnapshotError(f"{name}: no such file") from None
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        raise SnapshotError(f"{name}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+
+
+def package_version() -> str:
+    """Version of cable_twin that is installed."""
+    try:
+        return version("cable_twin")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _read(stream: IO[bytes], name: str) -> FullState:
+    if not zipfile.is_zipfile(stream):
+        stream.seek(0)
+        what = "damaged or cut short" if stream.read(2) == b"PK" else "not a snapshot of cable_twin"
+        raise SnapshotError(f"{name}: {what}; allowed: a file that ~/save_snapshot or Simulation.save wrote")
+    stream.seek(0)
+    try:
+        with np.load(stream, allow_pickle=False) as archive:
+            if "header" not in archive.files:
+                raise SnapshotError(f"{name}: not a snapshot of cable_twin: no header in it")
+            header = json.loads(archive["header"].tobytes())
+            _check_header(header, name)
+            arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
+        commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
+        time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
+    except SnapshotError:
+        raise
+    except DAMAGED as error:
+        raise SnapshotError(f"{name}: damaged: {' '.join(str(error).split()) or type(error).__name__}") from None
+    made = f"the snapshot was made by cable_twin {header.get('package_version')}, this is {package_version()}"
+    try:
+        loaded = load_scenario(scenario)
+    except ScenarioError as error:
+        raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
+    states = [_state(part, arrays, name, made) for part in PARTS]
+    return FullState(loaded, time, states[0], states[1], stopped, commands)
+
+
+def _check_header(header: Any, name: str) -> None:
+    """Refuse other people's archives and newer formats."""
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise SnapshotError(f"{name}: not a snapshot of cable_twin: its header is another one")
+    given = header.get("format_version")
+    if not isinstance(given, int) or given < 1:
+        raise SnapshotError(f"{name}: format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
+    if given > FORMAT_VERSION:
+        raise SnapshotError(
+            f"{name}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
+            f"update cable_twin: the snapshot was made by {header.get('package_version')}"
+        )
+
+
+def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
+    """Put one state together; fields that one version has and the other has not are named."""
+    given = {key.partition("/")[2] for key in arrays if key.startswith(f"{part}/")}
+    if missing := [field for field in State._fields if field not in given]:
+        raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
+    if unknown := sorted(given - set(State._fields)):
+        raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
+    for field in State._fields:
+        array = arrays[f"{part}/{field}"]
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise SnapshotError(f"{name}: damaged: {part}/{field} is not finite")
+    return State._make(arrays[f"{part}/{field}"] for field in State._fields)
+
+
+__all__ = ["SUFFIX", "FullState", "SnapshotError", "package_version", "read_full_state"]

@@ -1,0 +1,40 @@
+#!/usr/bin/env python3
+"""Control experiment (a): drive a carriage to a place with a trapezoid of speed, as fast as its drive allows.
+
+The law: speed over time is a ramp, a cruise and a ramp, v(t), planned from the distance. Nothing is measured on the
+way, so the vehicle swings as the ramps leave it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from control_experiment import Law, Link, Motion, SpeedPlan, distance_to, limits_of, main, parser, positive
+
+EPILOG = """\
+exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
+
+example, with `sim` running in another terminal:
+  python examples/trapezoid_driver.py cabin --to 160 --speed 5
+"""
+
+
+def experiment(link: Link, options: argparse.Namespace) -> Law:
+    """Plan the trapezoid; the law follows it, and holds the carriage while it swings out."""
+    acceleration, jerk = limits_of(link, options)
+    plan = SpeedPlan.trapezoid(distance_to(link, options.to), options.speed, acceleration, jerk)
+    print(f"trapezoid_driver.py: {plan.duration:.1f} s with ramps of {acceleration:g} m/s^2", flush=True)
+
+    def law(motion: Motion) -> float | None:
+        return plan.speed(motion.time) if motion.time < plan.duration + options.settle else None
+
+    return law
+
+
+if __name__ == "__main__":
+    arguments = parser("trapezoid_driver.py", "Drive a carriage to a place with a trapezoid of speed.", EPILOG)
+    arguments.add_argument(
+        "--to", type=positive("m"), default=160.0, metavar="M", help="arc length (m) to go to; default: 160"
+    )
+    sys.exit(main(arguments.parse_args(), "trapezoid_driver.py", experiment))

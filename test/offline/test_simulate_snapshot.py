@@ -1,0 +1,155 @@
+"""`simulate --snapshot` goes on with the same bits, and the log of such a run replays from what is attached to it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from bags import alter, bag, unchanged
+from twin_process import write_quick_scenario
+
+from cable_twin.offline import replay, review
+from cable_twin.offline.script import read_script
+from cable_twin.offline.simulate import main
+from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+SCRIPT = """\
+- {time: 0, name: cabin, speed: 6.0}
+- {time: 6.5, event: emergency_stop}
+- {time: 8, event: release}
+- {time: 8.5, name: cabin, force: 3.0e4}
+- {time: 9.5, event: reset}
+"""
+SAVED = 4.1  # s
+
+
+def the_run(directory):
+    (run,) = directory.iterdir()
+    return run
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Directory with the whole run in `whole`, a snapshot out of its middle, and the run from there in `rest`."""
+    directory = tmp_path_factory.mktemp("snapshots")
+    scenario = write_quick_scenario(directory)
+    script = directory / "trip.yaml"
+    script.write_text(SCRIPT)
+    assert (
+        main([str(scenario), "--script", str(script), "--duration", "10.5", "--output", str(directory / "whole")]) == 0
+    )
+    simulation = Simulation.load(_saved(scenario, script, directory / "state.npz"))
+    assert simulation.time == SAVED
+    arguments = ["--script", str(script), "--duration", str(10.5 - SAVED), "--output", str(directory / "rest")]
+    assert main(["--snapshot", str(directory / "state.npz"), *arguments]) == 0
+    return directory
+
+
+def _saved(scenario, script, path):
+    """Go by the script in Python, as far as the snapshot."""
+    simulation = Simulation(load_scenario(scenario))
+    for item in read_script(script):
+        if item.time < SAVED:
+            simulation.advance_to(item.time)
+            simulation.apply(item.command)
+    simulation.advance_to(SAVED)
+    simulation.save(path)
+    return path
+
+
+def frames(log, start=0.0):
+    """Messages of the motion by topic and simulated time (ns), without the stamps at their beginning."""
+    topics = ["joint_states", "cable", "supports/start/force", "carriages/cabin/pose"]
+    return {
+        (topic, stamp - log.epoch_ns): data[12:]
+        for topic, stamp, data in log.messages(topics)
+        if stamp - log.epoch_ns >= round(start * 1e9)
+    }
+
+
+def test_rest_of_the_run_has_the_same_bits(runs):
+    whole, rest = (read_log(the_run(runs / name)) for name in ("whole", "rest"))
+    expected, found = frames(whole, SAVED), frames(rest)
+    assert len(expected) == 4 * 641
+    assert found == expected
+    assert len(rest.commands) == 4
+    assert [(item.time, item.command) for item in rest.commands] == [
+        (item.time, item.command) for item in whole.commands if item.time > SAVED
+    ]
+
+
+def test_log_of_the_rest_replays_also_when_cut_short(runs, tmp_path, capsys):
+    run = the_run(runs / "rest")
+    assert replay.main([str(run)]) == 0
+    output = capsys.readouterr().out
+    assert "every sample agrees to the last bit" in output
+    assert "starts from: a snapshot, sha256 " in output
+    data = bag(run).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: len(data) // 2])
+    assert replay.main([str(cut)]) == 0
+    assert "cut short" in capsys.readouterr().out
+    assert review.main([str(cut), "--no-viewer"]) == 0
+
+
+def test_log_that_lost_its_snapshot_is_named(runs, tmp_path, capsys):
+    lost = alter(bag(the_run(runs / "rest")), tmp_path / "lost.mcap", unchanged)  # copies messages alone
+    with pytest.raises(LogError, match=r"the run started from a snapshot, and snapshot\.npz is not attached any more"):
+        read_log(lost)
+    assert replay.main([str(lost)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_bag_is_a_script_from_the_snapshot_on(runs, tmp_path, capsys):
+    whole = the_run(runs / "whole")
+    arguments = ["--snapshot", str(runs / "state.npz"), "--from-bag", str(whole), "--record", "bag"]
+    assert main([*arguments, "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "not given, before the snapshot: 1 commands of the script" in said.err
+    assert f"from {SAVED:.2f} s on" in said.out
+    log = read_log(the_run(tmp_path))
+    expected = frames(read_log(whole), SAVED)
+    found = frames(log)
+    assert len(found) == 4 * 641
+    assert found == expected
+
+
+def test_bag_of_the_rest_is_simulated_from_its_own_snapshot(runs, tmp_path):
+    rest = the_run(runs / "rest")
+    assert main(["--from-bag", str(rest), "--record", "bag", "--output", str(tmp_path)]) == 0
+    assert frames(read_log(the_run(tmp_path))) == frames(read_log(rest))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--snapshot", "{}/none.npz"], "{}/none.npz: no such file"),
+        (["--snapshot", "{}/trip.yaml"], "{}/trip.yaml: not a snapshot of cable_twin"),
+        (["seed_example", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot has its scenario"),
+        (["--set", "gravity=9", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot has its scenario"),
+    ],
+)
+def test_what_cannot_be_is_one_line(runs, capsys, arguments, said):
+    assert main([item.format(runs) for item in arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"simulate: {said.format(runs)}")
+
+
+def test_other_scenario_for_a_bag_from_a_snapshot_is_refused(runs, capsys):
+    assert main(["--from-bag", str(the_run(runs / "rest")), "--set", "gravity=9"]) == 2
+    assert "started from a snapshot: neither SCENARIO nor --set is allowed" in capsys.readouterr().err
+
+
+def test_snapshot_of_a_version_with_another_state_names_field_and_versions(runs, tmp_path, capsys):
+    with np.load(runs / "state.npz") as archive:
+        arrays = dict(archive)
+    header = json.loads(arrays["header"].tobytes()) | {"package_version": "0.0.7"}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    del arrays["state/drive_target"]
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert main(["--snapshot", str(tmp_path / "old.npz")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no drive_target in its state; the snapshot was made by cable_twin 0.0.7, this is " in line

@@ -1,0 +1,238 @@
+"""The control experiments as processes beside the node: the swing is cut, and what a user meets is in a line."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+from twin_process import COMPILING, TwinProcess, environment
+
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline import replay, review
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import Snapshot
+from cable_twin.scenario import load_scenario
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SCRIPTS = ("trapezoid_driver.py", "swing_damping.py", "tower_pass.py")
+DESTINATION = 110.0  # m
+ATTEMPTS = 3
+LONGEST_GAP = 0.3  # s of simulated time between two commands: more, and the machine was too busy for control
+SETTLE = 10.0  # s
+TRIP_TIMEOUT = 120.0  # s of the clock
+
+
+def load_module():
+    specification = spec_from_file_location("control_experiment", EXAMPLES / "control_experiment.py")
+    module = module_from_spec(specification)
+    sys.modules["control_experiment"] = module
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def plans():
+    """The module that the experiments share."""
+    return load_module()
+
+
+def test_frequencies_are_those_of_closed_forms(plans):
+    g = 9.81
+    (rod,) = plans.swing_frequencies({"rod": {"mass": 3.0, "inertia": 3.0 * 4.0 / 12.0, "upper_pivot": [0.0, 1.0]}}, g)
+    assert rod == pytest.approx(math.sqrt(1.5 * g / 2.0))  # a rod of 2 m hung from its end: 3 g / 2 l
+    point = {"mass": 2.0, "inertia": 0.0, "upper_pivot": [0.0, 1.5], "lower_pivot": [0.0, 0.0]}
+    slow, fast = plans.swing_frequencies({"upper": point, "lower": point}, g)  # double pendulum: (2 -+ sqrt 2) g / l
+    assert slow == pytest.approx(math.sqrt((2.0 - math.sqrt(2.0)) * g / 1.5))
+    assert fast == pytest.approx(math.sqrt((2.0 + math.sqrt(2.0)) * g / 1.5))
+
+
+def test_shaped_plan_goes_as_far_and_excites_none_of_its_frequencies(plans):
+    plan = plans.SpeedPlan.trapezoid(-80.0, 4.0, 0.3, 0.2)
+    frequencies = np.array([1.1, 2.9])
+    shaped = plan.shaped(frequencies)
+    assert shaped.duration == pytest.approx(plan.duration + math.pi / 1.1 + math.pi / 2.9)
+    times = np.linspace(0.0, shaped.duration, 200_001)
+    for one in (plan, shaped):
+        speeds = np.array([one.speed(time) for time in times])
+        assert np.trapezoid(speeds, times) == pytest.approx(-80.0, rel=1e-6)
+        assert abs(speeds).max() <= 4.0 + 1e-12
+        assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
+    accelerations = np.gradient(np.array([shaped.speed(time) for time in times]), times)
+    for frequency in frequencies:  # what an undamped pendulum is left with
+        assert abs(np.trapezoid(accelerations * np.exp(1j * frequency * times), times)) < 1e-3
+
+
+@pytest.mark.parametrize("distance", [0.5, 20.0, 400.0])
+def test_trapezoid_keeps_speed_and_acceleration_and_leaves_time_for_the_jerk(plans, distance):
+    plan = plans.SpeedPlan.trapezoid(distance, 5.0, 0.3, 0.2)
+    assert np.trapezoid(plan.speeds, plan.times) == pytest.approx(distance)
+    assert plan.speeds.max() <= 5.0
+    assert abs(np.diff(plan.speeds) / np.diff(plan.times)).max() == pytest.approx(0.3)
+    assert plan.times[2] - plan.times[1] >= 1.5 - 1e-9
+
+
+pytest.importorskip("rclpy")
+
+
+def start(directory, script, *arguments, domain):
+    return TwinProcess(
+        directory, *arguments, module=Path(script).stem, domain=domain, command=[sys.executable, str(EXAMPLES / script)]
+    )
+
+
+@pytest.fixture(scope="module")
+def trips(tmp_path_factory):
+    """Logs of the same trip on two twins at once, driven by (a) and by (b), and what these have printed."""
+    for _ in range(ATTEMPTS):
+        result = drive_both([tmp_path_factory.mktemp(Path(script).stem) for script in SCRIPTS[:2]])
+        times = [[applied.time for applied in read_log(run).commands] for run, _ in result]
+        if max(float(np.diff(item).max()) for item in times) < LONGEST_GAP:
+            break
+    return result
+
+
+def drive_both(directories):
+    """Run two twins at twice the pace of the clock with a controller each; logs, and output of the controllers."""
+    arguments = ["--rerun", "off", "--real-time-factor", "2", "--frame-rate", "50", "--command-timeout", "5"]
+    started, pairs = [], []
+    try:
+        for script, directory in zip(SCRIPTS, directories, strict=False):
+            sim = TwinProcess(directory, *arguments)
+            started.append(sim)
+            sim.wait_for("runs at 50 Hz")
+            trip = ["cabin", "--to", str(DESTINATION), "--settle", str(SETTLE)]
+            controller = start(directory, script, *trip, domain=sim.domain)
+            started.append(controller)
+            pairs.append((sim, controller))
+        for sim, controller in pairs:
+            assert controller.wait(TRIP_TIMEOUT) == 0, controller.output
+            assert sim.end() == 0, sim.output
+        return [(sim.run_directory, controller.output) for sim, controller in pairs]
+    finally:
+        for process in started:
+            process.kill()
+
+
+def measure(run):
+    """Largest swing (deg) of the trip, largest in its last six seconds, and arc length (m) in the end."""
+    log = read_log(run)
+    figures = KeyFigures(load_scenario(log.scenario))
+    swings = []
+    for item in read_snapshots(log):
+        if isinstance(item, Snapshot):
+            figures.update(item)
+            swings.append((item.time, math.degrees(item.carriages["cabin"].bodies["cabin"].pitch)))
+            last = item
+    (swing,) = [figure.value for figure in figures.figures() if figure.name == "cabin: swing along the track"]
+    rest = [abs(value) for time, value in swings if time > last.time - 6.0]
+    return math.degrees(swing), max(rest), last.carriages["cabin"].arc_length
+
+
+def test_swing_is_cut_by_more_than_half(trips, tmp_path, capsys):
+    (plain, plain_output), (damped, damped_output) = trips
+    swing_a, rest_a, end_a = measure(plain)
+    swing_b, rest_b, end_b = measure(damped)
+    assert swing_a > 3.0
+    assert rest_a > 1.0
+    assert swing_b < 0.5 * swing_a
+    assert rest_b < 0.5 * rest_a
+    assert end_a == pytest.approx(DESTINATION, abs=0.5)
+    assert end_b == pytest.approx(DESTINATION, abs=0.5)
+    for output in (plain_output, damped_output):
+        assert "Traceback" not in output
+        assert "done after" in output
+    for run in (plain, damped):
+        assert {applied.source for applied in read_log(run).commands} == {"joint_commands"}
+    assert review.main([str(plain), str(damped), "--no-viewer", "--plots", str(tmp_path)]) == 0
+    assert "cabin: swing along the track" in capsys.readouterr().out
+    assert (tmp_path / "swing.png").stat().st_size > 20_000
+
+
+def test_damped_trip_replays_to_the_last_bit(trips, capsys):
+    assert replay.main([str(trips[1][0])]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory):
+    """A twin without logs, three times as fast as the clock."""
+    sim = TwinProcess(
+        tmp_path_factory.mktemp("twin"), "--record", "false", "--real-time-factor", "3", "--command-timeout", "5"
+    )
+    sim.wait_for("runs at 100 Hz")
+    yield sim
+    sim.kill()
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_what_the_twin_excludes_is_one_line(twin, script):
+    place = "--at" if script == "tower_pass.py" else "--to"
+    for arguments, said in (
+        (["gondola"], "the twin has no carriage 'gondola'; it has: cabin"),
+        (["cabin", "--speed", "11"], "--speed 11 m/s given; the drive of 'cabin' allows 10 m/s"),
+        (["cabin", place, "2000"], "arc length 2000 m given; allowed: more than 0 and less than 1044.25 m"),
+    ):
+        process = start(twin.directory, script, *arguments, domain=twin.domain)
+        assert process.wait() == 1
+        assert process.output.splitlines()[-1] == f"{script}: {said}"
+        assert "Traceback" not in process.output
+
+
+def test_pass_is_predicted_driven_and_compared_and_interrupts_stop_the_twin(twin):
+    process = start(
+        *(twin.directory, "tower_pass.py", "cabin", "--at", "80", "--window", "3", "--speed", "3", "--settle", "1"),
+        *("--slowest", "1", "--swing-limit", "2"),
+        domain=twin.domain,
+    )
+    assert process.wait(TRIP_TIMEOUT) == 0, process.output
+    (passed,) = [line for line in process.output.splitlines() if "passed with a swing of" in line]
+    words = passed.split()
+    assert float(words[6]) == pytest.approx(float(words[9]), abs=0.5)  # deg
+    for script in SCRIPTS[:2]:  # from where the one before has left it
+        process = start(twin.directory, script, "cabin", "--to", "800", domain=twin.domain)
+        process.wait_for(" s with ramps" if script == SCRIPTS[0] else "shaped for")
+        process.send(signal.SIGINT)
+        assert process.wait() == 0
+        assert "ended" in process.output.splitlines()[-1]
+        assert "Traceback" not in process.output
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_help_has_an_example_and_bad_options_are_one_line(tmp_path, script):
+    def run(*arguments):
+        return subprocess.run(
+            [sys.executable, str(EXAMPLES / script), *arguments],
+            cwd=tmp_path,
+            env=environment(tmp_path, 0),
+            capture_output=True,
+            text=True,
+            timeout=COMPILING,
+            check=False,
+        )
+
+    shown = run("--help")
+    assert shown.returncode == 0
+    assert f"python examples/{script} cabin" in shown.stdout
+    refused = run("cabin", "--speed", "nan")
+    assert refused.returncode == 1
+    assert refused.stderr == (
+        f"{script}: argument --speed: 'nan' given, more than 0 m/s is needed; all options: {script} --help\n"
+    )
+
+
+def test_without_a_twin_it_says_so(processes, tmp_path):
+    process = processes(
+        "cabin", module="trapezoid_driver", command=[sys.executable, str(EXAMPLES / "trapezoid_driver.py")]
+    )
+    assert process.wait() == 1
+    assert process.output.strip() == (
+        "trapezoid_driver.py: no twin that moves on answers as /cable_twin after 10 s: is `sim` running, not paused, "
+        "and with the same ROS_DOMAIN_ID?"
+    )

@@ -1,0 +1,129 @@
+"""`~/save_snapshot` of the live node: another node, started from the file, goes on with the same bits."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bags import bag
+from rosbags.highlevel import AnyReader
+from twin_process import run_module, write_quick_scenario
+
+from cable_twin.recording.log_reader import Log, read_log
+
+pytest.importorskip("rclpy")
+from std_srvs.srv import SetBool, Trigger
+
+RERUN = str(Path(sys.executable).with_name("rerun"))
+
+
+def motion(log: Log) -> dict[tuple[str, int], bytes]:
+    """Messages by topic and simulated time (ns), without their stamps."""
+    topics = ["joint_states", "cable", "carriages/cabin/pose", "carriages/cabin/contact_force", "supports/end/force"]
+    return {(topic, stamp - log.epoch_ns): data[12:] for topic, stamp, data in log.messages(topics)}
+
+
+def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path):
+    scenario = str(write_quick_scenario(tmp_path))
+    first = processes("--scenario", scenario, "--rerun", "off", "--record-directory", "first")
+    participant = participants(first.domain)
+    participant.subscribe_standard()
+    with participant.stream(name=["cabin"], velocity=[4.0]):
+        participant.until(lambda: participant.arc_length > 66.0)
+    participant.publish(name=["cabin"], velocity=[0.0])
+    participant.until(lambda: participant.speed < 3.0, what="braking")
+    answer = participant.call("save_snapshot", Trigger)
+    assert answer.success
+    path = Path(answer.message.partition(": ")[2])
+    (run,) = (tmp_path / "first").iterdir()
+    assert path.parent == run
+    saved = float(answer.message.split()[2])
+    assert path.name == f"snapshot_{saved:.3f}_s.npz"
+    assert participant.speed > 0.05
+    participant.until(lambda: participant.speed == 0.0, what="standstill")
+    participant.spin(2.0)
+    assert first.end() == 0, first.output
+
+    second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second")
+    observer = participants(second.domain)
+    observer.subscribe_standard()
+    assert f"'quick' runs at 100 Hz from {saved:.3f} s of the snapshot on" in second.output
+    observer.until(lambda: len(observer.received["joint_states"]) > 300)
+    assert second.end() == 0, second.output
+    (rest,) = (tmp_path / "second").iterdir()
+
+    expected, found = motion(read_log(run)), motion(read_log(rest))
+    assert min(time for _, time in found) == round(saved * 1e9)
+    common = expected.keys() & found.keys()
+    assert len(common) > 5 * 250
+    assert all(expected[key] == found[key] for key in common)
+    moving = [found[key] for key in sorted(common) if key[0] == "carriages/cabin/pose"]
+    assert len(set(moving)) > 100  # it did move
+
+    for log in (run, rest):
+        replayed = run_module("offline.replay", str(log), directory=tmp_path)
+        assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+        assert "every sample agrees to the last bit" in replayed.stdout
+    check = subprocess.run([RERUN, "mcap", "check", bag(rest)], capture_output=True, text=True, check=False)
+    assert check.returncode == 0, check.stdout + check.stderr
+    with AnyReader([rest]) as reader:
+        assert reader.message_count > 1000
+
+
+def test_command_of_the_snapshot_times_out_like_any_other(processes, participants, tmp_path):
+    scenario = str(write_quick_scenario(tmp_path))
+    first = processes("--scenario", scenario, "--record", "false")
+    participant = participants(first.domain)
+    participant.subscribe_standard()
+    with participant.stream(name=["cabin"], velocity=[3.0]):
+        participant.until(lambda: participant.arc_length > 63.0)
+        answer = participant.call("save_snapshot", Trigger)
+    assert answer.success
+    path = Path(answer.message.partition(": ")[2])
+    assert path.parent == tmp_path / "cable_twin_logs"  # nothing is recorded: where runs would be
+    second = processes("--snapshot", str(path), "--record", "false")
+    observer = participants(second.domain)
+    observer.subscribe_standard()
+    observer.until(lambda: "no command for 0.5 s: cabin ramps to a stop" in second.output)
+    observer.until(lambda: observer.speed == 0.0)
+    assert second.end() == 0
+
+
+def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, participants, tmp_path):
+    (tmp_path / "occupied").write_text("not a directory")
+    sim = processes(
+        *("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--record-directory", "occupied")
+    )
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    assert participant.call("pause", SetBool, data=True).success
+    answer = participant.call("save_snapshot", Trigger)  # also while time stands still
+    assert not answer.success
+    assert answer.message.startswith(f"nothing saved: {tmp_path / 'occupied'}/snapshot_")
+    assert answer.message.endswith(": File exists")
+    assert participant.call("pause", SetBool, data=False).success
+    count = len(participant.received["joint_states"])
+    participant.until(lambda: len(participant.received["joint_states"]) > count + 20)
+    assert sim.end() == 0
+    assert "Traceback" not in sim.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--snapshot", "none.npz"], "sim: none.npz: no such file"),
+        (["--snapshot", "quick.yaml"], "sim: quick.yaml: not a snapshot of cable_twin; allowed: "),
+        (
+            ["--snapshot", "a.npz", "--scenario", "seed_example"],
+            "sim: parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario",
+        ),
+    ],
+)
+def test_wrong_snapshot_is_one_line(tmp_path, arguments, said):
+    write_quick_scenario(tmp_path)
+    result = run_module("ros.sim", *arguments, directory=tmp_path)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(said)
