@@ -39,7 +39,7 @@ ALLOWED = {
     "command_line": (),
     "recording": ("messages", "outlines", "records", "simulation", *SCENARIO),
     "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
 }
 
 

@@ -104,7 +104,7 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
     """
     simulation = Simulation(load_scenario(log.scenario), samples=int(log.metadata["sample_count"]))
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
-    types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
+    types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
     compared = [
         name
         for name in types

@@ -36,10 +36,17 @@ BACKLOG = 500  # frames that may wait for the disk
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
-  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,event
-  - {time: 40, event: emergency_stop}            0,cabin,6.0,,
-  - {time: 50, event: release}                   40,,,,emergency_stop
-  - {time: 51, name: cabin, force: 30000}        51,cabin,,30000,
+  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,payload,wind,event
+  - {time: 20, wind: 15.0}                       0,cabin,6.0,,,,
+  - {time: 25, wind: 0.0}                        20,,,,,15.0,
+  - {time: 40, event: emergency_stop}            25,,,,,0.0,
+  - {time: 50, event: release}                   40,,,,,,emergency_stop
+  - {time: 51, name: cabin, force: 30000}        50,,,,,,release
+  - {time: 90, name: cabin, payload: 3200}       51,cabin,,30000,,,
+
+Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
+payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
+emergency_stop, release, reset.
 
 exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option
 
@@ -90,7 +97,7 @@ def simulate(
     Returns:
         How far it came, and what was refused.
     """
-    encoder = MessageEncoder(simulation.carriages, epoch_ns)
+    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
     waiting = deque(script)
     outcome = Outcome()
     started = time.monotonic()
@@ -283,7 +290,7 @@ def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, f
         return None
     return start_run(
         simulation,
-        topics(simulation.carriages),
+        topics(simulation.carriages, supports=simulation.supports),
         record_directory=options.output.expanduser(),
         epoch_ns=epoch_ns,
         frame_period=frame_steps * simulation.step,

@@ -113,7 +113,10 @@ class TwinNode(Node):
         self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
-            self._simulation.carriages, clock=self._settings["publish_clock"], tf=TFMessage is not None
+            self._simulation.carriages,
+            supports=self._simulation.supports,
+            clock=self._settings["publish_clock"],
+            tf=TFMessage is not None,
         )
         self._raw_publishers = {
             topic.name: self.create_publisher(
