@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import subprocess
@@ -29,7 +28,8 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.command_line import OneLineParser
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
 from cable_twin.offline.signals import Comparison, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
@@ -266,52 +266,12 @@ class _Recording:
 
 def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
     """Summaries, key figures, and the differences of two runs."""
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console = table_console()
     for label, reading in zip("ab", readings, strict=False):
         print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
-    _print_figures(console, [{figure.name: figure for figure in reading.figures.figures()} for reading in readings])
+    print_figures(console, [reading.figures.figures() for reading in readings])
     if comparison is not None:
         _print_differences(console, readings, comparison)
-
-
-def _print_figures(console: Console, runs: Sequence[Mapping[str, KeyFigure]]) -> None:
-    """One table, with a column for each run; when and where only for a single one."""
-    lone = len(runs) == 1
-    table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("value",) if lone else ("a", "b"):
-        table.add_column(title, justify="right", no_wrap=True)
-    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
-        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
-    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
-    for name in dict.fromkeys(name for run in runs for name in run):
-        figures = [run.get(name) for run in runs]
-        present = [figure for figure in figures if figure is not None]
-        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
-        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in figures]
-        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
-        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
-        table.add_row(name, *values, unit, "; ".join(limits), _verdict(figures), *where)
-    console.print(table)
-    for number, source in enumerate(sources, start=1):
-        console.print(f"  ({number}) {source}", markup=False)
-    print()
-
-
-def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
-    """Limit of a figure with the number of its source."""
-    if figure.limit is None:
-        return ""
-    note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
-
-
-def _verdict(figures: Sequence[KeyFigure | None]) -> str:
-    """Whether the limit is kept, and by which run it is not."""
-    kept = [figure.kept if figure is not None else None for figure in figures]
-    if False not in kept:
-        return "kept" if True in kept else ""
-    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
-    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
 
 
 def _print_differences(console: Console, readings: Sequence[Reading], comparison: Comparison) -> None:
@@ -332,17 +292,6 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
             print(f"only in {label}: {', '.join(sorted(names))}")
     if abs(readings[0].end - readings[1].end) > 1e-3:
         print(f"a ends at {readings[0].end:.2f} s, b at {readings[1].end:.2f} s")
-
-
-def shown_unit(unit: str, value: float) -> tuple[str, float]:
-    """Unit in which a value in SI reads well, and what to multiply it by."""
-    if unit == "rad":
-        return "deg", 180.0 / math.pi
-    if unit in ("N", "W"):
-        for prefix, size in (("M", 1e6), ("k", 1e3)):
-            if abs(value) >= size and (prefix == "k" or unit == "W"):
-                return f"{prefix}{unit}", 1.0 / size
-    return unit, 1.0
 
 
 def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:

@@ -21,11 +21,13 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import MessageEncoder, applied_command_message, nanoseconds, topics
+from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
-from cable_twin.records import CommandError
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 
@@ -77,6 +79,7 @@ def simulate(
     frame_steps: int,
     epoch_ns: int,
     run: Run | None = None,
+    figures: KeyFigures | None = None,
     on_frame: Callable[[float], None] | None = None,
     ended: Callable[[], bool] | None = None,
 ) -> Outcome:
@@ -91,6 +94,7 @@ def simulate(
         frame_steps: Solver steps in a frame.
         epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
         run: Where it is recorded, or None.
+        figures: Take in what is seen, or None.
         on_frame: Called with the simulated time (s) of each frame.
         ended: Whether to end before `duration`.
 
@@ -108,8 +112,12 @@ def simulate(
             while waiting and round(waiting[0].time / simulation.step) < due:
                 item = waiting.popleft()
                 simulation.advance_to(item.time)
-                _apply(simulation, item, outcome, epoch_ns, run)
+                applied = _apply(simulation, item, outcome, epoch_ns, run)
+                if figures is not None and applied is not None:
+                    figures.command(applied)
             snapshot = simulation.advance_to(due * simulation.step)
+            if figures is not None:
+                figures.update(snapshot)
             if run is not None:
                 run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
                 while run.recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
@@ -126,17 +134,20 @@ def simulate(
     return outcome
 
 
-def _apply(simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None) -> None:
+def _apply(
+    simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None
+) -> AppliedCommand | None:
     """Give one command and record it; a refused one is noted."""
     try:
         applied = simulation.apply(item.command, item.source)
     except CommandError as error:
         outcome.refused.append(f"{item.place}: {error}")
-        return
+        return None
     outcome.applied += 1
     if run is not None:
         stamp_ns = epoch_ns + nanoseconds(applied.time)
         run.recorder.record_command(applied, applied_command_message(applied, epoch_ns), stamp_ns)
+    return applied
 
 
 def parser() -> OneLineParser:
@@ -252,6 +263,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"simulate: --output {options.output}: {error.strerror or error}", file=sys.stderr)
         return FAILED
+    figures = KeyFigures(scenario)
     with _progress(console, duration) as on_frame, _signals() as ended:
         outcome = simulate(
             simulation,
@@ -260,6 +272,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             frame_steps=frame_steps,
             epoch_ns=epoch_ns,
             run=run,
+            figures=figures,
             on_frame=on_frame,
             ended=ended.is_set,
         )
@@ -267,7 +280,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if run is not None:
         run.recorder.close()
         faults += run.recorder.faults
-    return _report(scenario, outcome, run, faults)
+    return _report(scenario, outcome, figures, run, faults)
 
 
 def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario:
@@ -332,8 +345,9 @@ def _signals() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def _report(scenario: Scenario, outcome: Outcome, run: Run | None, faults: Sequence[str]) -> int:
-    """Say what was done."""
+def _report(scenario: Scenario, outcome: Outcome, figures: KeyFigures, run: Run | None, faults: Sequence[str]) -> int:
+    """Say what was done and what it showed."""
+    print_figures(table_console(), [figures.figures()])
     for line in outcome.refused[:5]:
         print(f"simulate: refused: {line}", file=sys.stderr)
     if len(outcome.refused) > 5:

@@ -149,7 +149,9 @@ class _Frames:
             cable = _cable(frame[topic], int(self._log.metadata["sample_count"]))
         except UNREADABLE as error:
             raise LogError(f"{self._log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
-        supports = {name: self._support(name, _force(frame, support_force_topic(name)), cable) for name in self._supports}
+        supports = {
+            name: self._support(name, _force(frame, support_force_topic(name)), cable) for name in self._supports
+        }
         return Snapshot(time, states, supports, cable, NOTHING, drives)
 
     def _support(self, name: str, force: FloatArray, cable: CableSamples) -> SupportState:
