@@ -302,6 +302,7 @@ def every_message() -> dict[str, bytes]:
         "payload": applied_command_message(AppliedCommand(0.0, Command("payload", {"cabin": 80.0}), "desk"), EPOCH),
         "wind": serialize(Vector3Stamped(Header(Time(1, 2), "map"), Vector3(3.0, 0.0, -1.0))),
         "applied_commands": applied_command_message(applied, EPOCH),
+        "key_figures": diagnostics_message(EPOCH, *(Status(0, name, "1 m", {"unit": "m"}) for name in ("a", "b"))),
         "/diagnostics": diagnostics_message(
             EPOCH, Status(1, "cable_twin", "late", {"lag (s)": "0.2", "missed frames": "3"})
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -30,11 +31,12 @@ from rich.table import Table
 from cable_twin.command_line import OneLineParser
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
-from cable_twin.offline.signals import Comparison, Signals, compare, signal_values, unit_of
+from cable_twin.offline.signals import Comparison, Difference, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.records import AppliedCommand, Snapshot
 from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario_schema import Carriers
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
@@ -278,7 +280,8 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("largest difference", "rms", "unit", "at", "a there", "b there"):
         table.add_column(title, justify="left" if title == "unit" else "right", no_wrap=True)
-    for name, difference in comparison.differences.items():
+    carriers = readings[0].scenario.carriers
+    for name, difference in _worst_of_each(comparison.differences, carriers).items():
         if difference.count:
             unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
             numbers = [f"{value * scale:.4g}" for value in (difference.largest, difference.rms)]
@@ -287,11 +290,26 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
     print(f"differences at {comparison.frames} common frames")
     if comparison.frames:
         console.print(table)
+        if carriers is not None:
+            name = carriers.name
+            print(f"of {name}_1 to {name}_{carriers.count} the one that differs most is shown\n")
     for label, names in zip("ab", comparison.only_in, strict=True):
         if names:
             print(f"only in {label}: {', '.join(sorted(names))}")
     if abs(readings[0].end - readings[1].end) > 1e-3:
         print(f"a ends at {readings[0].end:.2f} s, b at {readings[1].end:.2f} s")
+
+
+def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | None) -> dict[str, Difference]:
+    """Signals to show: of each signal of the carriers only that of the one that differs most."""
+    if carriers is None:
+        return dict(differences)
+    worst: dict[str, str] = {}
+    for name, difference in differences.items():
+        kind = re.sub(f"/{carriers.name}_[0-9]+(?=/|$)", "/*", name)
+        if kind not in worst or difference.largest > differences[worst[kind]].largest:
+            worst[kind] = name
+    return {name: differences[name] for name in worst.values()}
 
 
 def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:

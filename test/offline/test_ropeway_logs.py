@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 import numpy as np
 import pytest
+from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
 from twin_process import run_module
 
@@ -20,58 +19,6 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 EPOCH = 1_700_000_000_123_456_789  # ns
-TRAMWAY = {
-    "name": "small_tramway",
-    "cable": {
-        "unstrained_length": 121.5,
-        "mass_per_length": 2.0,
-        "axial_stiffness": 2e7,
-        "bending_stiffness": 200.0,
-        "elements": 40,
-        "damping_time": 0.01,
-        "diameter": 0.02,
-        "breaking_force": 4e5,
-        "start": {"position": [0.0, 0.0]},
-        "end": {
-            "position": [120.0, 18.0],
-            "support": "counterweight",
-            "direction": [1.0, 0.1],
-            "mass": 5e3,
-            "travel": [-1.5, 1.5],
-        },
-    },
-    "towers": {"tower_1": {"position": [60.0, 11.0], "kind": "saddle", "contacts": 5, "length": 4.0, "radius": 20.0}},
-    "carriages": {
-        "cabin": {
-            "arc_length": 2.0,
-            "drive": {
-                "mode": "speed",
-                "limits": {"acceleration": 1.0, "speed": 6.0, "power": 4e4},
-                "haul_rope": {
-                    "axial_stiffness": 5e5,
-                    "mass_per_length": 0.5,
-                    "drive_inertia": 300.0,
-                    "pretension": 5e3,
-                },
-                "emergency_brake": {"force": 900.0, "rise_time": 0.2},
-                "track_rope_brake": {"force": 500.0, "rise_time": 0.1},
-                "emergency_stop": ["emergency_brake", "track_rope_brake"],
-            },
-            "payload": {"capacity": 400.0, "position": [0.2, -0.5], "station_distance": 4.0},
-            "bodies": {
-                "cabin": {
-                    "mass": 200.0,
-                    "inertia": 150.0,
-                    "upper_pivot": [0.0, 2.0],
-                    "drag_area": 3.0,
-                    "size": [2.0, 3.0],
-                }
-            },
-        }
-    },
-    "terrain": [[0.0, -12.0], [58.0, 2.0], [62.0, 2.0], [120.0, 8.0]],
-    "solver": {"step": 0.005},
-}
 TRIP = [
     (0.1, Command("payload", {"cabin": 120.0})),
     (0.2, Command("speed", {"cabin": 6.0})),
@@ -177,6 +124,23 @@ def test_review_prints_and_draws_it(which, request, tmp_path):
     assert result.returncode == 0, result.stdout + result.stderr
     assert "nan" not in result.stdout
     assert {file.name for file in (tmp_path / "pictures").iterdir()} >= {"rope.png", "tension.png", "speed.png"}
+    expected = {
+        "tramway": ["tower_1: deropement margin", "end: counterweight travel, highest", "cabin: clearance over the"],
+        "lift": ["haul_rope: stopping distance", "chair: swing along the track"],
+    }
+    for name in expected[which]:
+        assert name in result.stdout
+    assert "chair_1: " not in result.stdout
+
+
+def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path):
+    slower, _ = record(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
+    result = run_module("offline.review", str(lift[0]), str(slower), "--no-viewer", directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    (row,) = [line for line in result.stdout.splitlines() if line.startswith("swing/chair_")]
+    assert row.split()[-5] == "deg"
+    assert "of chair_1 to chair_6 the one that differs most is shown" in result.stdout
+    assert "speed/haul_rope" in result.stdout
 
 
 def test_a_payload_that_no_motion_makes_possible_is_found_before_the_run():
@@ -190,4 +154,3 @@ def test_a_payload_that_no_motion_makes_possible_is_found_before_the_run():
         "trip.yaml:1: payload of 'cabin' is 401 kg; allowed are 0 to 400 kg",
         "trip.yaml:2: wind x is 200 m/s; allowed are -100 to 100 m/s",
     ]
-    assert isfinite(simulation.snapshot.time)
