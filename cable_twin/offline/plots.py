@@ -204,8 +204,9 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
             axes.autoscale_view()
         for shape, color in zip(shapes, colors, strict=True):
             joints = np.array(list(shape.carriages.values())).reshape(-1, 2)
-            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=4.0)
-            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=4.0)
+            size = 4.0 if len(joints) <= MANY else 2.0
+            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=size)
+            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=size)
         rows[1, column].set_xlabel("x, along the track [m]")
         if run.label:
             rows[0, column].set_title(run.label)

@@ -25,10 +25,10 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
     for name, state in snapshot.carriages.items():
         here = 1.0 if state.attached else math.nan  # what is off the cable shows a gap
         values[f"arc_length/{name}"] = here * state.arc_length
-        values[f"speed/{name}"] = here * state.speed
         for body_name, body in state.bodies.items():
             values[f"swing/{name}/{body_name}"] = here * math.degrees(body.pitch)
-        if not snapshot.drives:  # a moving cable is what drives its carriages
+        if not snapshot.drives:  # of a moving cable, else, for all that is clamped to it
+            values[f"speed/{name}"] = state.speed
             values[f"drive_force/{name}"] = state.drive_force
             values[f"drive_power/{name}"] = state.drive_force * state.speed
         values[f"contact_force/{name}"] = here * math.hypot(state.contact_force[0], state.contact_force[-1])

@@ -32,8 +32,8 @@ TRIP = [
 RIDE = [
     (0.5, Command("speed", {"haul_rope": 5.0})),
     (9.0, Command("emergency_stop", {})),
-    (12.0, Command("release", {})),
-    (12.5, Command("speed", {"haul_rope": -4.0})),
+    (14.0, Command("release", {})),
+    (14.5, Command("speed", {"haul_rope": -4.0})),
 ]
 
 
@@ -137,7 +137,7 @@ def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path):
     slower, _ = record(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
     result = run_module("offline.review", str(lift[0]), str(slower), "--no-viewer", directory=tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
-    (row,) = [line for line in result.stdout.splitlines() if line.startswith("swing/chair_")]
+    (row,) = [line for line in result.stdout.splitlines() if line.strip().startswith("swing/chair_")]
     assert row.split()[-5] == "deg"
     assert "of chair_1 to chair_6 the one that differs most is shown" in result.stdout
     assert "speed/haul_rope" in result.stdout
