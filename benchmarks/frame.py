@@ -77,10 +77,10 @@ def _round(count: int) -> dict[str, Timing]:
     snapshots: list[Snapshot] = []
     stages["solve and sample"] = timed(lambda: snapshots.extend(map(simulation.advance_to, times)))
     epoch_ns = time.time_ns()
-    encoder = MessageEncoder(simulation.carriages, epoch_ns)
+    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
     frames: list[Messages] = []
     stages["serialise"] = timed(lambda: frames.extend(map(encoder.frame, snapshots)))
-    table = topics(simulation.carriages)
+    table = topics(simulation.carriages, supports=simulation.supports)
     with _publisher(table) as publish:
         if publish is not None:
             stages["publish"] = timed(lambda: [publish(messages) for messages in frames])

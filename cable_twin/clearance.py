@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 
@@ -41,14 +40,12 @@ def find_clearance(
 
 def _lowest(terrain: FloatArray, line: FloatArray) -> Place:
     """Point of a line (n, 2) that is least above the ground; the ground goes on level beyond its ends."""
-    points = [line]
-    for start, end in pairwise(line):
-        low, high = sorted((start[0], end[0]))
-        over = terrain[np.searchsorted(terrain[:, 0], low, "right") : np.searchsorted(terrain[:, 0], high, "left"), 0]
-        if over.size:
-            share = (over - start[0]) / (end[0] - start[0])
-            points.append(np.column_stack([over, start[1] + share * (end[1] - start[1])]))
-    every = np.vstack(points)
+    starts, ends = line[:-1], line[1:]
+    low, high = np.minimum(starts[:, 0], ends[:, 0]), np.maximum(starts[:, 0], ends[:, 0])
+    segment, point = np.nonzero((terrain[:, 0] > low[:, None]) & (terrain[:, 0] < high[:, None]))
+    first, last, x = starts[segment], ends[segment], terrain[point, 0]
+    share = (x - first[:, 0]) / (last[:, 0] - first[:, 0])
+    every = np.vstack([line, np.column_stack([x, first[:, 1] + share * (last[:, 1] - first[:, 1])])])
     heights = every[:, 1] - np.interp(every[:, 0], terrain[:, 0], terrain[:, 1])
     lowest = int(np.argmin(heights))
     return Place(height=float(heights[lowest]), x=float(every[lowest, 0]), z=float(every[lowest, 1]))

@@ -48,21 +48,33 @@ def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
     return carriage.drive.limits
 
 
-def check_payload(command: Command, scenario: Scenario, system: System, state: State) -> None:
-    """Refuse a payload that is none, or for a carriage that does not stand in a station.
+def check_room(command: Command, scenario: Scenario) -> None:
+    """Refuse a payload that no motion makes possible.
 
     Raises:
-        CommandError: unknown carriage, no room, beyond the capacity, outside the stations, under way.
+        CommandError: unknown carriage, no room, beyond the capacity.
     """
     if not command.values:
         raise CommandError("a payload without a carriage")
-    length = system.cable.unstrained_length
     for name, mass in command.values.items():
         room = _known(name, scenario).payload
         if room is None:
             raise CommandError(f"'{name}' carries no payload: the scenario gives it none")
         if not 0.0 <= mass <= room.capacity:
             raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
+
+
+def check_payload(command: Command, scenario: Scenario, system: System, state: State) -> None:
+    """Refuse a payload that is none, or for a carriage that does not stand in a station.
+
+    Raises:
+        CommandError: unknown carriage, no room, beyond the capacity, outside the stations, under way.
+    """
+    check_room(command, scenario)
+    length = system.cable.unstrained_length
+    for name in command.values:
+        room = scenario.vehicles[name].payload
+        assert room is not None
         index = list(scenario.vehicles).index(name)
         place, speed = float(state.sliding_coordinate[index]), float(state.sliding_velocity[index])
         distance = room.station_distance or 2.0 * float(system.carriages.stop_stroke[index])

@@ -1,26 +1,39 @@
 """Key figures of a run, gathered from snapshot to snapshot: live in the node, or afterwards from a log.
 
-Each has its standard name, value, unit, limit and the source of the limit, and says when and where it was reached. The
-cost and the memory of an update do not grow with the run.
+Each has its standard name, value, unit, limit and the source of the limit, and says when and where it was reached.
+Carriers of one kind share their figures, which are those of the worst of them, named in the place. The cost and the
+memory of an update do not grow with the run.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from cable_twin.records import AppliedCommand, CarriageState, FloatArray, Snapshot
+from cable_twin.clearance import find_clearance
+from cable_twin.extremes import Extremes, Stops
+from cable_twin.outlines import body_outlines
+from cable_twin.records import AppliedCommand, CableSamples, FloatArray, Place, Snapshot
 from cable_twin.scenario import Scenario
+from cable_twin.scenario_schema import Limits
 
-STANDSTILL = 1e-3  # m/s
+Bound = Literal["at most", "at least"]
+CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
+TOLERANCE = 1e-3  # of a limit
+HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
 SOURCES = {  # of the default limits
     "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
     "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
     "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
     "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
+    "rope_clearance": "assumed: nothing may touch the ground",
+    "vehicle_clearance": "assumed: nothing may touch the ground",
+    "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
 }
 
 
@@ -34,112 +47,16 @@ class KeyFigure:
     time: float  # s, when it was reached
     place: str = ""  # where, with unit
     limit: float | None = None
-    bound: Literal["at most", "at least"] = "at most"
+    bound: Bound = "at most"
     source: str = ""  # of the limit
 
     @property
     def kept(self) -> bool | None:
-        """Whether the limit is kept; None without a limit."""
+        """Whether the limit is kept, to a thousandth of it, as a drive keeps its speed; None without a limit."""
         if self.limit is None:
             return None
-        return self.value <= self.limit if self.bound == "at most" else self.value >= self.limit
-
-
-class _Extreme:
-    """The largest value so far, or with sign -1 the smallest, with time and place."""
-
-    def __init__(self, sign: float = 1.0) -> None:
-        self.value = math.nan
-        self.time = 0.0
-        self.place = math.nan
-        self._sign = sign
-
-    def update(self, value: float, time: float, place: float = math.nan) -> None:
-        if not self._sign * value <= self._sign * self.value and not math.isnan(value):
-            self.value, self.time, self.place = float(value), time, float(place)
-
-    def figure(self, name: str, unit: str, at: str = "arc length") -> KeyFigure | None:
-        """The figure without a limit, or None where there never was a value."""
-        if math.isnan(self.value):
-            return None
-        place = "" if math.isnan(self.place) else f"{at} {self.place:.1f} m"
-        return KeyFigure(name, self.value, unit, self.time, place)
-
-
-@dataclass(slots=True)
-class _Stop:
-    """A braking to standstill, under way or done."""
-
-    kind: str
-    time: float  # s, of the command
-    start: float  # m, arc length there
-    speed: float  # m/s there
-    end: float = math.nan  # s, of the standstill
-    distance: float = math.nan  # m
-
-
-class _Vehicle:
-    """What is gathered of one carriage."""
-
-    def __init__(self) -> None:
-        self.speed, self.swing, self.acceleration = _Extreme(), _Extreme(), _Extreme()
-        self.drive_force, self.drive_power, self.braking_power = _Extreme(), _Extreme(), _Extreme(-1.0)
-        self.contact_force, self.tension_ratio = _Extreme(), _Extreme(-1.0)
-        self.braking: _Stop | None = None
-        self.stop: _Stop | None = None  # the last one that counts
-        self.state: CarriageState | None = None
-        self._passed: list[tuple[float, FloatArray]] = []  # time and place of the last body, two frames
-
-    def forget(self) -> None:
-        """The state was put back to the start: nothing before it is a part of the motion."""
-        self.braking = None
-        self._passed = []
-
-    def update(self, time: float, state: CarriageState, tension: float, direction: FloatArray) -> None:
-        where = state.arc_length
-        self.state = state
-        self.speed.update(abs(state.speed), time, where)
-        self.drive_force.update(abs(state.drive_force), time, where)
-        self.drive_power.update(state.drive_force * state.speed, time, where)
-        self.braking_power.update(state.drive_force * state.speed, time, where)
-        force = state.contact_force[[0, -1]]
-        self.contact_force.update(math.hypot(*force), time, where)
-        transverse = abs(direction[0] * force[1] - direction[1] * force[0])
-        if transverse > 0.0:
-            self.tension_ratio.update(tension / transverse, time, where)
-        if state.bodies:
-            body = list(state.bodies.values())[-1]
-            self.swing.update(abs(body.pitch), time, where)
-            self._accelerate(time, np.array([body.x, body.z]), where)
-        self._brake(time, state)
-
-    def _accelerate(self, time: float, place: FloatArray, where: float) -> None:
-        """Second difference of the place of the last body over three frames of equal spacing."""
-        if len(self._passed) == 2:
-            (first_time, first), (middle_time, middle) = self._passed
-            period = time - middle_time
-            if period > 0.0 and abs(middle_time - first_time - period) < 1e-6 * period:
-                self.acceleration.update(
-                    float(np.linalg.norm(place - 2.0 * middle + first)) / period**2, middle_time, where
-                )
-        self._passed = [*self._passed[-1:], (time, place)]
-
-    def begin_stop(self, kind: str, time: float) -> None:
-        """A command to stop: the emergency stop goes before a stop that is under way."""
-        if self.state is None or abs(self.state.speed) <= STANDSTILL:
-            return
-        if self.braking is None or (kind == "emergency stop" and self.braking.kind != kind):
-            self.braking = _Stop(kind, time, self.state.arc_length, self.state.speed)
-
-    def _brake(self, time: float, state: CarriageState) -> None:
-        stop = self.braking
-        if stop is None:
-            return
-        if abs(state.speed) <= STANDSTILL or state.speed * stop.speed < 0.0:
-            stop.end, stop.distance = time, abs(state.arc_length - stop.start)
-            if self.stop is None or stop.kind == "emergency stop" or self.stop.kind != "emergency stop":
-                self.stop = stop
-            self.braking = None
+        beyond = self.value - self.limit if self.bound == "at most" else self.limit - self.value
+        return beyond <= TOLERANCE * abs(self.limit)
 
 
 class KeyFigures:
@@ -151,102 +68,328 @@ class KeyFigures:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._tension, self._slackest, self._sag = _Extreme(), _Extreme(-1.0), _Extreme()
-        self._vehicles = {name: _Vehicle() for name in scenario.carriages}
+        self._vehicles = _Vehicles(list(scenario.vehicles))
+        self._tension, self._slackest = Extremes(), Extremes(sign=-1.0)
+        self._first_tension = math.nan  # N, highest of the first snapshot
+        self._sag = Extremes(len(scenario.towers) + 1)
+        names = ("start", "end", *scenario.towers)
+        self._supports = {name: number for number, name in enumerate(names)}
+        self._highest_load, self._lowest_load = Extremes(len(names)), Extremes(len(names), -1.0)
+        self._margin = Extremes(len(names), -1.0)
+        self._farthest, self._nearest = Extremes(len(names)), Extremes(len(names), -1.0)  # of counterweights
+        self._drives = list(scenario.drives)
+        self._drive = _DriveExtremes(len(self._drives))
+        driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
+        self._stops = {name: Stops() for name in (*driven, *self._drives)}
+        self._terrain = np.array(scenario.terrain, dtype=np.float64)
+        self._outlines = body_outlines(scenario)
+        self._rope_clearance = Extremes(sign=-1.0)
+        self._next_clearance = -math.inf  # s
+        self._snapshot: Snapshot | None = None
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
         time, cable = snapshot.time, snapshot.cable
         highest, lowest = int(cable.tensions.argmax()), int(cable.tensions.argmin())
-        self._tension.update(cable.tensions[highest], time, cable.arc_lengths[highest])
-        self._slackest.update(cable.tensions[lowest], time, cable.arc_lengths[lowest])
-        x, z = cable.positions[:, 0], cable.positions[:, -1]
-        if x[-1] != x[0]:
-            depths = z[0] + (z[-1] - z[0]) / (x[-1] - x[0]) * (x - x[0]) - z
-            deepest = int(depths.argmax())
-            self._sag.update(depths[deepest], time, x[deepest])
-        for name, state in snapshot.carriages.items():
-            tension = float(np.interp(state.arc_length, cable.arc_lengths, cable.tensions))
-            after = int(np.clip(np.searchsorted(cable.arc_lengths, state.arc_length), 1, len(x) - 1))
-            # beside the kink at the joint, from the sample before to the one after
-            chord = np.array(
-                [x[min(after + 1, len(x) - 1)] - x[after - 1], z[min(after + 1, len(z) - 1)] - z[after - 1]]
-            )
-            self._vehicles.setdefault(name, _Vehicle()).update(time, state, tension, chord / np.linalg.norm(chord))
+        self._tension.update(cable.tensions[highest : highest + 1], time, cable.arc_lengths[highest])
+        self._slackest.update(cable.tensions[lowest : lowest + 1], time, cable.arc_lengths[lowest])
+        if self._snapshot is None:
+            self._first_tension = float(cable.tensions[highest])
+        self._snapshot = snapshot
+        self._update_sag(time, cable)
+        self._update_supports(snapshot)
+        self._vehicles.update(snapshot)
+        if self._drives:
+            drives = [snapshot.drives[name] for name in self._drives]
+            self._drive.update(time, *np.array([(drive.position, drive.speed, drive.force) for drive in drives]).T)
+        for name, stops in self._stops.items():
+            stops.update(time, *self._motion(name))
+        if len(self._terrain) and time >= self._next_clearance:
+            self._next_clearance = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
+            self._update_clearance(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
         kind, values = applied.command.kind, applied.command.values
-        for name, vehicle in self._vehicles.items():
+        if kind == "reset":
+            self._vehicles.forget()
+        for name, stops in self._stops.items():
             if kind == "reset":
-                vehicle.forget()
-            elif kind == "emergency_stop":
-                vehicle.begin_stop("emergency stop", applied.time)
-            elif name in values and kind == "speed" and values[name] == 0.0:
-                vehicle.begin_stop("stop", applied.time)
-            elif name in values:
-                vehicle.braking = None
+                stops.cancel()
+            elif self._snapshot is not None and kind == "emergency_stop":
+                stops.begin("emergency stop", applied.time, *self._motion(name))
+            elif self._snapshot is not None and kind == "speed" and values.get(name) == 0.0:
+                stops.begin("stop", applied.time, *self._motion(name))
+            elif kind in ("speed", "force") and name in values:
+                stops.cancel()
 
     def figures(self) -> list[KeyFigure]:
         """All figures that have a value so far."""
-        result = [
-            self._tension.figure("rope tension, highest", "N"),
-            self._slackest.figure("rope tension, lowest", "N"),
+        found = [
+            *self._of_rope(),
+            *self._of_supports(),
+            *(figure for name in self._drives for figure in self._of_drive(name)),
+            *(figure for name, members in self._groups() for figure in self._of_vehicles(name, members)),
         ]
+        return [figure for figure in found if not math.isnan(figure.value)]
+
+    def _motion(self, name: str) -> tuple[float, float]:
+        """Place (m) and speed (m/s) of what is driven."""
+        assert self._snapshot is not None
+        if name in self._snapshot.drives:
+            drive = self._snapshot.drives[name]
+            return drive.position, drive.speed
+        state = self._snapshot.carriages[name]
+        return state.arc_length, state.speed
+
+    def _update_sag(self, time: float, cable: CableSamples) -> None:
+        """Depth below the chord of each span, from support to support."""
+        x, z = cable.positions[:, 0], cable.positions[:, -1]
+        way = 1.0 if x[-1] > x[0] else -1.0
+        tops = [tower.position for tower in self._scenario.towers.values()]
+        corners = np.array([(x[0], z[0]), *tops, (x[-1], z[-1])])
+        if x[-1] == x[0]:
+            return
+        depths = np.interp(way * x, way * corners[:, 0], corners[:, 1]) - z
+        bounds = [0, *np.searchsorted(way * x, way * corners[1:-1, 0]).tolist(), len(x)]
+        deepest = [first + int(depths[first : max(last, first + 1)].argmax()) for first, last in pairwise(bounds)]
+        self._sag.update(depths[deepest], time, x[deepest])
+
+    def _update_supports(self, snapshot: Snapshot) -> None:
+        """Loads and margins of all supports, travel of the counterweight."""
+        rows = []
+        for name in self._supports:
+            state = snapshot.supports[name]
+            tower, travel = state.tower, state.travel
+            margin = tower.lowest_load / tower.rest_load if tower is not None and tower.rest_load > 0.0 else math.nan
+            load = math.hypot(state.force[0], state.force[-1])
+            rows.append((load, margin, math.nan if travel is None else travel))
+        loads, margins, travels = np.array(rows).T
+        self._highest_load.update(loads, snapshot.time)
+        self._lowest_load.update(loads, snapshot.time)
+        self._margin.update(margins, snapshot.time)
+        self._farthest.update(travels, snapshot.time)
+        self._nearest.update(travels, snapshot.time)
+
+    def _update_clearance(self, snapshot: Snapshot) -> None:
+        attached = {name: state for name, state in snapshot.carriages.items() if state.attached}
+        found = find_clearance(self._terrain, snapshot.cable.positions[:, [0, -1]], attached, self._outlines)
+        self._rope_clearance.update([found.rope.height], snapshot.time, found.rope.x)
+        self._vehicles.update_clearance(snapshot.time, found.vehicles)
+
+    def _of_rope(self) -> Iterator[KeyFigure]:
+        highest = _figure(self._tension, 0, "rope tension, highest", "N")
+        yield highest
+        yield _figure(self._slackest, 0, "rope tension, lowest", "N")
         breaking_force = self._scenario.cable.breaking_force
-        if breaking_force is not None and self._tension.value > 0.0:
-            place = f"arc length {self._tension.place:.1f} m"
-            factor = KeyFigure(
-                "rope safety factor", breaking_force / self._tension.value, "-", self._tension.time, place
+        if breaking_force is not None and highest.value > 0.0:
+            factor = replace(highest, name="rope safety factor", value=breaking_force / highest.value, unit="-")
+            yield self._limited(factor, "rope_safety_factor", "at least")
+        if self._first_tension > 0.0:
+            ratio = highest.value / self._first_tension
+            amplified = replace(
+                highest, name="dynamic amplification, tension over that at the start", value=ratio, unit="-"
             )
-            result.append(self._limited(factor, "rope_safety_factor", "at least"))
-        result.append(self._limited(self._sag.figure("sag below the chord", "m", "x"), "sag"))
-        for name, vehicle in self._vehicles.items():
-            result += self._of_vehicle(name, vehicle)
-        return [figure for figure in result if figure is not None]
+            yield self._limited(amplified, "dynamic_amplification")
+        spans = list(pairwise(["start", *self._scenario.towers, "end"]))
+        for number, (first, last) in enumerate(spans):
+            name = "sag below the chord" if len(spans) == 1 else f"sag below the chord, {first} to {last}"
+            yield self._limited(_figure(self._sag, number, name, "m", "x"), "sag")
+        clearance = _figure(self._rope_clearance, 0, "rope clearance over the terrain", "m", "x")
+        yield self._limited(clearance, "rope_clearance", "at least")
 
-    def _of_vehicle(self, name: str, vehicle: _Vehicle) -> list[KeyFigure | None]:
-        drive = self._scenario.carriages[name].drive.limits if name in self._scenario.carriages else None
-        source = f"carriages.{name}.drive.limits"
-        speed = vehicle.speed.figure(f"{name}: speed", "m/s")
-        force = vehicle.drive_force.figure(f"{name}: drive force", "N")
-        if drive is not None:
-            speed = _with_limit(speed, drive.speed, f"scenario: {source}.speed")
-            force = _with_limit(force, drive.force, f"scenario: {source}.force")
-        ratio = vehicle.tension_ratio.figure(f"{name}: tension over transverse load", "-")
-        result = [
-            speed,
-            self._limited(vehicle.acceleration.figure(f"{name}: vehicle acceleration", "m/s^2"), "acceleration"),
-            self._limited(vehicle.swing.figure(f"{name}: swing along the track", "rad"), "swing"),
-            force,
-            vehicle.drive_power.figure(f"{name}: drive power, highest", "W"),
-            vehicle.braking_power.figure(f"{name}: drive power, lowest", "W"),
-            vehicle.contact_force.figure(f"{name}: contact force", "N"),
-            self._limited(ratio, "tension_per_transverse_load", "at least"),
-        ]
-        if vehicle.stop is not None:
-            stop = vehicle.stop
-            place = f"{stop.kind} from {abs(stop.speed):.2f} m/s in {stop.end - stop.time:.1f} s"
-            figure = KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place)
-            result.append(self._limited(figure, "stopping_distance"))
-        return result
+    def _of_supports(self) -> Iterator[KeyFigure]:
+        cable = self._scenario.cable
+        for name, number in self._supports.items():
+            load = _figure(self._highest_load, number, f"{name}: support load, highest", "N")
+            yield self._limited(load, "support_load")
+            yield _figure(self._lowest_load, number, f"{name}: support load, lowest", "N")
+            margin = _figure(self._margin, number, f"{name}: deropement margin, load over that at rest", "-")
+            yield self._limited(margin, "deropement_margin", "at least")
+            low, high = None, None
+            if name in ("start", "end"):
+                low, high = getattr(cable, name).travel or (None, None)
+            source = f"scenario: cable.{name}.travel"
+            farthest = _figure(self._farthest, number, f"{name}: counterweight travel, highest", "m")
+            yield _with_limit(farthest, high, source)
+            nearest = _figure(self._nearest, number, f"{name}: counterweight travel, lowest", "m")
+            yield _with_limit(nearest, low, source, "at least")
 
-    def _limited(
-        self, figure: KeyFigure | None, key: str, bound: Literal["at most", "at least"] = "at most"
-    ) -> KeyFigure | None:
+    def _of_drive(self, name: str) -> Iterator[KeyFigure]:
+        """Figures of the drive of a moving cable."""
+        limits = self._scenario.drives[name].limits
+        index = self._drives.index(name)
+        yield from self._drive.figures(name, index, limits, f"scenario: drives.{name}.limits", "rope gone by")
+        yield from self._of_stop(name)
+
+    def _of_stop(self, name: str) -> Iterator[KeyFigure]:
+        stop = self._stops[name].stop if name in self._stops else None
+        if stop is not None:
+            place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
+            distance = KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place)
+            yield self._limited(distance, "stopping_distance")
+            time = KeyFigure(f"{name}: stopping time", stop.end - stop.time, "s", stop.time, place)
+            yield self._limited(time, "stopping_time")
+
+    def _groups(self) -> list[tuple[str, list[int]]]:
+        """Vehicles that share their figures: each carriage alone, all carriers together."""
+        own = [(name, [number]) for number, name in enumerate(self._scenario.carriages)]
+        carriers = self._scenario.carriers
+        if carriers is None:
+            return own
+        return [*own, (carriers.name, list(range(len(own), len(own) + carriers.count)))]
+
+    def _of_vehicles(self, name: str, members: Sequence[int]) -> Iterator[KeyFigure]:
+        """Figures of a carriage, or of the worst of several."""
+        vehicles = self._vehicles
+        carriage = self._scenario.carriages.get(name)
+        if carriage is None or carriage.joint == "clamped":
+            yield vehicles.figure(vehicles.drive.speed, members, f"{name}: speed", "m/s")
+        else:
+            source = f"scenario: carriages.{name}.drive.limits"
+            yield from vehicles.drive.figures(name, members[0], carriage.drive.limits, source)
+        acceleration = vehicles.figure(vehicles.acceleration, members, f"{name}: vehicle acceleration", "m/s^2")
+        yield self._limited(acceleration, "acceleration")
+        swing = vehicles.figure(vehicles.swing, members, f"{name}: swing along the track", "rad")
+        yield self._limited(swing, "swing")
+        yield vehicles.figure(vehicles.contact_force, members, f"{name}: contact force", "N")
+        ratio = vehicles.figure(vehicles.tension_ratio, members, f"{name}: tension over transverse load", "-")
+        yield self._limited(ratio, "tension_per_transverse_load", "at least")
+        height = vehicles.figure(vehicles.clearance, members, f"{name}: clearance over the terrain", "m", "x")
+        yield self._limited(height, "vehicle_clearance", "at least")
+        yield from self._of_stop(name)
+
+    def _limited(self, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
         """The figure with the limit of the scenario, and where that comes from."""
         limits = self._scenario.limits
         limit = getattr(limits, key)
         own = limit != type(limits).model_fields[key].default
+        if key == "rope_safety_factor" and self._scenario.drives and not own:
+            limit = HAUL_ROPE_SAFETY_FACTOR
         return _with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
 
 
-def _with_limit(
-    figure: KeyFigure | None, limit: float | None, source: str, bound: Literal["at most", "at least"] = "at most"
-) -> KeyFigure | None:
-    if figure is None or limit is None:
-        return figure
-    return KeyFigure(figure.name, figure.value, figure.unit, figure.time, figure.place, limit, bound, source)
+class _DriveExtremes:
+    """Speed, force and power of several drives."""
+
+    def __init__(self, count: int) -> None:
+        self.speed, self._force = Extremes(count), Extremes(count)
+        self._power, self._braking_power = Extremes(count), Extremes(count, -1.0)
+
+    def update(self, time: float, places: FloatArray, speeds: FloatArray, forces: FloatArray) -> None:
+        power = forces * speeds
+        self.speed.update(np.abs(speeds), time, places)
+        self._force.update(np.abs(forces), time, places)
+        self._power.update(power, time, places)
+        self._braking_power.update(power, time, places)
+
+    def figures(
+        self, name: str, index: int, limits: Limits, source: str, at: str = "arc length"
+    ) -> Iterator[KeyFigure]:
+        speed = _figure(self.speed, index, f"{name}: speed", "m/s", at)
+        yield _with_limit(speed, limits.speed, f"{source}.speed")
+        force = _figure(self._force, index, f"{name}: drive force", "N", at)
+        yield _with_limit(force, limits.force, f"{source}.force")
+        highest = _figure(self._power, index, f"{name}: drive power, highest", "W", at)
+        yield _with_limit(highest, limits.power, f"{source}.power")
+        lowest = _figure(self._braking_power, index, f"{name}: drive power, lowest", "W", at)
+        yield _with_limit(lowest, None if limits.power is None else -limits.power, f"{source}.power", "at least")
+
+
+class _Vehicles:
+    """What is gathered of all vehicles, an entry each; those off the cable do not count."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._names = names
+        count = len(names)
+        self.drive = _DriveExtremes(count)
+        self.swing, self.acceleration, self.contact_force = Extremes(count), Extremes(count), Extremes(count)
+        self.tension_ratio, self.clearance = Extremes(count, -1.0), Extremes(count, -1.0)
+        self._passed: list[tuple[float, FloatArray]] = []  # time, places of the last bodies (count, 2), two frames
+
+    def forget(self) -> None:
+        """The state was put back to the start: nothing before it is a part of the motion."""
+        self._passed = []
+
+    def update(self, snapshot: Snapshot) -> None:
+        if not self._names:
+            return
+        time, cable = snapshot.time, snapshot.cable
+        states = [snapshot.carriages[name] for name in self._names]
+        bodies = [list(state.bodies.values())[-1] for state in states]
+        rows = np.array(
+            [
+                (
+                    state.arc_length,
+                    state.speed,
+                    state.drive_force,
+                    state.contact_force[0],
+                    state.contact_force[-1],
+                    body.x,
+                    body.z,
+                    body.pitch,
+                )
+                for state, body in zip(states, bodies, strict=True)
+            ]
+        )
+        rows[[not state.attached for state in states]] = math.nan
+        places, speeds, drive_forces, force_x, force_z, body_x, body_z, pitches = rows.T
+        self.drive.update(time, places, speeds, drive_forces)
+        self.contact_force.update(np.hypot(force_x, force_z), time, places)
+        self.swing.update(np.abs(pitches), time, places)
+        self.tension_ratio.update(_tension_ratios(cable, places, force_x, force_z), time, places)
+        self._accelerate(time, np.column_stack([body_x, body_z]), places)
+
+    def _accelerate(self, time: float, bodies: FloatArray, places: FloatArray) -> None:
+        """Second difference of the places of the last bodies over three frames of equal spacing."""
+        if len(self._passed) == 2:
+            (first_time, first), (middle_time, middle) = self._passed
+            period = time - middle_time
+            if period > 0.0 and abs(middle_time - first_time - period) < 1e-6 * period:
+                across = bodies - 2.0 * middle + first
+                self.acceleration.update(np.hypot(across[:, 0], across[:, 1]) / period**2, middle_time, places)
+        self._passed = [*self._passed[-1:], (time, bodies)]
+
+    def update_clearance(self, time: float, found: Mapping[str, Place]) -> None:
+        places = [found.get(name) for name in self._names]
+        heights = [math.nan if place is None else place.height for place in places]
+        self.clearance.update(heights, time, np.array([math.nan if place is None else place.x for place in places]))
+
+    def figure(
+        self, extremes: Extremes, members: Sequence[int], name: str, unit: str, at: str = "arc length"
+    ) -> KeyFigure:
+        """Figure of the worst of some vehicles, which is named where there are several."""
+        worst = extremes.worst(list(members))
+        figure = _figure(extremes, worst, name, unit, at)
+        return figure if len(members) == 1 else replace(figure, place=f"{self._names[worst]}, {figure.place}")
+
+
+def _tension_ratios(cable: CableSamples, places: FloatArray, force_x: FloatArray, force_z: FloatArray) -> FloatArray:
+    """Tension over the part of a force (N) across the rope, at arc lengths (n,) in m; infinite without any."""
+    x, z, last = cable.positions[:, 0], cable.positions[:, -1], len(cable.arc_lengths) - 1
+    after = np.clip(np.searchsorted(cable.arc_lengths, places), 1, last)
+    # beside the kink at the joint, from the sample before to the one after
+    before, beyond = after - 1, np.minimum(after + 1, last)
+    along_x, along_z = x[beyond] - x[before], z[beyond] - z[before]
+    across = np.abs(along_x * force_z - along_z * force_x) / np.hypot(along_x, along_z)
+    tensions = np.interp(places, cable.arc_lengths, cable.tensions)
+    return np.divide(tensions, across, out=np.full(len(places), math.nan), where=across > 0.0)
+
+
+def _figure(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
+    """The figure without a limit; NaN where there never was a value."""
+    place = extremes.places[index]
+    return KeyFigure(
+        name,
+        extremes.value(index),
+        unit,
+        float(extremes.times[index]),
+        "" if math.isnan(place) else f"{at} {place:.1f} m",
+    )
+
+
+def _with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound = "at most") -> KeyFigure:
+    return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
 
 
 __all__ = ["SOURCES", "KeyFigure", "KeyFigures"]

@@ -58,6 +58,7 @@ JOINT_COMMANDS = "joint_commands"
 PAYLOAD = "payload"
 WIND = "wind"
 APPLIED_COMMANDS = "applied_commands"
+KEY_FIGURES = "key_figures"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 TF = "/tf"
@@ -119,6 +120,7 @@ def topics(
         table += [Topic(pose_topic(carriage, body), PoseStamped.__msgtype__) for body in bodies]
         table.append(Topic(contact_force_topic(carriage), WrenchStamped.__msgtype__))
     table += [Topic(support_force_topic(support), WrenchStamped.__msgtype__) for support in supports]
+    table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1))
@@ -290,32 +292,30 @@ def scenario_from_message(data: bytes) -> dict[str, Any]:
     return scenario
 
 
-def diagnostics_message(
-    stamp_ns: int,
-    level: int,
-    message: str,
-    values: Mapping[str, str],
-    *,
-    name: str = "cable_twin",
-    hardware_id: str = "",
-) -> bytes:
-    """Encode a diagnostic_msgs/DiagnosticArray with one status.
+@dataclass(frozen=True, slots=True)
+class Status:
+    """One status of diagnostics."""
 
-    Args:
-        stamp_ns: Stamp in ns.
-        level: 0 ok, 1 warning, 2 error, 3 stale.
-        message: One line for people.
-        values: Key figures, as text with unit.
-        name: What is diagnosed.
-        hardware_id: Which of several.
+    level: int  # 0 ok, 1 warning, 2 error, 3 stale
+    name: str  # what is diagnosed
+    message: str  # one line for people
+    values: Mapping[str, str]  # key figures, as text
+    hardware_id: str = ""  # which of several
 
-    Returns:
-        CDR.
-    """
-    pairs = [KeyValue(key, value) for key, value in values.items()]
-    return serialize(
-        DiagnosticArray(_header(stamp_ns, ""), [DiagnosticStatus(level, name, message, hardware_id, pairs)])
-    )
+
+def diagnostics_message(stamp_ns: int, *statuses: Status) -> bytes:
+    """Encode a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
+    array = [
+        DiagnosticStatus(
+            status.level,
+            status.name,
+            status.message,
+            status.hardware_id,
+            [KeyValue(key, value) for key, value in status.values.items()],
+        )
+        for status in statuses
+    ]
+    return serialize(DiagnosticArray(_header(stamp_ns, ""), array))
 
 
 def clock_message(stamp_ns: int) -> bytes:

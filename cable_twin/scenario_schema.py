@@ -272,7 +272,13 @@ class KeyFigureLimits(Section):
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
     acceleration: float | None = quantity("m/s^2", "highest acceleration of the last body of a carriage", 1.5, gt=0)
     stopping_distance: float | None = quantity("m", "longest way to a standstill", None, gt=0)
-    sag: float | None = quantity("m", "largest depth of the cable below its chord", None, gt=0)
+    stopping_time: float | None = quantity("s", "longest time to a standstill", None, gt=0)
+    sag: float | None = quantity("m", "largest depth of the cable below its chord, of each span", None, gt=0)
+    dynamic_amplification: float | None = quantity("-", "highest tension over that at the start", None, gt=0)
+    rope_clearance: float | None = quantity("m", "least height of the cable over the terrain", 0.0, ge=0)
+    vehicle_clearance: float | None = quantity("m", "least height of a vehicle over the terrain", 0.0, ge=0)
+    support_load: float | None = quantity("N", "highest force of the cable on a support", None, gt=0)
+    deropement_margin: float | None = quantity("-", "least load of a tower over its load at rest", 0.1, ge=0, le=1)
 
 
 class Scenario(Section):

@@ -84,6 +84,7 @@ class Simulation:
         self._payloads: Payloads = build_payloads(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
+        self.supports = ("start", "end", *scenario.towers)
         self._index = {name: index for index, name in enumerate(self.carriages)}
         self._state = allocate_state(self._empty)
         self._work = allocate_workspace(self._empty)

@@ -46,11 +46,12 @@ ALLOWED = {
         *SCENARIO,
     ),
     "messages": ("records",),
-    "key_figures": ("records", *SCENARIO),
+    "extremes": ("records",),
+    "key_figures": ("clearance", "extremes", "outlines", "records", *SCENARIO),
     "command_line": (),
     "recording": ("messages", "outlines", "records", "simulation", *SCENARIO),
     "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
 }
 
 

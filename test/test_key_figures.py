@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from cable_twin.records import (
     CableSamples,
     CarriageState,
     Command,
+    DriveState,
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
 from cable_twin.scenario import load_scenario
 
@@ -25,8 +28,35 @@ PERIOD = 0.01  # s
 LENGTH, SAG = 1000.0, 40.0  # m, of a parabola between ends of one height
 
 
+CABIN = {
+    "arc_length": 60.0,
+    "drive": {"mode": "speed", "limits": {"speed": 10.0, "force": 150e3, "power": 250e3}},
+    "bodies": {"cabin": {"mass": 12e3, "inertia": 24e3, "upper_pivot": [0.0, 4.0], "size": [4.0, 3.0]}},
+}
+SCENARIO = {
+    "cable": {
+        "unstrained_length": 1003.0,
+        "mass_per_length": 20.0,
+        "axial_stiffness": 4e8,
+        "bending_stiffness": 0.0,
+        "elements": 10,
+        "start": {"position": [0.0, 0.0]},
+        "end": {"position": [1000.0, 0.0]},
+    },
+    "carriages": {"cabin": CABIN},
+}
+TOWERS = {"lower": {"position": [250.0, -20.0]}, "upper": {"position": [600.0, -30.0]}}
+WEIGHT = {"support": "counterweight", "direction": [1.0, 0.0], "mass": 1e5, "travel": [-2.0, 3.0]}
+LIFT = {
+    **SCENARIO,
+    "carriages": {},
+    "drives": {"haul_rope": {"kind": "moving_cable", "limits": {"speed": 5.0, "power": 1e5}}},
+    "carriers": {"name": "chair", "count": 3, "spacing": 500.0, "bodies": CABIN["bodies"]},
+}
+
+
 def scenario(**overrides):
-    return load_scenario("aerial_tramway", {key.replace("__", "."): value for key, value in overrides.items()})
+    return load_scenario(SCENARIO, {key.replace("__", "."): value for key, value in overrides.items()})
 
 
 def snapshot(
@@ -126,7 +156,9 @@ def test_stopping_distance_is_half_the_square_of_speed_over_deceleration():
     drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 8.0, start=130.0, begin=5.0)
     stop = gathered(figures)["cabin: stopping distance"]
     assert stop.value == pytest.approx(6.0**2 / (2.0 * 1.2), abs=1e-6)
-    assert stop.place == "emergency stop from 6.00 m/s in 5.0 s"
+    assert stop.place == "emergency stop from 6.00 m/s at 130.0 m"
+    duration = gathered(figures)["cabin: stopping time"]
+    assert (duration.value, duration.unit, duration.limit) == (pytest.approx(5.0, abs=1e-6), "s", None)
     assert (stop.time, stop.limit, stop.source, stop.kept) == (5.0, 20.0, "scenario: limits.stopping_distance", True)
 
 
@@ -151,8 +183,128 @@ def test_drive_and_swing_against_the_limits_of_the_scenario():
     assert found["cabin: drive force"].value == 4e4
     assert found["cabin: drive force"].kept is True
     assert found["cabin: drive power, highest"].value == pytest.approx(2.1e5)
-    assert found["cabin: drive power, lowest"].value == pytest.approx(-3.2e5)
+    assert found["cabin: drive power, highest"].kept is True
+    braking = found["cabin: drive power, lowest"]
+    assert (braking.value, braking.limit, braking.bound, braking.kept) == (-3.2e5, -2.5e5, "at least", False)
     assert (found["cabin: swing along the track"].value, found["cabin: swing along the track"].kept) == (0.4, False)
+
+
+def test_a_limit_is_kept_to_a_thousandth_of_it():
+    """As a drive keeps its speed."""
+    figures = KeyFigures(scenario())
+    figures.update(snapshot(0.0, speed=10.001))
+    assert gathered(figures)["cabin: speed"].kept is True
+    figures.update(snapshot(1.0, speed=10.02))
+    assert gathered(figures)["cabin: speed"].kept is False
+
+
+def test_amplification_is_over_the_tension_of_the_first_snapshot():
+    figures = KeyFigures(scenario(limits__dynamic_amplification=1.2))
+    for moment, tension in ((0.0, 1.0e6), (1.0, 1.3e6), (2.0, 0.7e6)):
+        figures.update(snapshot(moment, tension=tension))
+    found = gathered(figures)["dynamic amplification, tension over that at the start"]
+    assert (found.value, found.time, found.kept) == (pytest.approx(1.3), 1.0, False)
+
+
+def test_sag_of_each_span_is_below_its_own_chord():
+    """The parabola runs 10 m below both towers' line at most where the chord of its span is parallel to it."""
+    heights = {x: -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH) for x in (0.0, 250.0, 600.0, LENGTH)}
+    towers = {name: {"position": [x, heights[x]]} for name, x in (("lower", 250.0), ("upper", 600.0))}
+    figures = KeyFigures(scenario(towers=towers))
+    figures.update(with_supports(snapshot(3.0)))
+    found = gathered(figures)
+    for name, low, high in (("start to lower", 0, 250), ("lower to upper", 250, 600), ("upper to end", 600, 1000)):
+        sag = found[f"sag below the chord, {name}"]
+        assert sag.value == pytest.approx(SAG * ((high - low) / LENGTH) ** 2)  # w l^2 / 8 H
+        assert sag.place == f"x {(low + high) / 2:.1f} m"
+
+
+def with_supports(one: Snapshot, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=None) -> Snapshot:
+    towers = {
+        name: SupportState(np.array([0.0, load]), TowerState(load, least, 2e5, load == 0.0))
+        for name, load, least in zip(("lower", "upper"), loads, lowest, strict=True)
+    }
+    end = SupportState(np.array([9e5, 1e5]), travel=travel)
+    return replace(one, supports={"start": SupportState(np.array([-9e5, 1e5])), "end": end, **towers})
+
+
+def test_support_loads_margins_and_travel_against_their_limits():
+    figures = KeyFigures(scenario(towers=TOWERS, cable__end={"position": [1000.0, 0.0], **WEIGHT}))
+    figures.update(with_supports(snapshot(0.0), travel=0.5))
+    figures.update(with_supports(snapshot(1.0), loads=(3e5, 1e5), lowest=(2e5, 0.9e5), travel=3.1))
+    figures.update(with_supports(snapshot(2.0), loads=(2e5, 0.0), lowest=(2e5, 0.0), travel=-1.0))
+    found = gathered(figures)
+    assert (found["lower: support load, highest"].value, found["lower: support load, highest"].time) == (3e5, 1.0)
+    assert (found["upper: support load, lowest"].value, found["upper: support load, lowest"].time) == (0.0, 2.0)
+    margins = [found[f"{name}: deropement margin, load over that at rest"] for name in ("lower", "upper")]
+    assert [(margin.value, margin.kept) for margin in margins] == [(1.0, True), (0.0, False)]
+    assert "lifts off" in margins[0].source
+    farthest, nearest = (found[f"end: counterweight travel, {which}"] for which in ("highest", "lowest"))
+    assert (farthest.value, farthest.limit, farthest.kept, farthest.time) == (3.1, 3.0, False, 1.0)
+    assert (nearest.value, nearest.limit, nearest.bound, nearest.kept) == (-1.0, -2.0, "at least", True)
+    assert nearest.source == "scenario: cable.end.travel"
+    assert "start: counterweight travel, highest" not in found
+
+
+def test_clearance_of_rope_and_vehicle_with_place():
+    """A hill under the cabin, whose lowest corner is 1.5 m below its centre; and level ground elsewhere."""
+    terrain = [[0.0, -60.0], [490.0, -60.0], [500.0, -52.0], [510.0, -60.0], [1000.0, -60.0]]
+    figures = KeyFigures(scenario(terrain=terrain, limits__vehicle_clearance=6.0))
+    figures.update(snapshot(0.0, place=300.0))
+    figures.update(snapshot(1.0, place=500.0))  # its centre 5 m below the rope, which is at -40 m
+    found = gathered(figures)
+    vehicle = found["cabin: clearance over the terrain"]
+    assert vehicle.value == pytest.approx(-40.0 - 5.0 - 1.5 + 52.0)
+    assert (vehicle.place, vehicle.time, vehicle.limit, vehicle.kept) == ("x 500.0 m", 1.0, 6.0, False)
+    rope = found["rope clearance over the terrain"]
+    assert (rope.value, rope.place, rope.kept) == (pytest.approx(12.0), "x 500.0 m", True)
+
+
+def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ...]) -> Snapshot:
+    """Chairs at 100, 300 and, off the cable, at its end."""
+    one = snapshot(moment)
+    states = {
+        f"chair_{number}": replace(
+            snapshot(moment, place=place, speed=speed, pitch=swing).carriages["cabin"], attached=attached
+        )
+        for number, place, swing, attached in zip(
+            (1, 2, 3), (100.0, 300.0, 1003.0), swings, (True, True, False), strict=True
+        )
+    }
+    return replace(one, carriages=states, drives={"haul_rope": DriveState(moment * speed, speed, force)})
+
+
+def test_carriers_share_the_figures_of_the_worst_and_those_off_the_cable_do_not_count():
+    figures = KeyFigures(load_scenario(LIFT, {"cable.breaking_force": 4e6}))
+    figures.update(chairs(0.0, speed=0.0, force=0.0, swings=(0.1, 0.2, 0.9)))
+    figures.update(chairs(1.0, speed=5.0, force=3e4, swings=(0.1, 0.4, 0.0)))
+    found = gathered(figures)
+    swing = found["chair: swing along the track"]
+    assert (swing.value, swing.place, swing.time, swing.kept) == (0.4, "chair_2, arc length 300.0 m", 1.0, False)
+    assert not any(name.startswith("chair_") for name in found)
+    power = found["haul_rope: drive power, highest"]
+    assert (power.value, power.limit, power.kept) == (1.5e5, 1e5, False)
+    assert found["haul_rope: speed"].kept is True
+    assert found["rope safety factor"].limit == 4.5
+
+
+def test_the_stop_of_a_moving_cable():
+    figures = KeyFigures(load_scenario(LIFT))
+    figures.update(chairs(1.0, speed=5.0, force=0.0, swings=(0.0, 0.0, 0.0)))
+    figures.command(AppliedCommand(1.0, Command("emergency_stop", {}), "test"))
+    standing = chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0))
+    figures.update(replace(standing, drives={"haul_rope": DriveState(15.0, 0.0, 0.0)}))
+    found = gathered(figures)
+    assert (found["haul_rope: stopping distance"].value, found["haul_rope: stopping time"].value) == (10.0, 4.0)
+
+
+def test_a_payload_does_not_end_a_stop():
+    figures = KeyFigures(scenario())
+    figures.update(snapshot(0.0, speed=2.0, place=100.0))
+    figures.command(AppliedCommand(0.0, Command("emergency_stop", {}), "test"))
+    figures.command(AppliedCommand(0.5, Command("payload", {"cabin": 10.0}), "test"))
+    figures.update(snapshot(1.0, place=101.0))
+    assert gathered(figures)["cabin: stopping distance"].value == pytest.approx(1.0)
 
 
 def test_an_update_costs_little_and_keeps_nothing():

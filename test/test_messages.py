@@ -20,6 +20,7 @@ from cable_twin.messages import (
     Pose,
     PoseStamped,
     Quaternion,
+    Status,
     Time,
     Vector3,
     Vector3Stamped,
@@ -84,6 +85,7 @@ def test_topics_hold_everything_a_frame_gives_and_nothing_twice():
         "payload",
         "wind",
         "applied_commands",
+        "key_figures",
         "/diagnostics",
         "/clock",
         "/tf",
@@ -300,7 +302,10 @@ def every_message() -> dict[str, bytes]:
         "payload": applied_command_message(AppliedCommand(0.0, Command("payload", {"cabin": 80.0}), "desk"), EPOCH),
         "wind": serialize(Vector3Stamped(Header(Time(1, 2), "map"), Vector3(3.0, 0.0, -1.0))),
         "applied_commands": applied_command_message(applied, EPOCH),
-        "/diagnostics": diagnostics_message(EPOCH, 1, "late", {"lag (s)": "0.2", "missed frames": "3"}),
+        "key_figures": diagnostics_message(EPOCH, *(Status(0, name, "1 m", {"unit": "m"}) for name in ("a", "b"))),
+        "/diagnostics": diagnostics_message(
+            EPOCH, Status(1, "cable_twin", "late", {"lag (s)": "0.2", "missed frames": "3"})
+        ),
         "/clock": clock_message(EPOCH),
         "/tf": encoder.transforms(make_snapshot(0.5)),
     }

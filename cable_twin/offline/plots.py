@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -25,6 +26,7 @@ from cable_twin.offline.signals import Signals
 INK = "#22303C"
 QUIET = "#7B8794"
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
+MANY = 6  # lines of a run in a panel, above which they are thin and coloured from first to last
 DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6))  # of the first and the second run
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -57,7 +59,11 @@ PLOTS: Mapping[str, tuple[str, Sequence[tuple[str, str]]]] = {
     "drive": ("Drive", [("drive_force", "force [{k}N]"), ("drive_power", "power [{k}W]")]),
     "contact_forces": (
         "Contact and support forces",
-        [("contact_force", "rope on carriage [{k}N]"), ("support_force", "support on rope [{k}N]")],
+        [
+            ("contact_force", "rope on carriage [{k}N]"),
+            ("support_force", "support on rope [{k}N]"),
+            ("travel", "counterweight travel [m]"),
+        ],
     ),
 }
 
@@ -148,13 +154,16 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
     lines = _lines(runs, quantity)
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
+    many = len(names) > MANY
     for index, name in lines:
         parts = name.split("/")[1:]
         times, values = runs[index].signals.series[name].line()
         whose = " ".join(parts[1:] if lone else parts)
-        color = COLORS[(names.index(name) + (3 * index if len(names) <= 3 else 0)) % len(COLORS)]
+        color: Any = COLORS[(names.index(name) + (3 * index if len(names) <= 3 else 0)) % len(COLORS)]
+        if many:
+            color = plt.get_cmap("viridis")(names.index(name) / (len(names) - 1))
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
-        axes.plot(times, values, color=color, dashes=DASHES[index], label=legend)
+        axes.plot(times, values, color=color, dashes=DASHES[index], label=legend, linewidth=0.7 if many else None)
     largest = max(abs(value) for value in axes.get_ylim())
     scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= s), (1.0, ""))
     if "{k}" in label:
@@ -164,7 +173,17 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
     if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
     axes.margins(x=0.01)
-    if len(lines) > 1:
+    if many:
+        first, last = (" ".join(name.split("/")[1:]) for name in (names[0], names[-1]))
+        which = "; ".join(
+            f"{run.label}: {'dashed' if index else 'drawn'}" for index, run in enumerate(runs) if run.label
+        )
+        axes.set_title(
+            f"{len(names)} lines, from {first} (dark) to {last} (light){which}",
+            fontsize=9.0,
+            fontweight="normal",
+        )
+    elif len(lines) > 1:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
 
 
@@ -185,8 +204,9 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
             axes.autoscale_view()
         for shape, color in zip(shapes, colors, strict=True):
             joints = np.array(list(shape.carriages.values())).reshape(-1, 2)
-            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=4.0)
-            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=4.0)
+            size = 4.0 if len(joints) <= MANY else 2.0
+            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=size)
+            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=size)
         rows[1, column].set_xlabel("x, along the track [m]")
         if run.label:
             rows[0, column].set_title(run.label)

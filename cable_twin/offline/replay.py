@@ -105,7 +105,7 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
     """
     simulation = start_of(log, samples=int(log.metadata["sample_count"]))
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
-    types = {topic.name: topic.type for topic in topics(simulation.carriages, tf=True)}
+    types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
     compared = [
         name
         for name in types

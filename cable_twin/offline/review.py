@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -29,13 +29,15 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.command_line import OneLineParser
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
 from cable_twin.offline.repair import repair
-from cable_twin.offline.signals import Comparison, Signals, compare, signal_values, unit_of
+from cable_twin.offline.signals import Comparison, Difference, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.records import AppliedCommand, Snapshot
 from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario_schema import Carriers
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
@@ -294,59 +296,20 @@ class _Recording:
 
 def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
     """Summaries, key figures, and the differences of two runs."""
-    console = Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+    console = table_console()
     for label, reading in zip("ab", readings, strict=False):
         print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
-    _print_figures(console, [{figure.name: figure for figure in reading.figures.figures()} for reading in readings])
+    print_figures(console, [reading.figures.figures() for reading in readings])
     if comparison is not None:
         _print_differences(console, readings, comparison)
-
-
-def _print_figures(console: Console, runs: Sequence[Mapping[str, KeyFigure]]) -> None:
-    """One table, with a column for each run; when and where only for a single one."""
-    lone = len(runs) == 1
-    table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("value",) if lone else ("a", "b"):
-        table.add_column(title, justify="right", no_wrap=True)
-    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
-        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
-    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
-    for name in dict.fromkeys(name for run in runs for name in run):
-        figures = [run.get(name) for run in runs]
-        present = [figure for figure in figures if figure is not None]
-        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
-        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in figures]
-        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
-        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
-        table.add_row(name, *values, unit, "; ".join(limits), _verdict(figures), *where)
-    console.print(table)
-    for number, source in enumerate(sources, start=1):
-        console.print(f"  ({number}) {source}", markup=False)
-    print()
-
-
-def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
-    """Limit of a figure with the number of its source."""
-    if figure.limit is None:
-        return ""
-    note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
-
-
-def _verdict(figures: Sequence[KeyFigure | None]) -> str:
-    """Whether the limit is kept, and by which run it is not."""
-    kept = [figure.kept if figure is not None else None for figure in figures]
-    if False not in kept:
-        return "kept" if True in kept else ""
-    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
-    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
 
 
 def _print_differences(console: Console, readings: Sequence[Reading], comparison: Comparison) -> None:
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("largest difference", "rms", "unit", "at", "a there", "b there"):
         table.add_column(title, justify="left" if title == "unit" else "right", no_wrap=True)
-    for name, difference in comparison.differences.items():
+    carriers = readings[0].scenario.carriers
+    for name, difference in _worst_of_each(comparison.differences, carriers).items():
         if difference.count:
             unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
             numbers = [f"{value * scale:.4g}" for value in (difference.largest, difference.rms)]
@@ -355,6 +318,9 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
     print(f"differences at {comparison.frames} common frames")
     if comparison.frames:
         console.print(table)
+        if carriers is not None:
+            name = carriers.name
+            print(f"of {name}_1 to {name}_{carriers.count} the one that differs most is shown\n")
     for label, names in zip("ab", comparison.only_in, strict=True):
         if names:
             print(f"only in {label}: {', '.join(sorted(names))}")
@@ -362,15 +328,16 @@ def _print_differences(console: Console, readings: Sequence[Reading], comparison
         print(f"a ends at {readings[0].end:.2f} s, b at {readings[1].end:.2f} s")
 
 
-def shown_unit(unit: str, value: float) -> tuple[str, float]:
-    """Unit in which a value in SI reads well, and what to multiply it by."""
-    if unit == "rad":
-        return "deg", 180.0 / math.pi
-    if unit in ("N", "W"):
-        for prefix, size in (("M", 1e6), ("k", 1e3)):
-            if abs(value) >= size and (prefix == "k" or unit == "W"):
-                return f"{prefix}{unit}", 1.0 / size
-    return unit, 1.0
+def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | None) -> dict[str, Difference]:
+    """Signals to show: of each signal of the carriers only that of the one that differs most."""
+    if carriers is None:
+        return dict(differences)
+    worst: dict[str, str] = {}
+    for name, difference in differences.items():
+        kind = re.sub(f"/{carriers.name}_[0-9]+(?=/|$)", "/*", name)
+        if kind not in worst or difference.largest > differences[worst[kind]].largest:
+            worst[kind] = name
+    return {name: differences[name] for name in worst.values()}
 
 
 def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:

@@ -12,18 +12,23 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from cable_twin.command_checks import check_room
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError, CommandKind
 from cable_twin.simulation import Simulation
 
-# What a script may say. A kind of command that gives a named thing a number (a payload in kg, a gust in m/s) is one
-# more line in VALUES; one that needs no number is one more word in EVENTS.
-VALUES: Mapping[str, tuple[CommandKind, str]] = {"speed": ("speed", "m/s"), "force": ("force", "N")}
+# What a script may say. A kind of command that gives a named thing a number is one more line in VALUES; one that needs
+# no number is one more word in EVENTS.
+VALUES: Mapping[str, tuple[CommandKind, str]] = {
+    "speed": ("speed", "m/s"),
+    "force": ("force", "N"),
+    "payload": ("payload", "kg"),
+}
+WIND = ("wind", "wind_z")  # m/s, along the track and upwards
 EVENTS: Mapping[str, CommandKind] = {"emergency_stop": "emergency_stop", "release": "release", "reset": "reset"}
-STATELESS = frozenset({"speed", "force", "emergency_stop", "release", "reset"})  # refused or not whatever the motion
 
-KEYS = ("time", "name", *VALUES, "event")
-ALLOWED = f"allowed: time (s) and either name with {' or '.join(VALUES)}, or event"
+KEYS = ("time", "name", *VALUES, *WIND, "event")
+ALLOWED = f"allowed: time (s) and either name with {', '.join(VALUES)}, or {WIND[0]}, or event"
 
 
 class ScriptError(ValueError):
@@ -95,11 +100,13 @@ def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> l
     faults = []
     before = simulation.capture()
     for item in script:
-        if item.command.kind in STATELESS:
-            try:
+        try:
+            if item.command.kind == "payload":  # where the carriage is then, only the run can tell
+                check_room(item.command, simulation.scenario)
+            else:
                 simulation.apply(item.command)
-            except CommandError as error:
-                faults.append(f"{item.place}: {error}")
+        except CommandError as error:  # noqa: PERF203 - every fault is told
+            faults.append(f"{item.place}: {error}")
     simulation.restore(before)
     return faults
 
@@ -160,13 +167,20 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
     time = row["time"]
     if not _is_finite(time) or time < 0.0:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
-    given = [key for key in VALUES if key in row]
+    given = [key for key in (*VALUES, *WIND) if key in row]
+    if WIND[0] in row and set(given) <= set(WIND) and not {"name", "event"} & row.keys():
+        speeds = [row.get(key, 0.0) for key in WIND]
+        for key, speed in zip(WIND, speeds, strict=True):
+            if not _is_finite(speed):
+                raise ScriptError(f"{place}: {key} {speed!r} given; allowed: a finite number, in m/s")
+        values = dict(zip(("x", "z"), map(float, speeds), strict=True))
+        return ScriptedCommand(float(time), Command("wind", values), "script", place)
     if "event" in row:
         if given or "name" in row or str(row["event"]) not in EVENTS:
             what = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
             raise ScriptError(f"{place}: {what} given; allowed: {', '.join(EVENTS)}, alone")
         return ScriptedCommand(float(time), Command(EVENTS[str(row["event"])], {}), "script", place)
-    if len(given) != 1 or not isinstance(row.get("name"), str):
+    if len(given) != 1 or given[0] in WIND or not isinstance(row.get("name"), str):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
         raise ScriptError(f"{place}: {what} given; {ALLOWED}")
     kind, unit = VALUES[given[0]]

@@ -23,15 +23,23 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
         "tension/end": float(tensions[-1]),
     }
     for name, state in snapshot.carriages.items():
-        values[f"arc_length/{name}"] = state.arc_length
-        values[f"speed/{name}"] = state.speed
+        here = 1.0 if state.attached else math.nan  # what is off the cable shows a gap
+        values[f"arc_length/{name}"] = here * state.arc_length
         for body_name, body in state.bodies.items():
-            values[f"swing/{name}/{body_name}"] = math.degrees(body.pitch)
-        values[f"drive_force/{name}"] = state.drive_force
-        values[f"drive_power/{name}"] = state.drive_force * state.speed
-        values[f"contact_force/{name}"] = math.hypot(state.contact_force[0], state.contact_force[-1])
+            values[f"swing/{name}/{body_name}"] = here * math.degrees(body.pitch)
+        if not snapshot.drives:  # of a moving cable, else, for all that is clamped to it
+            values[f"speed/{name}"] = state.speed
+            values[f"drive_force/{name}"] = state.drive_force
+            values[f"drive_power/{name}"] = state.drive_force * state.speed
+        values[f"contact_force/{name}"] = here * math.hypot(state.contact_force[0], state.contact_force[-1])
+    for name, drive in snapshot.drives.items():
+        values[f"speed/{name}"] = drive.speed
+        values[f"drive_force/{name}"] = drive.force
+        values[f"drive_power/{name}"] = drive.force * drive.speed
     for name, support in snapshot.supports.items():
         values[f"support_force/{name}"] = math.hypot(support.force[0], support.force[-1])
+        if support.travel is not None:
+            values[f"travel/{name}"] = support.travel
     return values
 
 
@@ -44,6 +52,7 @@ UNITS: Mapping[str, str] = {
     "drive_power": "W",
     "contact_force": "N",
     "support_force": "N",
+    "travel": "m",
 }
 
 
@@ -131,7 +140,7 @@ class Signals:
 
 
 def _shape(snapshot: Snapshot) -> Shape:
-    joints = {name: state.position[[0, -1]] for name, state in snapshot.carriages.items()}
+    joints = {name: state.position[[0, -1]] for name, state in snapshot.carriages.items() if state.attached}
     return Shape(snapshot.time, snapshot.cable.positions[:, [0, -1]], joints)
 
 

@@ -21,12 +21,14 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import MessageEncoder, applied_command_message, nanoseconds, topics
+from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
-from cable_twin.records import CommandError
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 
@@ -37,10 +39,17 @@ BACKLOG = 500  # frames that may wait for the disk
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
-  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,event
-  - {time: 40, event: emergency_stop}            0,cabin,6.0,,
-  - {time: 50, event: release}                   40,,,,emergency_stop
-  - {time: 51, name: cabin, force: 30000}        51,cabin,,30000,
+  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,payload,wind,event
+  - {time: 20, wind: 15.0}                       0,cabin,6.0,,,,
+  - {time: 25, wind: 0.0}                        20,,,,,15.0,
+  - {time: 40, event: emergency_stop}            25,,,,,0.0,
+  - {time: 50, event: release}                   40,,,,,,emergency_stop
+  - {time: 51, name: cabin, force: 30000}        50,,,,,,release
+  - {time: 90, name: cabin, payload: 3200}       51,cabin,,30000,,,
+
+Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
+payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
+emergency_stop, release, reset.
 
 exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option
 
@@ -73,6 +82,7 @@ def simulate(
     frame_steps: int,
     epoch_ns: int,
     run: Run | None = None,
+    figures: KeyFigures | None = None,
     on_frame: Callable[[float], None] | None = None,
     ended: Callable[[], bool] | None = None,
 ) -> Outcome:
@@ -88,6 +98,7 @@ def simulate(
         frame_steps: Solver steps in a frame.
         epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
         run: Where it is recorded, or None.
+        figures: Take in what is seen, or None.
         on_frame: Called with the simulated time (s) of each frame.
         ended: Whether to end before `duration`.
 
@@ -107,8 +118,12 @@ def simulate(
             while waiting and round(waiting[0].time / simulation.step) < due:
                 item = waiting.popleft()
                 simulation.advance_to(item.time)
-                _apply(simulation, item, outcome, epoch_ns, run)
+                applied = _apply(simulation, item, outcome, epoch_ns, run)
+                if figures is not None and applied is not None:
+                    figures.command(applied)
             snapshot = simulation.advance_to(due * simulation.step)
+            if figures is not None:
+                figures.update(snapshot)
             if run is not None:
                 run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
                 while run.recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
@@ -125,17 +140,20 @@ def simulate(
     return outcome
 
 
-def _apply(simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None) -> None:
+def _apply(
+    simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None
+) -> AppliedCommand | None:
     """Give one command and record it; a refused one is noted."""
     try:
         applied = simulation.apply(item.command, item.source)
     except CommandError as error:
         outcome.refused.append(f"{item.place}: {error}")
-        return
+        return None
     outcome.applied += 1
     if run is not None:
         stamp_ns = epoch_ns + nanoseconds(applied.time)
         run.recorder.record_command(applied, applied_command_message(applied, epoch_ns), stamp_ns)
+    return applied
 
 
 def parser() -> OneLineParser:
@@ -255,6 +273,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"simulate: --output {options.output}: {error.strerror or error}", file=sys.stderr)
         return FAILED
     started = simulation.time
+    figures = KeyFigures(simulation.scenario)
     with _progress(console, started, duration) as on_frame, _signals() as ended:
         outcome = simulate(
             simulation,
@@ -263,6 +282,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             frame_steps=frame_steps,
             epoch_ns=epoch_ns,
             run=run,
+            figures=figures,
             on_frame=on_frame,
             ended=ended.is_set,
         )
@@ -270,7 +290,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if run is not None:
         run.recorder.close()
         faults += run.recorder.faults
-    return _report(simulation.scenario, started, outcome, run, faults)
+    return _report(simulation.scenario, started, outcome, figures, run, faults)
 
 
 def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:
@@ -307,7 +327,7 @@ def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, f
         return None
     return start_run(
         simulation,
-        topics(simulation.carriages),
+        topics(simulation.carriages, supports=simulation.supports),
         record_directory=options.output.expanduser(),
         epoch_ns=epoch_ns,
         frame_period=frame_steps * simulation.step,
@@ -350,8 +370,11 @@ def _signals() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def _report(scenario: Scenario, start: float, outcome: Outcome, run: Run | None, faults: Sequence[str]) -> int:
-    """Say what was done."""
+def _report(
+    scenario: Scenario, start: float, outcome: Outcome, figures: KeyFigures, run: Run | None, faults: Sequence[str]
+) -> int:
+    """Say what was done and what it showed."""
+    print_figures(table_console(), [figures.figures()])
     for line in outcome.refused[:5]:
         print(f"simulate: refused: {line}", file=sys.stderr)
     if len(outcome.refused) > 5:

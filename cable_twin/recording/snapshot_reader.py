@@ -1,7 +1,10 @@
 """Snapshots and commands back from a log, one after the other: what a run showed, without simulating it again.
 
-A log has the cable in single precision and nothing of the velocities of centres of mass or of the solver; what it does
-not have is NaN here, and zero in the solver's report. Logs without the topics of forces give NaN for those.
+A log has the cable in single precision and nothing of the velocities of centres of mass, of haul ropes or of the
+solver; what it does not have is NaN or None here, and zero in the solver's report. Logs without the topics of forces
+give NaN for those. Of a tower a log has the force; its size stands for the normal load (friction adds to it, the turn
+of the rope takes from it), and that in the first frame for the load at rest. The travel of a counterweight follows
+from the end of the cable, payloads from the commands.
 """
 
 from __future__ import annotations
@@ -29,11 +32,14 @@ from cable_twin.records import (
     BodyState,
     CableSamples,
     CarriageState,
+    DriveState,
     FloatArray,
     Snapshot,
     SolverReport,
     SupportState,
+    TowerState,
 )
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 POINT_SIZE = 4 * len(CABLE_FIELDS)  # bytes of a point of the cable
@@ -53,67 +59,114 @@ def read_snapshots(
         Snapshots, and each command where it took effect, in the order of the log.
 
     Raises:
-        LogError: A message is unreadable; the line names topic and time.
+        LogError: The scenario is not understood, or a message is unreadable; the line names topic and time.
     """
-    carriages = {name: tuple(item["bodies"]) for name, item in log.scenario.get("carriages", {}).items()}
-    wanted = [JOINT_STATES, CABLE, APPLIED_COMMANDS, *map(support_force_topic, SUPPORTS)]
-    for name, bodies in carriages.items():
-        wanted += [pose_topic(name), contact_force_topic(name), *(pose_topic(name, body) for body in bodies)]
+    try:
+        frames = _Frames(log, load_scenario(log.scenario))
+    except ScenarioError as error:
+        raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
     frame: dict[str, bytes] = {}
     frame_stamp = -1
-    for topic, stamp_ns, data in log.messages(wanted, on_position):
+    for topic, stamp_ns, data in log.messages([*frames.needed, *frames.forces, APPLIED_COMMANDS], on_position):
         if (stamp_ns != frame_stamp or topic == APPLIED_COMMANDS) and frame:
-            if snapshot := _snapshot(log, carriages, frame_stamp, frame):
+            if snapshot := frames.snapshot(frame_stamp, frame):
                 yield snapshot
             frame = {}
         frame_stamp = stamp_ns
         if topic == APPLIED_COMMANDS:
-            yield log.command(stamp_ns, data)
+            applied = log.command(stamp_ns, data)
+            frames.command(applied)
+            yield applied
         else:
             frame[topic] = data
-    if frame and (snapshot := _snapshot(log, carriages, frame_stamp, frame)):
+    if frame and (snapshot := frames.snapshot(frame_stamp, frame)):
         yield snapshot
 
 
-def _snapshot(
-    log: Log, carriages: Mapping[str, tuple[str, ...]], stamp_ns: int, frame: Mapping[str, bytes]
-) -> Snapshot | None:
-    """Put one frame together; None where a part of it is missing."""
-    needed = [JOINT_STATES, CABLE]
-    for name, bodies in carriages.items():
-        needed += [pose_topic(name), *(pose_topic(name, body) for body in bodies)]
-    if not all(topic in frame for topic in needed):
-        return None
-    time = (stamp_ns - log.epoch_ns) / SECOND
-    topic = ""
-    try:
-        topic = JOINT_STATES
-        joints = decode(frame[topic], "sensor_msgs/msg/JointState")
-        position, velocity, effort = joints.position.tolist(), joints.velocity.tolist(), joints.effort.tolist()
-        pitches = {name: (position[index], velocity[index]) for index, name in enumerate(joints.name)}
-        states = {}
-        for index, (name, bodies) in enumerate(carriages.items()):
-            states_of_bodies = {}
-            for body in bodies:
-                topic = pose_topic(name, body)
-                x, _, z = _numbers(frame[topic], 7)[:3].tolist()
-                pitch, pitch_rate = pitches[f"{name}/{body}"]
-                states_of_bodies[body] = BodyState(x, z, pitch, math.nan, math.nan, pitch_rate)
-            topic = pose_topic(name)
-            states[name] = CarriageState(
-                arc_length=position[index],
-                speed=velocity[index],
-                drive_force=effort[index],
-                contact_force=_force(frame, contact_force_topic(name)),
-                position=_numbers(frame[topic], 7)[Z],
-                bodies=states_of_bodies,
-            )
-        topic = CABLE
-        cable = _cable(frame[topic], int(log.metadata["sample_count"]))
-    except UNREADABLE as error:
-        raise LogError(f"{log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
-    supports = {name: SupportState(_force(frame, support_force_topic(name))) for name in SUPPORTS}
-    return Snapshot(time, states, supports, cable, NOTHING)
+class _Frames:
+    """Puts frames together; remembers what a single one does not tell."""
+
+    def __init__(self, log: Log, scenario: Scenario) -> None:
+        self._log, self._scenario = log, scenario
+        self._vehicles = scenario.vehicles
+        self._supports = (*SUPPORTS, *scenario.towers)
+        self._rest_loads: dict[str, float] = {}  # N, of towers in the first frame
+        self._lowest_loads: dict[str, float] = {}  # N, since the start or the last reset
+        self._payloads = self._first_payloads()
+        self.needed = [JOINT_STATES, CABLE]  # of a complete frame
+        self.forces = [*map(support_force_topic, self._supports)]
+        for name, vehicle in self._vehicles.items():
+            self.needed += [pose_topic(name), *(pose_topic(name, body) for body in vehicle.bodies)]
+            self.forces.append(contact_force_topic(name))
+
+    def _first_payloads(self) -> dict[str, float]:
+        """Payloads (kg) at the start of the run."""
+        return {name: vehicle.payload.mass for name, vehicle in self._vehicles.items() if vehicle.payload is not None}
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Follow what changes payloads and what is counted since the last reset."""
+        if applied.command.kind == "payload":
+            self._payloads.update(applied.command.values)
+        elif applied.command.kind == "reset":
+            self._payloads = self._first_payloads()
+            self._lowest_loads = dict(self._rest_loads)
+
+    def snapshot(self, stamp_ns: int, frame: Mapping[str, bytes]) -> Snapshot | None:
+        """Put one frame together; None where a part of it is missing."""
+        if not all(topic in frame for topic in self.needed):
+            return None
+        time = (stamp_ns - self._log.epoch_ns) / SECOND
+        topic = ""
+        try:
+            topic = JOINT_STATES
+            joints = decode(frame[topic], "sensor_msgs/msg/JointState")
+            position, velocity, effort = joints.position.tolist(), joints.velocity.tolist(), joints.effort.tolist()
+            rows = dict(zip(joints.name, zip(position, velocity, effort, strict=True), strict=True))
+            states = {}
+            for name, vehicle in self._vehicles.items():
+                bodies = {}
+                for body in vehicle.bodies:
+                    topic = pose_topic(name, body)
+                    x, _, z = _numbers(frame[topic], 7)[:3].tolist()
+                    pitch, pitch_rate, _ = rows[f"{name}/{body}"]
+                    bodies[body] = BodyState(x, z, pitch, math.nan, math.nan, pitch_rate)
+                topic = pose_topic(name)
+                arc_length, speed, drive_force = rows[name]
+                states[name] = CarriageState(
+                    arc_length=arc_length,
+                    speed=speed,
+                    drive_force=drive_force,
+                    contact_force=_force(frame, contact_force_topic(name)),
+                    position=_numbers(frame[topic], 7)[Z],
+                    bodies=bodies,
+                    # what is off a moving cable hangs exactly at one of its ends
+                    attached=vehicle.joint != "clamped"
+                    or arc_length not in (0.0, self._scenario.cable.unstrained_length),
+                    payload=self._payloads.get(name, 0.0),
+                )
+            drives = {name: DriveState(*rows[name]) for name in self._scenario.drives}
+            topic = CABLE
+            cable = _cable(frame[topic], int(self._log.metadata["sample_count"]))
+        except UNREADABLE as error:
+            raise LogError(f"{self._log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
+        supports = {
+            name: self._support(name, _force(frame, support_force_topic(name)), cable) for name in self._supports
+        }
+        return Snapshot(time, states, supports, cable, NOTHING, drives)
+
+    def _support(self, name: str, force: FloatArray, cable: CableSamples) -> SupportState:
+        """What is known of a support by its force (2,) in N and the shape of the cable."""
+        if name not in SUPPORTS:
+            load = float(np.hypot(*force))
+            rest = self._rest_loads.setdefault(name, load)
+            lowest = self._lowest_loads[name] = min(load, self._lowest_loads.get(name, load))
+            return SupportState(force, TowerState(load, lowest, rest, load == 0.0))
+        end = getattr(self._scenario.cable, name)
+        if end.support != "counterweight":
+            return SupportState(force)
+        place = cable.positions[0 if name == "start" else -1]
+        direction = np.array(end.direction) / np.hypot(*end.direction)
+        return SupportState(force, travel=float((place - np.array(end.position)) @ direction))
 
 
 def _numbers(data: bytes, count: int) -> FloatArray:

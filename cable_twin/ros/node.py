@@ -24,15 +24,18 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import (
     CLOCK,
     DIAGNOSTICS,
     JOINT_COMMANDS,
+    KEY_FIGURES,
     PAYLOAD,
     SCENARIO,
     TF,
     WIND,
     MessageEncoder,
+    Status,
     applied_command_message,
     clock_message,
     command_from_joint_state,
@@ -46,6 +49,7 @@ from cable_twin.messages import (
 )
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.parameters import PARAMETERS, Parameter
 from cable_twin.ros.recording_watch import RecordingWatch
@@ -115,10 +119,14 @@ class TwinNode(Node):
         self._watch = RecordingWatch(self.get_logger())
         self._simulation = self._build_simulation()
         self._epoch_ns = time.time_ns() - nanoseconds(self._simulation.time)
+        self._figures = FigureWatch(KeyFigures(self._simulation.scenario))
         self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
         self._topics = topics(
-            self._simulation.carriages, clock=self._settings["publish_clock"], tf=TFMessage is not None
+            self._simulation.carriages,
+            supports=self._simulation.supports,
+            clock=self._settings["publish_clock"],
+            tf=TFMessage is not None,
         )
         self._raw_publishers = {
             topic.name: self.create_publisher(
@@ -285,6 +293,7 @@ class TwinNode(Node):
         """Build the messages of a frame once; publish and record the same bytes."""
         stamp_ns = self._encoder.stamp_ns(snapshot)
         messages = self._encoder.frame(snapshot)
+        self._figures.update(snapshot)
         if CLOCK in self._raw_publishers:
             messages.append((CLOCK, clock_message(stamp_ns)))
         if TF in self._raw_publishers:
@@ -298,6 +307,7 @@ class TwinNode(Node):
 
     def _record_applied(self, applied: AppliedCommand) -> None:
         self._commands_applied += 1
+        self._figures.command(applied)
         data = applied_command_message(applied, self._epoch_ns)
         self._raw_publishers["applied_commands"].publish(data)
         if self._run is not None:
@@ -434,10 +444,18 @@ class TwinNode(Node):
         values.update(self._watch.values)
         level, message = self._judge(statistics)
         stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
-        data = diagnostics_message(stamp_ns, level, message, values, name=self.get_name())
-        self._raw_publishers[DIAGNOSTICS].publish(data)
+        statuses = self._figures.statuses()
+        for line in self._figures.take_news():
+            self.get_logger().warning(line)
+        summary = self._figures.summary(f"{self.get_name()}: key figures")
+        messages = [
+            (KEY_FIGURES, diagnostics_message(stamp_ns, *statuses)),
+            (DIAGNOSTICS, diagnostics_message(stamp_ns, Status(level, self.get_name(), message, values), summary)),
+        ]
+        for topic, data in messages:
+            self._raw_publishers[topic].publish(data)
         if self._run is not None:
-            self._run.recorder.record([(DIAGNOSTICS, data)], stamp_ns)
+            self._run.recorder.record(messages, stamp_ns)
 
     def _report_fault(self, line: str) -> None:
         self.get_logger().error(line)

@@ -15,15 +15,19 @@ YAML_TEXT = """\
 - time: 50
   event: release
 - {time: 20.5, name: cabin, force: 3e4}
+- {time: 60, name: cabin, payload: 3200}
+- {time: 61, wind: -12, wind_z: 1.5}
 """
 CSV_TEXT = """\
 # up, and an emergency stop on the way
-time, name, speed, force, event
+time, name, speed, force, event, payload, wind, wind_z
 0, cabin, 6.0, ,
 40, , , , emergency_stop
 
 50,,,,release
 20.5,cabin,,3e4
+60,cabin,,,,3200
+61,,,,,,-12,1.5
 """
 
 
@@ -41,9 +45,11 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
             (20.5, Command("force", {"cabin": 3e4}), "script"),
             (40.0, Command("emergency_stop", {}), "script"),
             (50.0, Command("release", {}), "script"),
+            (60.0, Command("payload", {"cabin": 3200.0}), "script"),
+            (61.0, Command("wind", {"x": -12.0, "z": 1.5}), "script"),
         ]
-    assert [item.place.rpartition(":")[2] for item in scripts[0]] == ["2", "7", "3", "5"]
-    assert [item.place.rpartition(":")[2] for item in scripts[1]] == ["3", "7", "4", "6"]
+    assert [item.place.rpartition(":")[2] for item in scripts[0]] == ["2", "7", "3", "5", "8", "9"]
+    assert [item.place.rpartition(":")[2] for item in scripts[1]] == ["3", "7", "4", "6", "8", "9"]
 
 
 @pytest.mark.parametrize(
@@ -53,11 +59,17 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
         ("{time: -1, name: cabin, speed: 6}", "time -1 given; allowed: zero or more, in s"),
         ("{time: .inf, name: cabin, speed: 6}", "time inf given"),
         ("{time: true, name: cabin, speed: 6}", "time True given"),
-        ("{time: 1, name: cabin}", "name 'cabin' given; allowed: time (s) and either name with speed or force, or"),
+        ("{time: 1, name: cabin}", "name 'cabin' given; allowed: time (s) and either name with speed, force, payload,"),
         ("{time: 1, speed: 6}", "speed 6 given; allowed: time (s) and either name"),
         ("{time: 1, name: cabin, speed: 6, force: 1}", "speed 6, force 1 given; allowed"),
         ("{time: 1, name: cabin, speed: .nan}", "speed nan given; allowed: a finite number, in m/s"),
         ("{time: 1, name: cabin, force: much}", "force 'much' given; allowed: a finite number, in N"),
+        ("{time: 1, name: cabin, payload: heavy}", "payload 'heavy' given; allowed: a finite number, in kg"),
+        ("{time: 1, wind: .inf}", "wind inf given; allowed: a finite number, in m/s"),
+        ("{time: 1, wind: 3, wind_z: up}", "wind_z 'up' given; allowed: a finite number, in m/s"),
+        ("{time: 1, wind_z: 3}", "wind_z 3 given; allowed: time (s) and either name"),
+        ("{time: 1, wind: 3, name: cabin}", "name 'cabin', wind 3 given; allowed: time (s) and either name"),
+        ("{time: 1, wind: 3, event: reset}", "event 'reset' with wind given"),
         ("{time: 1, event: brake}", "event 'brake' given; allowed: emergency_stop, release, reset, alone"),
         ("{time: 1, event: [reset]}", "event ['reset'] given"),
         ("{time: 1, event: reset, name: cabin}", "event 'reset' with name given"),

@@ -45,7 +45,8 @@ def the_run(directory):
 
 def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     directory, output = scripted
-    first, log, hint = output.splitlines()
+    *table, first, log, hint = output.splitlines()
+    assert any(re.match(r"cabin: speed +[\d.]+ +m/s +at most 10 ", line.strip()) for line in table)
     assert re.fullmatch(r"quick: 10\.00 s in [\d.]+ s, [\d.]+ times real time; 5 commands", first)
     run = the_run(directory / "cable_twin_logs")
     assert log == f"log: cable_twin_logs/{run.name}"

@@ -1,0 +1,70 @@
+"""Key figures as a table for people: of one run, or of two beside each other."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from cable_twin.key_figures import KeyFigure
+
+
+def table_console() -> Console:
+    """Where tables are printed; wide enough for them where it is no terminal."""
+    return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
+
+
+def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> None:
+    """Print one table with a column for each of one or two runs; when and where only for a single one."""
+    runs = [{figure.name: figure for figure in run} for run in figures]
+    lone = len(runs) == 1
+    table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("value",) if lone else ("a", "b"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
+        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
+    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
+    for name in dict.fromkeys(name for run in runs for name in run):
+        both = [run.get(name) for run in runs]
+        present = [figure for figure in both if figure is not None]
+        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
+        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in both]
+        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
+        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
+        table.add_row(name, *values, unit, "; ".join(limits), _verdict(both), *where)
+    console.print(table)
+    for number, source in enumerate(sources, start=1):
+        console.print(f"  ({number}) {source}", markup=False)
+    print()
+
+
+def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
+    """Limit of a figure with the number of its source."""
+    if figure.limit is None:
+        return ""
+    note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
+    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
+
+
+def _verdict(figures: Sequence[KeyFigure | None]) -> str:
+    """Whether the limit is kept, and by which run it is not."""
+    kept = [figure.kept if figure is not None else None for figure in figures]
+    if False not in kept:
+        return "kept" if True in kept else ""
+    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
+    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
+
+
+def shown_unit(unit: str, value: float) -> tuple[str, float]:
+    """Unit in which a value in SI reads well, and what to multiply it by."""
+    if unit == "rad":
+        return "deg", 180.0 / math.pi
+    if unit in ("N", "W"):
+        for prefix, size in (("M", 1e6), ("k", 1e3)):
+            if abs(value) >= size and (prefix == "k" or unit == "W"):
+                return f"{prefix}{unit}", 1.0 / size
+    return unit, 1.0

@@ -1,0 +1,80 @@
+"""Key figures of a running twin: gathered by the solver's thread, told by another. Knows nothing of rclpy."""
+
+from __future__ import annotations
+
+import threading
+
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.messages import Status
+from cable_twin.records import AppliedCommand, Snapshot
+
+OK, WARNING = 0, 1  # levels of diagnostics
+
+
+class FigureWatch:
+    """Watches the limits of the key figures.
+
+    Args:
+        figures: What gathers them.
+    """
+
+    def __init__(self, figures: KeyFigures) -> None:
+        self._figures = figures
+        self._lock = threading.Lock()  # so that value, time and place of an extreme belong together
+        self._passed: dict[str, KeyFigure] = {}  # by name, as it was when it was first seen
+        self._news: list[str] = []
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in a frame."""
+        with self._lock:
+            self._figures.update(snapshot)
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take in a command as it takes effect."""
+        with self._lock:
+            self._figures.command(applied)
+
+    def statuses(self) -> list[Status]:
+        """A status for each figure: a warning where its limit is passed."""
+        with self._lock:
+            figures = self._figures.figures()
+        for figure in figures:
+            if figure.kept is False and figure.name not in self._passed:
+                self._passed[figure.name] = figure
+                self._news.append(f"limit passed: {figure.name}: {describe(figure)}")
+        return [
+            Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), _values(figure))
+            for figure in figures
+        ]
+
+    def take_news(self) -> list[str]:
+        """A line for each figure whose limit was passed for the first time since the last call."""
+        taken, self._news = self._news, []
+        return taken
+
+    def summary(self, name: str) -> Status:
+        """One status about all limits: a warning that names those which were passed."""
+        if not self._passed:
+            return Status(OK, name, "all limits kept", {})
+        values = {figure.name: describe(figure) for figure in self._passed.values()}
+        return Status(WARNING, name, f"limits passed: {', '.join(values)}", values)
+
+
+def describe(figure: KeyFigure) -> str:
+    """Value, time and place of a figure, with its limit where it has one."""
+    unit = "" if figure.unit == "-" else f" {figure.unit}"
+    parts = [f"{figure.value:.4g}{unit} at {figure.time:.2f} s"]
+    if figure.place:
+        parts.append(figure.place)
+    if figure.limit is not None:
+        parts.append(f"allowed: {figure.bound} {figure.limit:.4g}{unit} ({figure.source})")
+    return ", ".join(parts)
+
+
+def _values(figure: KeyFigure) -> dict[str, str]:
+    """The same for programs."""
+    values = {"value": f"{figure.value:.9g}", "unit": figure.unit, "time_s": f"{figure.time:.3f}"}
+    values["place"] = figure.place
+    if figure.limit is not None:
+        values |= {"limit": f"{figure.limit:.9g}", "bound": figure.bound, "source": figure.source}
+    return values

@@ -1,0 +1,156 @@
+"""Logs of towers, counterweight, haul rope, brakes, loads and carriers: simulated, read back, replayed, reviewed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_tramway import TRAMWAY
+from test_moving_cable_twin import SHORT
+from twin_process import run_module
+
+from cable_twin.messages import topics
+from cable_twin.offline.script import ScriptedCommand, check_script
+from cable_twin.offline.simulate import simulate
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.run import start_run
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import Command, Snapshot
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EPOCH = 1_700_000_000_123_456_789  # ns
+TRIP = [
+    (0.1, Command("payload", {"cabin": 120.0})),
+    (0.2, Command("speed", {"cabin": 6.0})),
+    (3.0, Command("wind", {"x": -9.0, "z": 1.0})),
+    (13.5, Command("emergency_stop", {})),
+    (15.2, Command("release", {})),
+    (15.4, Command("speed", {"cabin": -3.0})),
+    (17.0, Command("reset", {})),
+    (17.5, Command("speed", {"cabin": 1.0})),
+]
+RIDE = [
+    (0.5, Command("speed", {"haul_rope": 5.0})),
+    (9.0, Command("emergency_stop", {})),
+    (14.0, Command("release", {})),
+    (14.5, Command("speed", {"haul_rope": -4.0})),
+]
+
+
+def record(directory, scenario, commands, duration):
+    """A run of `simulate` with its snapshots."""
+    simulation = Simulation(load_scenario(scenario))
+    script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
+    assert check_script(simulation, script) == []
+    table = topics(simulation.carriages, supports=simulation.supports)
+    run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=0.02, rerun="off")
+    frames = []
+    outcome = simulate(
+        simulation,
+        script,
+        duration=duration,
+        frame_steps=round(0.02 / simulation.step),
+        epoch_ns=EPOCH,
+        run=run,
+        on_frame=lambda _: frames.append(simulation.snapshot),
+    )
+    run.recorder.close()
+    assert (outcome.applied, outcome.refused, outcome.fault) == (len(commands), [], "")
+    assert not run.recorder.faults
+    return run.directory, frames
+
+
+@pytest.fixture(scope="module")
+def tramway(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("tramway"), TRAMWAY, TRIP, 20.0)
+
+
+@pytest.fixture(scope="module")
+def lift(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0)
+
+
+def read_back(directory):
+    return [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)]
+
+
+def test_the_cabin_went_over_the_tower_and_all_is_read_back(tramway):
+    directory, frames = tramway
+    assert max(frame.carriages["cabin"].arc_length for frame in frames) > 62.0
+    read = read_back(directory)
+    assert len(read) == len(frames) == 1001
+    for got, frame in zip(read, frames, strict=True):
+        assert list(got.supports) == list(frame.supports) == ["start", "end", "tower_1"]
+        for name, support in frame.supports.items():
+            np.testing.assert_array_equal(got.supports[name].force, support.force)
+        assert got.supports["end"].travel == pytest.approx(frame.supports["end"].travel, abs=1e-4)
+        assert got.supports["start"].travel is None
+        assert got.carriages["cabin"].payload == frame.carriages["cabin"].payload
+        tower, expected = got.supports["tower_1"].tower, frame.supports["tower_1"].tower
+        assert tower.normal_load == pytest.approx(expected.normal_load, rel=0.03)
+        assert tower.margin == pytest.approx(expected.margin, rel=0.03)
+        assert tower.lifted_off is expected.lifted_off
+
+
+def test_carriers_and_their_drive_are_read_back(lift):
+    directory, frames = lift
+    for got, frame in zip(read_back(directory), frames, strict=True):
+        assert got.drives == frame.drives
+        assert {name: chair.attached for name, chair in got.carriages.items()} == {
+            name: chair.attached for name, chair in frame.carriages.items()
+        }
+        assert [chair.arc_length for chair in got.carriages.values()] == [
+            chair.arc_length for chair in frame.carriages.values()
+        ]
+    assert len({name for frame in frames for name, chair in frame.carriages.items() if not chair.attached}) > 3
+
+
+@pytest.mark.parametrize("which", ["tramway", "lift"])
+def test_it_replays_to_the_last_bit(which, request, tmp_path):
+    directory, _ = request.getfixturevalue(which)
+    result = run_module("offline.replay", str(directory), directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.splitlines()[-1] == "every sample agrees to the last bit"
+    if which == "tramway":
+        assert "supports/tower_1/force " in result.stdout
+
+
+@pytest.mark.parametrize("which", ["tramway", "lift"])
+def test_review_prints_and_draws_it(which, request, tmp_path):
+    directory, _ = request.getfixturevalue(which)
+    result = run_module(
+        "offline.review", str(directory), "--no-viewer", "--plots", str(tmp_path / "pictures"), directory=tmp_path
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "nan" not in result.stdout
+    assert {file.name for file in (tmp_path / "pictures").iterdir()} >= {"rope.png", "tension.png", "speed.png"}
+    expected = {
+        "tramway": ["tower_1: deropement margin", "end: counterweight travel, highest", "cabin: clearance over the"],
+        "lift": ["haul_rope: stopping distance", "chair: swing along the track"],
+    }
+    for name in expected[which]:
+        assert name in result.stdout
+    assert "chair_1: " not in result.stdout
+
+
+def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path):
+    slower, _ = record(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
+    result = run_module("offline.review", str(lift[0]), str(slower), "--no-viewer", directory=tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    (row,) = [line for line in result.stdout.splitlines() if line.strip().startswith("swing/chair_")]
+    assert row.split()[-5] == "deg"
+    assert "of chair_1 to chair_6 the one that differs most is shown" in result.stdout
+    assert "speed/haul_rope" in result.stdout
+
+
+def test_a_payload_that_no_motion_makes_possible_is_found_before_the_run():
+    simulation = Simulation(load_scenario(TRAMWAY, {"cable.elements": 20}))
+    script = [
+        ScriptedCommand(1.0, Command("payload", {"cabin": 401.0}), "script", "trip.yaml:1"),
+        ScriptedCommand(2.0, Command("wind", {"x": 200.0, "z": 0.0}), "script", "trip.yaml:2"),
+        ScriptedCommand(3.0, Command("payload", {"cabin": 10.0}), "script", "trip.yaml:3"),
+    ]
+    assert check_script(simulation, script) == [
+        "trip.yaml:1: payload of 'cabin' is 401 kg; allowed are 0 to 400 kg",
+        "trip.yaml:2: wind x is 200 m/s; allowed are -100 to 100 m/s",
+    ]

@@ -1,0 +1,66 @@
+"""Key figures of a running twin: on their topic, in the diagnostics, in the log, and the same from its bag."""
+
+from __future__ import annotations
+
+import pytest
+from small_tramway import TRAMWAY
+
+from cable_twin.key_figures import KeyFigures
+from cable_twin.messages import decode
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import AppliedCommand
+from cable_twin.scenario import load_scenario
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+
+SWING = "cabin: swing along the track"
+
+
+def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participants, tmp_path):
+    limited = load_scenario(TRAMWAY, {"limits.swing": 0.02})
+    (tmp_path / "tramway.yaml").write_text(limited.to_yaml())
+    sim = processes("--scenario", "tramway.yaml")
+    participant = participants(sim.domain)
+    participant.subscribe("key_figures", DiagnosticArray)
+    participant.subscribe("supports/tower_1/force", WrenchStamped)
+    participant.subscribe_standard()
+
+    def figures():
+        messages = participant.received["key_figures"]
+        return {status.name: status for status in messages[-1].status} if messages else {}
+
+    participant.until(lambda: SWING in figures(), what="key figures")
+    assert "limit passed: " + SWING not in sim.output
+    with participant.stream(name=["cabin"], velocity=[6.0]):
+        participant.until(lambda: figures()[SWING].level == 1, what="a warning")
+    participant.next_diagnostics()
+    status = figures()[SWING]
+    values = {pair.key: pair.value for pair in status.values}
+    assert (values["unit"], values["limit"], values["bound"]) == ("rad", "0.02", "at most")
+    assert float(values["value"]) > 0.02
+    assert "arc length" in values["place"]
+    summary = participant.received["/diagnostics"][-1].status[1]
+    assert (summary.level, summary.name) == (1, "cable_twin: key figures")
+    assert SWING in summary.message
+    (line,) = [line for line in sim.output.splitlines() if f"limit passed: {SWING}" in line]
+    assert "allowed: at most 0.02 rad (scenario: limits.swing)" in line
+    assert participant.received["supports/tower_1/force"]
+    assert sim.end() == 0
+
+    log = read_log(sim.run_directory)
+    _, stamp_ns, data = list(log.messages(["key_figures"]))[-1]
+    told = {status.name: status for status in decode(data, "diagnostic_msgs/msg/DiagnosticArray").status}
+    again = KeyFigures(limited)
+    for item in read_snapshots(log):
+        if isinstance(item, AppliedCommand):
+            again.command(item)
+        elif item.time * 1e9 <= stamp_ns - log.epoch_ns:
+            again.update(item)
+    for figure in again.figures():
+        values = {pair.key: pair.value for pair in told[figure.name].values}
+        if "deropement" not in figure.name:  # of every step live, of every frame from the log
+            assert figure.value == pytest.approx(float(values["value"]), rel=0.02, abs=2e-3), figure.name
+    assert {figure.name for figure in again.figures()} == set(told)
