@@ -97,6 +97,9 @@ class Simulation:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
                 as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
+        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
+        self._arc_lengths.setflags(write=False)
+        self._means = np.empty(self.system.cable.element_count)
         with compiling_ahead(scenario.solver.integrator):
             if scenario.cable.initial_shape == "straight":
                 ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
@@ -104,16 +107,15 @@ class Simulation:
             else:
                 check_rest(self.system, tuple(scenario.towers))
                 settle(self.system, self._state, self._work)
-        self._state.payload[:] = loads
-        self._hang_in_ropes()
+            self._state.payload[:] = loads
+            self._hang_in_ropes()
+            self._initial = clone_state(self._state)
+            self._look()  # compiles what reads the state, while the other process is still at it
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
         self._commands: dict[str, Command] = {}
         self._at_start = True
-        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
-        self._arc_lengths.setflags(write=False)
-        self._means = np.empty(self.system.cable.element_count)
         self._advance = INTEGRATORS[scenario.solver.integrator]
         self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
         self._initial = clone_state(self._state)
@@ -442,10 +444,15 @@ class Simulation:
         shift_centres(self._state, shifts[1] - shifts[0])
         self.system = self._load(self._state.payload)
 
-    def _observe(self, report: SolverReport) -> Snapshot:
-        """Read everything that a snapshot holds."""
+    def _look(self) -> Observation:
+        """Read what has to be computed for a snapshot."""
         seen = allocate_observation(self.system, self._arc_lengths.size)
         observe(self.system, self._state, self._work, self._arc_lengths, self._means, seen)
+        return seen
+
+    def _observe(self, report: SolverReport) -> Snapshot:
+        """Put everything that a snapshot holds together."""
+        seen = self._look()
         position, speed, _ = self._state.rope.tolist()
         return Snapshot(
             time=self.time,

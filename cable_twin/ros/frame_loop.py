@@ -19,6 +19,7 @@ from typing import Any
 
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.lateness import LatenessHistogram
+from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.snapshot_file import FullState
 
@@ -144,6 +145,7 @@ class FrameLoop:
 
     def _guard(self) -> None:
         """Tell what ends the thread, which would else die in silence while the node lives on."""
+        wake_promptly()
         try:
             self._run()
         except Exception as error:
