@@ -30,6 +30,7 @@ from rich.table import Table
 
 from cable_twin.command_line import OneLineParser
 from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.repair import repair
 from cable_twin.offline.signals import Comparison, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
@@ -132,6 +133,9 @@ def parser() -> OneLineParser:
     )
     result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG")
     result.add_argument("--no-viewer", action="store_true", help="neither make nor open a rerun recording")
+    result.add_argument(
+        "--repair", action="store_true", help="only copy a bag that was cut short to BAG_repaired, for other tools"
+    )
     return result
 
 
@@ -148,6 +152,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         logs = [read_log(bag) for bag in options.bags]
+        if options.repair:
+            return _repair(logs, console)
         return _review(logs, options.plots, options.no_viewer, console)
     except LogError as error:
         for line in str(error).splitlines():
@@ -155,8 +161,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return CANNOT
 
 
-def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: Console) -> int:
-    """Read, print, draw and open."""
+def _repair(logs: Sequence[Log], console: Console) -> int:
+    """Make bags with an index of those that have none."""
+    for log in logs:
+        if log.complete:
+            print(f"{log.path}: complete, nothing to repair")
+            continue
+        try:
+            with _progress(console) as progress:
+                task = progress.add_task(f"repairing {log.path.name}", total=log.size)
+                directory, count = repair(log, _mover(progress, task))
+        except OSError as error:
+            print(f"review: --repair {log.path}: {error.strerror or error}: {error.filename}", file=sys.stderr)
+            return NOT_WRITTEN
+        print(f"{directory}: {count} messages, all that could be read of {log.path}")
+    return SHOWN
+
+
+def _progress(console: Console) -> Progress:
+    """A bar over the bytes of files; a file as output gets nothing of it, not even the empty line in the end."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -164,11 +187,15 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
         DownloadColumn(),
         TimeRemainingColumn(),
     )
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: Console) -> int:
+    """Read, print, draw and open."""
     code = SHOWN
     comparison: Comparison | None = None
     recording: Path | None = None
-    # a file gets nothing of it, not even the empty line in the end
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with _progress(console) as progress:
         readings = []
         for log in logs:
             task = progress.add_task(f"reading {log.path.name}", total=log.size)
@@ -218,9 +245,10 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
 
 
 def _existing_recording(log: Log) -> Path | None:
-    """The .rrd beside the bag, as the twin wrote it."""
+    """The .rrd beside the bag: one that was made from it, else the twin's own, which after a kill lacks its end."""
     directory = log.path.resolve().parent
-    for file in (directory / f"{directory.name}.rrd", log.path.with_suffix(".rrd")):
+    own = [directory / f"{directory.name}.rrd"] if log.complete else []
+    for file in (*own, log.path.with_suffix(".rrd")):
         with suppress(OSError):
             if file.stat().st_size > 0:
                 return file

@@ -1,4 +1,4 @@
-"""A run as a rosbag2 directory with one MCAP: written so that a killed process loses less than a second.
+"""A run as a rosbag2 directory with one MCAP: written so that a kill or a power cut loses less than a second.
 
 The file has profile ros2, CDR messages, ros2msg schemas with type hashes and QoS as rosbag2 writes them, zstd chunks
 of at most half a second. Log time and publish time are the stamp of the message: the epoch of the run plus simulated
@@ -24,6 +24,7 @@ from ruamel.yaml import YAML
 
 from cable_twin.messages import (
     NAMESPACE,
+    SECOND,
     TYPESTORE,
     Topic,
     full_name,
@@ -31,7 +32,7 @@ from cable_twin.messages import (
 
 FORMAT_VERSION = "1"
 METADATA_NAME = "cable_twin"
-FLUSH_PERIOD = 0.5  # s of wall time that a killed process loses at most
+FLUSH_PERIOD = 0.4  # s of wall time that a kill or a power cut takes at most; a cut through a chunk takes two
 INFINITE = {"sec": 9223372036, "nsec": 854775807}  # how rosbag2 writes a duration without end
 
 
@@ -78,7 +79,6 @@ class McapLog:
         Raises:
             OSError: The disk refuses, or the log exists.
         """
-        int(metadata["epoch_ns"])  # a log without it cannot be read back
         self.directory = directory
         self.path = directory / f"{directory.resolve().name}_0.mcap"
         self._namespace = namespace
@@ -86,6 +86,7 @@ class McapLog:
         self._counts = dict.fromkeys(self._topics, 0)
         self._first_ns = 2**63 - 1
         self._last_ns = 0
+        self._safe_ns = self._epoch_ns = int(metadata["epoch_ns"])
         self._readable_size = 0  # bytes; where the last complete flush ended
         directory.mkdir(parents=True, exist_ok=True)
         self._stream: IO[bytes] | None = self.path.open("xb")
@@ -98,9 +99,16 @@ class McapLog:
             self._channels = self._register()
             self._write_bag_metadata()
             self.flush()
+            sync(directory)
+            sync(directory.resolve().parent)
         except BaseException:
             self._abandon()
             raise
+
+    @property
+    def safe_until(self) -> float:
+        """Simulated time (s) up to which nothing can be lost any more."""
+        return (self._safe_ns - self._epoch_ns) / SECOND
 
     def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
         """Append one message.
@@ -130,20 +138,22 @@ class McapLog:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush what has waited for half a second; `write` does it too, call it where messages may stay away."""
+        """Flush what has waited for a flush period; `write` does it too, call it where messages may stay away."""
         if time.monotonic() - self._flushed >= FLUSH_PERIOD:
             self.flush()
 
     def flush(self) -> None:
-        """Finish the chunk and hand it to the operating system: from now on a kill cannot take it."""
+        """Finish the chunk and have it on the disk: from now on neither a kill nor a power cut can take it."""
         if self._stream is None:
             return
         try:
             self._writer.flush()
+            os.fdatasync(self._stream.fileno())
             self._readable_size = self._stream.tell()
         except OSError:
             self._abandon()
             raise
+        self._safe_ns = max(self._last_ns, self._epoch_ns)
         self._flushed = time.monotonic()
 
     def close(self) -> None:
@@ -159,6 +169,8 @@ class McapLog:
             self._readable_size = self._stream.tell()
             self._write_bag_metadata()
             self._writer.finish()
+            self._stream.flush()
+            os.fdatasync(self._stream.fileno())
             self._stream.close()
             self._stream = None
         except OSError:
@@ -224,8 +236,23 @@ class McapLog:
         }
         self._writer.add_metadata("rosbag2", {"serialized_metadata": _yaml(information)})
         new = self.directory / "metadata.yaml.new"
-        new.write_text(_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
-        new.replace(self.directory / "metadata.yaml")
+        try:
+            new.write_text(_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
+            sync(new)  # or a power cut leaves an empty one under the final name
+            new.replace(self.directory / "metadata.yaml")
+        except OSError:
+            with suppress(OSError):
+                new.unlink()
+            raise
+
+
+def sync(path: Path) -> None:
+    """Have a file, or the names in a directory, on the disk; raises OSError where the disk refuses."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _qos_profile(topic: Topic) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
 from cable_twin.messages import APPLIED_COMMANDS
-from cable_twin.recording.mcap_log import FLUSH_PERIOD, McapLog
+from cable_twin.recording.mcap_log import McapLog
 from cable_twin.records import AppliedCommand, Snapshot
 
 SLEEP = 0.05  # s between looks into the queue
@@ -25,6 +25,8 @@ CAPACITY = 6000  # frames, a minute at 100 Hz
 class View(Protocol):
     """A picture of the run."""
 
+    flush_period: float  # s
+
     def log(self, snapshot: Snapshot) -> None:
         """Draw one snapshot."""
 
@@ -32,7 +34,7 @@ class View(Protocol):
         """Show a command that took effect."""
 
     def flush(self) -> None:
-        """Send what is still waiting."""
+        """Send what is still waiting, onto the disk."""
 
     def close(self) -> None:
         """Finish."""
@@ -53,6 +55,11 @@ class _LogSink:
         self.flush_if_due = log.flush_if_due
         self.close = log.close
 
+    @property
+    def left(self) -> str:
+        """What is still there after a failure, for its message."""
+        return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
+
     def write(self, item: _Item) -> None:
         for topic, data in item.messages:
             self._log.write(topic, item.stamp_ns, data)
@@ -60,6 +67,7 @@ class _LogSink:
 
 class _ViewSink:
     name = "view"
+    left = ""
 
     def __init__(self, view: View) -> None:
         self._view = view
@@ -73,7 +81,7 @@ class _ViewSink:
             self._view.log_command(item.applied)
 
     def flush_if_due(self) -> None:
-        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+        if time.monotonic() - self._flushed >= self._view.flush_period:
             self._flushed = time.monotonic()
             self._view.flush()
 
@@ -185,4 +193,4 @@ class Recorder:
             self._sinks.remove(sink)
             with suppress(Exception):
                 sink.close()
-            self.faults.append(f"recording: {sink.name} stopped: {text}")
+            self.faults.append(f"recording: {sink.name} stopped: {text}{sink.left}")

@@ -12,7 +12,9 @@ right-handed pitch about the lateral axis is an ordinary rotation from the first
 
 from __future__ import annotations
 
+import os
 import socket
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -24,6 +26,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
+from cable_twin.recording.mcap_log import sync
 from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot, TowerState
 
 APPLICATION = "cable_twin"
@@ -51,7 +54,8 @@ class RerunView:
     """One run of one scenario, drawn; used from one thread.
 
     Attributes:
-        url: Where a viewer finds the live view (`rerun URL`), or None when it is not served.
+        url: Where a viewer finds the live view (`rerun --connect URL`), or None when it is not served.
+        flush_period: s, how often `flush` should be called.
     """
 
     def __init__(
@@ -80,15 +84,15 @@ class RerunView:
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
-            footer: End the file with an index, which rerun's tools want. It is kept in memory until then, some
-                200 MB for an hour at 100 Hz; without it, `rerun rrd optimize` adds one afterwards.
+            footer: End the file with an index, which rerun's tools want. It is kept in memory until then, 2 kB for
+                each batch of an entity; without it, `rerun rrd optimize` adds one afterwards.
             support_positions: Name -> (2,) m, for supports between the ends; the ends are taken from the cable.
             ground: (n, 2) m, the profile of the ground; by default a line that follows the chord of the track.
             force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
             plot_window: s, how much time before and after the cursor the plots show; None shows the whole run.
             geometry_rate: Hz, at which rope, carriages and readout are drawn.
             batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
-                live, else 50, which halves the file.
+                live, else 500, for a small file and a small index.
             stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
 
         Raises:
@@ -100,6 +104,7 @@ class RerunView:
         if force_unit not in (None, "N", "kN"):
             raise ValueError(f"force_unit is {force_unit!r}, allowed are 'N' and 'kN'")
         self.url: str | None = None
+        self._path = path
         self._title = scenario_name
         self._outlines = {
             carriage: {body: _plane(np.asarray(line, dtype=np.float64)) for body, line in bodies.items()}
@@ -112,7 +117,8 @@ class RerunView:
         self._force_unit = force_unit
         self._plot_window = plot_window
         self._geometry_interval = 1.0 / geometry_rate
-        self._batch_frames = batch_frames or (20 if live else 50)
+        self._batch_frames = batch_frames or (20 if live else 500)
+        self.flush_period = 0.5 if live else 5.0
 
         self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port, footer)
         if live:
@@ -181,7 +187,7 @@ class RerunView:
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
 
     def flush(self) -> None:
-        """Send what waits and hand it to the operating system; at least every half second is a good habit.
+        """Send what waits and have it on the disk; waits for a disk that stalls.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -190,9 +196,18 @@ class RerunView:
         stream = self._open()
         self._send()
         try:
-            # Without a limit rerun waits for good once its writer has given up.
-            stream.flush(timeout_sec=FLUSH_TIMEOUT)
-        except RuntimeError as error:
+            try:
+                # Without a limit rerun waits for good where its writer gives up in between.
+                stream.flush(timeout_sec=FLUSH_TIMEOUT)
+            except RuntimeError as error:
+                if "timed out" not in str(error):  # rerun has one class for all
+                    raise
+                if self._path is not None:
+                    os.utime(self._path)  # returns when the disk takes writes again, which a lost writer never does
+                stream.flush(timeout_sec=FLUSH_TIMEOUT)
+            if self._path is not None:
+                sync(self._path)
+        except (RuntimeError, OSError) as error:
             self._abandon(stream)
             raise OSError(f"the rerun recording cannot be written: {error}") from error
 
@@ -423,6 +438,7 @@ class RerunView:
                 last = first + len(plot.names)
                 stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=table[:, first:last]), strict=True)
                 first = last
+                time.sleep(0)  # the frame loop may be waiting for the interpreter
         if self._geometry_times:
             self._send_geometry(stream)
 
@@ -446,6 +462,7 @@ class RerunView:
         for index, path in enumerate(self._moving_paths):
             columns = rr.Transform3D.columns(translation=translations[:, index], quaternion=quaternions[:, index])
             stream.send_columns(path, [times], columns, strict=True)
+            time.sleep(0)
         markdown = rr.TextDocument.columns(text=readouts, media_type=[rr.MediaType.MARKDOWN] * len(readouts))
         stream.send_columns("readout", [times], markdown, strict=True)
 

@@ -61,7 +61,9 @@ def start_run(
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = open_view(scenario, directory / f"{directory.name}.rrd", live=live)
+            view = open_view(
+                scenario, directory / f"{directory.name}.rrd", live=live, footer=not live
+            )  # a live view may run for days
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"

@@ -47,6 +47,7 @@ from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.parameters import PARAMETERS, Parameter
+from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -104,9 +105,11 @@ class TwinNode(Node):
         self._settings = self._declare()
         self._refused = 0
         self._commands_applied = 0
+        self._parameters_set = 0
+        self._parameters_refused = 0
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
         self._run: Run | None = None
-        self._recording_fault = ""
+        self._watch = RecordingWatch(self.get_logger())
         scenario = load_scenario(self._settings["scenario"])
         self._simulation = self._build_simulation(scenario)
         self._epoch_ns = time.time_ns()
@@ -179,8 +182,11 @@ class TwinNode(Node):
         """Stop the loop and close the logs; the node itself is destroyed by its owner."""
         self._loop.stop()
         if self._run is not None:
+            waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
+            waiting.start()
             self._run.recorder.close()
-            self._report_recording_faults()
+            waiting.cancel()
+            self._watch.look()
             self.get_logger().info(f"log closed: {self._run.directory}")
 
     def _declare(self) -> dict[str, Any]:
@@ -251,12 +257,15 @@ class TwinNode(Node):
             )
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             reason = getattr(error, "strerror", None) or error
-            self._recording_fault = f"nothing is recorded: record_directory '{directory}': {reason}"
-            self.get_logger().error(self._recording_fault)
+            fault = f"nothing is recorded: record_directory '{directory}': {reason}"
+            self._watch = RecordingWatch(self.get_logger(), fault=fault)
             return
-        live = f"; live view: rerun {self._run.live_url}" if self._run.live_url else ""
+        live = f"; live view: rerun --bind 127.0.0.1 --connect {self._run.live_url}" if self._run.live_url else ""
         self.get_logger().info(f"log: {self._run.directory}{live}")
-        self._report_recording_faults()
+        factor = self._settings["real_time_factor"]
+        frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
+        self._watch = RecordingWatch(self.get_logger(), self._run.recorder, frame_time)
+        self._watch.look()
 
     def _await_recorder(self) -> None:
         """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
@@ -364,6 +373,15 @@ class TwinNode(Node):
             response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
         return response
 
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
+        self._parameters_refused += 1  # until it is taken: rclpy raises for a name that it does not know
+        result = super().set_parameters_atomically(parameter_list)
+        if result.successful:
+            self._parameters_refused -= 1
+            self._parameters_set += 1
+        return result
+
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         """Only `command_timeout` may change while the twin runs."""
         table = {parameter.name: parameter for parameter in PARAMETERS}
@@ -382,17 +400,17 @@ class TwinNode(Node):
         values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
         values["commands_applied"] = str(self._commands_applied)
         values["commands_refused"] = str(self._refused)
+        values["parameters_set"] = str(self._parameters_set)
+        values["parameters_refused"] = str(self._parameters_refused)
         values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
-        if self._run is not None:
-            values["log_backlog_frames"] = str(self._run.recorder.backlog)
-            values["log_dropped_frames"] = str(self._run.recorder.dropped)
+        self._watch.look()
+        values.update(self._watch.values)
         level, message = self._judge(statistics)
         stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
         data = diagnostics_message(stamp_ns, level, message, values, name=self.get_name())
         self._raw_publishers[DIAGNOSTICS].publish(data)
         if self._run is not None:
             self._run.recorder.record([(DIAGNOSTICS, data)], stamp_ns)
-            self._report_recording_faults()
 
     def _report_fault(self, line: str) -> None:
         self.get_logger().error(line)
@@ -401,10 +419,8 @@ class TwinNode(Node):
         """Level and message of the diagnostics."""
         if self._loop.fault:
             return 2, self._loop.fault
-        if self._recording_fault:
-            return 2, self._recording_fault
-        if self._run is not None and self._run.recorder.dropped:
-            return 2, f"{self._run.recorder.dropped} frames are missing in the log: the disk is too slow"
+        if (judged := self._watch.judge()) is not None:
+            return judged
         if self._simulation.emergency_stopped:
             return 1, "emergency stop in force"
         if self._loop.paused:
@@ -412,12 +428,6 @@ class TwinNode(Node):
         if statistics["missed_frames"] > 0:
             return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
         return 0, "running"
-
-    def _report_recording_faults(self) -> None:
-        if self._run is not None:
-            while self._run.recorder.faults:
-                self._recording_fault = self._run.recorder.faults.pop(0)
-                self.get_logger().error(self._recording_fault)
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:

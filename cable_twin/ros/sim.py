@@ -16,7 +16,7 @@ Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and 
 examples:
   sim                                    the default scenario in real time
   sim --scenario seed_example            the example of the paper
-  sim --rerun live                       watch it: rerun rerun+http://127.0.0.1:9876/proxy
+  sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
 

@@ -162,7 +162,8 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     assert review.main([str(run), "--plots", str(tmp_path / "plots")]) == 0
     output = capsys.readouterr().out
     assert "cut short, read as far as it goes" in output
-    assert f"look at it with: rerun {run / run.name}.rrd" in output
+    # the twin's own .rrd ends before the bag
+    assert f"look at it with: rerun {bag(run).with_suffix('.rrd')}" in output
     assert len([*(tmp_path / "plots").glob("*.png")]) == 6
     assert replay.main([str(run)]) == 0
     assert "every sample agrees to the last bit" in capsys.readouterr().out

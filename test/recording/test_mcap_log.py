@@ -428,6 +428,8 @@ def test_a_full_disk_ends_the_log_only_and_leaves_it_readable(directory):
 
 
 class FakeView:
+    flush_period = 0.5
+
     def __init__(self, broken_after: int | None = None) -> None:
         self.seen: list[float] = []
         self.commands: list[AppliedCommand] = []

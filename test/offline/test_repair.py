@@ -1,0 +1,107 @@
+"""`review --repair`: what was cut short, for tools that open only bags with an index."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from bags import bag
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
+
+from cable_twin.messages import (
+    APPLIED_COMMANDS,
+    SCENARIO,
+    MessageEncoder,
+    applied_command_message,
+    nanoseconds,
+    scenario_message,
+    topics,
+)
+from cable_twin.offline.review import main
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import SAMPLES, Simulation
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A finished run of two seconds of a node with a name of its own, in many chunks."""
+    simulation = Simulation(load_scenario("aerial_tramway", {"cable.elements": 20}))
+    directory = tmp_path_factory.mktemp("repair") / "run"
+    metadata = run_metadata(scenario="aerial_tramway", epoch_ns=EPOCH, frame_period=0.01, sample_count=SAMPLES)
+    log = McapLog(directory, topics(simulation.carriages), metadata, namespace="/valley/twin")
+    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))
+    applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")
+    log.write(APPLIED_COMMANDS, EPOCH, applied_command_message(applied, EPOCH))
+    for frame in range(200):
+        snapshot = simulation.advance_to(frame * 0.01)
+        for topic, data in encoder.frame(snapshot):
+            log.write(topic, EPOCH + nanoseconds(snapshot.time), data)
+        if frame % 20 == 0:
+            log.flush()
+    log.close()
+    return directory
+
+
+@pytest.fixture
+def cut(whole, tmp_path):
+    """The same, killed at three quarters."""
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    content = bag(run).read_bytes()
+    bag(run).write_bytes(content[: 3 * len(content) // 4])
+    return run
+
+
+def test_repaired_bag_is_opened_by_others_and_holds_the_same(cut, whole, capsys):
+    before = bag(cut).read_bytes()
+    with pytest.raises(Exception, match=r".+"), AnyReader([cut]) as reader:
+        list(reader.messages())
+    assert main([str(cut), "--repair"]) == 0
+    assert bag(cut).read_bytes() == before
+    repaired = cut.with_name("run_repaired")
+    messages = list(read_log(cut).messages())
+    assert f"{repaired}: {len(messages)} messages, all that could be read of {bag(cut)}" in capsys.readouterr().out
+    assert len(messages) > 500
+    log = read_log(repaired)
+    assert log.complete
+    assert list(log.messages()) == messages == list(read_log(whole).messages())[: len(messages)]
+    assert log.metadata == read_log(cut).metadata
+    with AnyReader([repaired]) as reader:
+        assert reader.message_count == len(messages)
+        found = {item.topic: item for item in reader.connections}
+    with AnyReader([whole]) as reader:
+        wanted = {item.topic: item for item in reader.connections}
+    assert found.keys() == wanted.keys()
+    for topic, item in wanted.items():
+        assert found[topic].ext.offered_qos_profiles == item.ext.offered_qos_profiles
+        assert (found[topic].msgtype, found[topic].digest) == (item.msgtype, item.digest)
+    with bag(repaired).open("rb") as stream:
+        summary = make_reader(stream, validate_crcs=True).get_summary()
+    assert summary.statistics.message_count == len(messages)
+    information = YAML(typ="safe").load(repaired / "metadata.yaml")["rosbag2_bagfile_information"]
+    assert information["message_count"] == len(messages)
+
+
+def test_file_alone_is_repaired_beside_it(cut, tmp_path, capsys):
+    alone = shutil.copy(bag(cut), tmp_path / "alone.mcap")
+    assert main([str(alone), "--repair"]) == 0
+    assert read_log(tmp_path / "alone_repaired").complete
+    capsys.readouterr()
+    assert main([str(alone), "--repair"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"review: --repair {alone}: File exists: {tmp_path / 'alone_repaired'}")
+    assert error.count("\n") == 1
+
+
+def test_complete_bag_needs_no_repair(whole, capsys):
+    assert main([str(whole), "--repair"]) == 0
+    assert capsys.readouterr().out == f"{bag(whole)}: complete, nothing to repair\n"
+    assert not whole.with_name("run_repaired").exists()
