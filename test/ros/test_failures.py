@@ -1,0 +1,52 @@
+"""What is lost when the machine fails under a running twin: the cases of `verification.failures`, on real disks."""
+
+from __future__ import annotations
+
+import pytest
+from twin_process import allocate_domain, write_quick_scenario
+
+pytest.importorskip("rclpy")
+
+from verification.failures import (
+    Disk,
+    full_disk,
+    measure,
+    power_cut,
+    read_only_directory,
+    stalling_disk,
+)
+
+# a disk that becomes read-only is the full one with another number; a kill, a cut file and a limit on the size of files
+# need no disk of their own: see test_sim_process and test_mcap_log
+SAYS = {
+    power_cut: "",
+    full_disk: "recording: log stopped: [Errno 28] No space left on device; readable up to ",
+    stalling_disk: "recording: the disk does not keep up: ",
+    read_only_directory: "nothing is recorded: record_directory '",
+}
+
+
+@pytest.fixture(scope="module")
+def _mounts(tmp_path_factory):
+    try:
+        Disk(tmp_path_factory.mktemp("mount")).release()
+    except OSError as error:
+        pytest.skip(f"disks that fail need root and loop devices: {error}")
+
+
+@pytest.mark.usefixtures("_mounts")
+@pytest.mark.parametrize("failure", SAYS, ids=lambda failure: failure.__name__)
+def test_twin_goes_on_and_less_than_a_second_is_lost(tmp_path, failure):
+    loss = measure(failure, tmp_path, allocate_domain(), str(write_quick_scenario(tmp_path)), listening=1.5, stall=4.0)
+    assert loss.said.startswith(SAYS[failure])
+    if failure is power_cut:
+        assert loss.rate is None
+    else:
+        assert loss.rate == pytest.approx(100.0, rel=0.1)
+    if failure is read_only_directory:
+        assert loss.lost is None
+        return
+    assert loss.lost is not None
+    assert loss.lost <= (0.0 if failure is stalling_disk else 1000.0)
+    assert loss.replayed
+    assert loss.repaired == loss.messages > 500
