@@ -32,6 +32,7 @@ from cable_twin.recording.log_reader import LogError, read_log
 
 SIZE = 32 * 2**20  # bytes of the disk
 STALL = 7.0  # s
+HEARD = 0.05  # s after the failure in which a frame is taken for one of before it, so as not to lose too little
 QUEUED = 0.3  # s after the failure in which frames of before it are heard
 STARTING = 180.0  # s; the kernels may have to be compiled
 SHUT_DOWN = 0x8004587D  # EXT4_IOC_SHUTDOWN of linux/fs/ext4/ext4.h
@@ -54,10 +55,11 @@ class Loss:
 class Disk:
     """A small disk that can fail."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, stall_time: float = STALL) -> None:
         """Make it and mount it below a directory; raises OSError where this machine does not let us."""
         self.image = directory / "disk.img"
         self.root = directory / "disk"
+        self.stall_time = stall_time  # s
         self.root.mkdir()
         with self.image.open("wb") as stream:
             stream.truncate(SIZE)
@@ -72,10 +74,10 @@ class Disk:
                     while stream.write(bytes(size)):
                         pass
 
-    def stall(self, seconds: float) -> None:
-        """Let every write wait, in the background."""
+    def stall(self) -> None:
+        """Let every write wait for a while, in the background."""
         self._run("fsfreeze", "--freeze", str(self.root))
-        subprocess.Popen(["sh", "-c", f"sleep {seconds}; fsfreeze --unfreeze '{self.root}'"])
+        subprocess.Popen(["sh", "-c", f"sleep {self.stall_time}; fsfreeze --unfreeze '{self.root}'"])
 
     def cut_power(self) -> None:
         """Lose all that was not written through, and refuse everything from now on."""
@@ -188,7 +190,7 @@ def worn_out_disk(disk: Disk, sim: subprocess.Popen) -> None:
 
 def stalling_disk(disk: Disk, sim: subprocess.Popen) -> None:
     """Disk that stalls for 7 s."""
-    disk.stall(STALL)
+    disk.stall()
 
 
 def read_only_directory(disk: Disk, sim: subprocess.Popen) -> None:
@@ -213,6 +215,7 @@ def measure(
     domain: int,
     scenario: str = "aerial_tramway",
     listening: float = 3.0,
+    stall: float = STALL,
 ) -> Loss:
     """Run a twin, let it happen, and look at what is left.
 
@@ -222,12 +225,13 @@ def measure(
         domain: ROS domain of the twin.
         scenario: name or path; it needs a carriage `cabin`.
         listening: s of driving before the failure, and again after it.
+        stall: s for which a stalling disk stalls.
 
     Raises:
         OSError: This machine does not let us mount a disk.
         RuntimeError: The twin did not start, or did not end as it should.
     """
-    disk = Disk(directory)
+    disk = Disk(directory, stall)
     loss = Loss((failure.__doc__ or "").rstrip("."))
     if failure is read_only_directory:
         disk.mount_again("ro")
@@ -247,9 +251,10 @@ def measure(
             raise RuntimeError(f"the twin did not start: {output.read_text()}")
         listener.listen(listening)
         failure(disk, sim)
+        listener.listen(HEARD)  # what was published while it happened
         moment = time.monotonic()
         gone = failure in (kill, cut_file, power_cut)
-        listener.listen(QUEUED if gone else listening + (STALL if failure is stalling_disk else 0.0))
+        listener.listen(QUEUED if gone else listening + (stall if failure is stalling_disk else 0.0))
         if not gone:
             loss.rate = listener.rate_after(moment + QUEUED)
             sim.send_signal(signal.SIGINT)

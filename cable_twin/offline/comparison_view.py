@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cable_twin.recording.rerun_view import CLOSE_TIMEOUT, PLOT_COLORS, TIMELINE, RerunView, open_stream
+from cable_twin.recording.rerun_view import FLUSH_TIMEOUT, PLOT_COLORS, TIMELINE, RerunView, open_stream
 from cable_twin.recording.run import open_view
 from cable_twin.records import Snapshot
 from cable_twin.scenario import Scenario
@@ -82,7 +82,7 @@ class ComparisonView:
         """
         for view in self.views:
             view.close()
-        self._stream.flush(timeout_sec=CLOSE_TIMEOUT)
+        self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
         self._stream.disconnect()
 
 

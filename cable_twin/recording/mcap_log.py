@@ -33,7 +33,7 @@ from cable_twin.messages import (
 FORMAT_VERSION = "1"
 METADATA_NAME = "cable_twin"
 SNAPSHOT_NAME = "snapshot.npz"
-FLUSH_PERIOD = 0.5  # s of wall time that a kill or a power cut takes at most
+FLUSH_PERIOD = 0.4  # s of wall time that a kill or a power cut takes at most; a cut through a chunk takes two
 INFINITE = {"sec": 9223372036, "nsec": 854775807}  # how rosbag2 writes a duration without end
 
 
@@ -155,7 +155,7 @@ class McapLog:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush what has waited for half a second; `write` does it too, call it where messages may stay away."""
+        """Flush what has waited for a flush period; `write` does it too, call it where messages may stay away."""
         if time.monotonic() - self._flushed >= FLUSH_PERIOD:
             self.flush()
 

@@ -33,8 +33,8 @@ class View(Protocol):
     def log_command(self, applied: AppliedCommand) -> None:
         """Show a command that took effect."""
 
-    def flush(self) -> bool:
-        """Send what is still waiting; whether all of it is on the disk."""
+    def flush(self) -> None:
+        """Send what is still waiting, onto the disk."""
 
     def close(self) -> None:
         """Finish."""

@@ -12,6 +12,7 @@ right-handed pitch about the lateral axis is an ordinary rotation from the first
 
 from __future__ import annotations
 
+import os
 import socket
 import time
 from collections import deque
@@ -31,8 +32,7 @@ from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArra
 APPLICATION = "cable_twin"
 TIMELINE = "sim_time"
 LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
-FLUSH_TIMEOUT = 1.0  # s for which `flush` waits; what is late is written later
-CLOSE_TIMEOUT = 60.0  # s for which `close` waits for a disk that stalls
+FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
 CLOSE_UPS = 6  # of carriages, where there are more than that
@@ -186,11 +186,8 @@ class RerunView:
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))
 
-    def flush(self) -> bool:
-        """Send what waits and have it on the disk.
-
-        Returns:
-            Whether all is written; a disk that stalls is not waited for, and gets it later.
+    def flush(self) -> None:
+        """Send what waits and have it on the disk; waits for a disk that stalls.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -199,19 +196,20 @@ class RerunView:
         stream = self._open()
         self._send()
         try:
-            # Without a limit rerun waits for good where its writer gives up in between; the next flush says so then.
-            stream.flush(timeout_sec=FLUSH_TIMEOUT)
+            try:
+                # Without a limit rerun waits for good where its writer gives up in between.
+                stream.flush(timeout_sec=FLUSH_TIMEOUT)
+            except RuntimeError as error:
+                if "timed out" not in str(error):  # rerun has one class for all
+                    raise
+                if self._path is not None:
+                    os.utime(self._path)  # returns when the disk takes writes again, which a lost writer never does
+                stream.flush(timeout_sec=FLUSH_TIMEOUT)
             if self._path is not None:
                 sync(self._path)
-        except RuntimeError as error:
-            if "timed out" in str(error):  # rerun has one class for all
-                return False
+        except (RuntimeError, OSError) as error:
             self._abandon(stream)
             raise OSError(f"the rerun recording cannot be written: {error}") from error
-        except OSError:
-            self._abandon(stream)
-            raise
-        return True
 
     def close(self) -> None:
         """Send what waits and close the file and the server; a second call does nothing.
@@ -221,11 +219,7 @@ class RerunView:
         """
         if self._stream is None:
             return
-        deadline = time.monotonic() + CLOSE_TIMEOUT
-        while not self.flush():
-            if time.monotonic() > deadline:
-                self._abandon(self._stream)
-                raise OSError(f"the disk has not taken the rerun recording within {CLOSE_TIMEOUT:g} s")
+        self.flush()
         self._stream.disconnect()
         self._stream = None
 
