@@ -15,18 +15,24 @@ from cable_twin.command_checks import check_drive, check_payload, check_wind
 from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
 from cable_twin.mechanics.carriage import pivot
 from cable_twin.mechanics.catenary import check_rest
-from cable_twin.mechanics.counterweight import counterweight_motion
+from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import set_drive_mode, take_over
-from cable_twin.mechanics.haul_rope import hang_in_rope, rope_force
+from cable_twin.mechanics.haul_rope import hang_in_rope
 from cable_twin.mechanics.modes import natural_modes
-from cable_twin.mechanics.moving_cable import haul_force, park
+from cable_twin.mechanics.moving_cable import park
 from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, FloatArray, Payloads, System
 from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
-from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions, support_forces
+from cable_twin.mechanics.readout import (
+    Observation,
+    allocate_observation,
+    energies,
+    observe,
+    sample_positions,
+    sample_tensions,
+)
 from cable_twin.mechanics.runge_kutta import stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
-from cable_twin.mechanics.support import tower_forces
 from cable_twin.outlines import body_outlines
 from cable_twin.records import (
     AppliedCommand,
@@ -89,7 +95,7 @@ class Simulation:
             if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
-                set_drive_mode(self._state, index, DRIVE_MODES[carriage.drive.mode])
+                as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
         with compiling_ahead(scenario.solver.integrator):
             if scenario.cable.initial_shape == "straight":
                 ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
@@ -384,12 +390,12 @@ class Simulation:
         """Set mode and target of one drive; a driven joint takes over from the present motion."""
         state = self._state
         if kind == "force":
-            set_drive_mode(state, index, FORCE)
+            as_python(set_drive_mode)(state, index, FORCE)
             state.drive_force[index] = value
             return
         if self._drive_mode(index) != SPEED:
-            set_drive_mode(state, index, SPEED)
-            take_over(state, index)
+            as_python(set_drive_mode)(state, index, SPEED)
+            as_python(take_over)(state, index)
         state.drive_target[index] = value
 
     def _drive_mode(self, index: int) -> int:
@@ -438,49 +444,35 @@ class Simulation:
 
     def _observe(self, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds."""
-        joints = self.cable_positions(self._state.sliding_coordinate)
-        forces = np.empty((2, len(self.system.cable.gravity)))
-        support_forces(self.system, self._state, self._work, forces)
+        seen = allocate_observation(self.system, self._arc_lengths.size)
+        observe(self.system, self._state, self._work, self._arc_lengths, self._means, seen)
+        position, speed, _ = self._state.rope.tolist()
         return Snapshot(
             time=self.time,
             carriages={
-                name: self._carriage(index, bodies, joints[index])
-                for index, (name, bodies) in enumerate(self.carriages.items())
+                name: self._carriage(index, bodies, seen) for index, (name, bodies) in enumerate(self.carriages.items())
             },
-            supports=self._supports(forces),
-            cable=CableSamples(
-                arc_lengths=self._arc_lengths,
-                positions=self.cable_positions(self._arc_lengths),
-                tensions=self.cable_tension(self._arc_lengths),
-            ),
+            supports=self._supports(seen),
+            cable=CableSamples(arc_lengths=self._arc_lengths, positions=seen.positions, tensions=seen.tensions),
             solver=report,
-            drives={name: self._rope_drive() for name in self.drives},
+            drives={name: DriveState(position, speed, float(seen.haul_force[0])) for name in self.drives},
         )
 
-    def _supports(self, ends: FloatArray) -> dict[str, SupportState]:
-        """Both ends, of which the forces (2, dim) in N are given, and every tower."""
-        system, state = self.system, self._state
-        travels = [
-            float(counterweight_motion(system.counterweights, system.cable, state, end)[0])
-            if system.counterweights.mass[end] > 0.0
-            else None
-            for end in range(2)
-        ]
-        supports = {name: SupportState(ends[end], travel=travels[end]) for end, name in enumerate(("start", "end"))}
-        forces = np.empty((len(self.scenario.towers), ends.shape[1]))
-        tower_forces(system.cable, system.supports, state, forces)
+    def _supports(self, seen: Observation) -> dict[str, SupportState]:
+        """Both ends and every tower."""
+        supports = {
+            name: SupportState(force, travel=travel if mass > 0.0 else None)
+            for name, force, travel, mass in zip(
+                ("start", "end"), seen.ends, seen.travels.tolist(), self.system.counterweights.mass, strict=True
+            )
+        }
         for index, name in enumerate(self.scenario.towers):
-            load, lowest = state.tower_load[index].tolist()
+            load, lowest = self._state.tower_load[index].tolist()
             rest = float(self._initial.tower_load[index, 0])
-            supports[name] = SupportState(forces[index], TowerState(load, lowest, rest, load == 0.0))
+            supports[name] = SupportState(seen.towers[index], TowerState(load, lowest, rest, load == 0.0))
         return supports
 
-    def _rope_drive(self) -> DriveState:
-        """How the cable moves, and what that takes."""
-        position, speed, _ = self._state.rope.tolist()
-        return DriveState(position=position, speed=speed, force=float(haul_force(self.system, self._state)))
-
-    def _carriage(self, index: int, bodies: tuple[str, ...], joint: FloatArray) -> CarriageState:
+    def _carriage(self, index: int, bodies: tuple[str, ...], seen: Observation) -> CarriageState:
         state = self._state
         first = int(self.system.carriages.body_offset[index])
         coordinates = state.body_coordinates[first : first + len(bodies)].tolist()
@@ -489,7 +481,7 @@ class Simulation:
             number = int(self._payloads.body[index])
             offset = centre_offsets(self._empty.carriages, self._payloads, state.payload)[number]
             body = number - first
-            arm_x, arm_z, turn_x, turn_z = pivot(coordinates[body][2], offset)
+            arm_x, arm_z, turn_x, turn_z = as_python(pivot)(coordinates[body][2], offset)
             spin = velocities[body][2]
             for row, x, z in ((coordinates[body], arm_x, arm_z), (velocities[body], turn_x * spin, turn_z * spin)):
                 row[0], row[1] = row[0] - x, row[1] - z
@@ -499,13 +491,13 @@ class Simulation:
         haul_rope = None
         if state.drive_mode[index] == HAULED:
             travel, rate = state.sheave[index, :2].tolist()
-            haul_rope = HaulRopeState(travel, rate, float(rope_force(self.system, state, index)[0]))
+            haul_rope = HaulRopeState(travel, rate, float(seen.rope_forces[index]))
         return CarriageState(
             arc_length=float(state.sliding_coordinate[index]),
             speed=float(state.sliding_velocity[index]),
             drive_force=float(state.drive_force[index]),
             contact_force=state.multipliers[first].copy(),
-            position=joint,
+            position=seen.joints[index],
             bodies=states,
             attached=bool(state.attached[index]),
             payload=float(state.payload[index]),

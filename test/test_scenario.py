@@ -87,7 +87,7 @@ def test_a_resolved_scenario_reads_back_the_same(name, tmp_path):
     assert read == scenario
     for carriage, same in zip(read.carriages.values(), scenario.carriages.values(), strict=True):
         assert list(carriage.bodies) == list(same.bodies)
-    assert "1.0e-08" in text, "YAML 1.1 reads 1e-08 as a text"
+    assert "1.0e-09" in text, "YAML 1.1 reads 1e-09 as a text"
 
 
 def test_name_is_that_of_the_file_or_custom(tmp_path):
@@ -128,7 +128,7 @@ def test_defaults_are_those_of_the_contract():
         "integrator": "generalized_alpha",
         "step": 0.001,
         "spectral_radius": 0.7,
-        "tolerance": 1e-8,
+        "tolerance": 1e-9,
         "max_iterations": 12,
         "max_halvings": 6,
     }

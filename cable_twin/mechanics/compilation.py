@@ -80,6 +80,11 @@ def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
 
 
+def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function`, a kernel that calls no other, uncompiled: for a few numbers now and then while the twin runs."""
+    return function.py_func if isinstance(function, Kernel) else function
+
+
 def is_compiled(function: Callable[..., Any]) -> bool:
     """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
     if not isinstance(function, Kernel):

@@ -56,12 +56,13 @@ def hang_carriages(system, state):
 def relax(system, state, good, work, max_relaxations, tolerance):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
 
-    All joints are driven ones; their drive forces are left in `drive_force`.
+    All joints are driven ones, and what hangs on them starts upright; their drive forces are left in `drive_force`.
 
     Returns:
         Number of iterations used (max_relaxations when it failed) and the last increment (m).
     """
     cable = system.cable
+    hang_carriages(system, state)
     wave_time = cable.element_length * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     mass_factor = 1.0 / (wave_time * wave_time)
     smallest = 1e-12 * mass_factor
@@ -85,6 +86,9 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         if increment < tolerance and mass_factor <= smallest:
             for carriage in range(state.drive_mode.size):
                 state.drive_force[carriage] = driven_force(system, state, carriage)
+            for contact in range(state.support_origin.size):
+                state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+            settle_supports(cable, system.supports, state)
             return iteration + 1, increment
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -180,7 +184,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
     state.reference[:, 0] = state.sliding_coordinate
-    hang_carriages(system, state)
     smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
@@ -192,8 +195,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"no static equilibrium after {used} iterations: the last one moved a point by {increment:.3g} m, "
             f"allowed are {tolerance:.3g} m"
         )
-    state.support_origin[:] = state.support_arc_length - state.rope[0]
-    settle_supports(cable, supports, state)
     state.tower_load[:, 1] = state.tower_load[:, 0]
     state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
     for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length

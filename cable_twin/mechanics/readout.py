@@ -2,17 +2,72 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from cable_twin.mechanics.air import drag_rope
 from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.counterweight import counterweight_energies
+from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
 from cable_twin.mechanics.equations_of_motion import add_loads
-from cable_twin.mechanics.haul_rope import haul_energies
-from cable_twin.mechanics.moving_cable import add_flow, flow_energy
+from cable_twin.mechanics.haul_rope import haul_energies, rope_force
+from cable_twin.mechanics.moving_cable import add_flow, flow_energy, haul_force
+from cable_twin.mechanics.parameters import HAULED, FloatArray, System
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
-from cable_twin.mechanics.support import contact_energy, contact_force
+from cable_twin.mechanics.support import contact_energy, contact_force, tower_forces
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
+
+
+class Observation(NamedTuple):
+    """What a frame shows of a state and has to be computed for it."""
+
+    positions: FloatArray  # (n, dim) m, of the samples along the cable
+    tensions: FloatArray  # (n,) N, of the same
+    joints: FloatArray  # (carriages, dim) m, places of the joints on the cable
+    ends: FloatArray  # (2, dim) N, forces of the supports of start and end on the cable
+    towers: FloatArray  # (towers, dim) N, forces of the towers on it
+    travels: FloatArray  # (2,) m, of the counterweights at start and end
+    rope_forces: FloatArray  # (carriages,) N, of the haul ropes on their carriages
+    haul_force: FloatArray  # (1,) N, of the drive of a moving cable
+
+
+def allocate_observation(system: System, samples: int) -> Observation:
+    """Room for what `observe` fills, with a number of samples along the cable."""
+    dim, carriages = len(system.cable.gravity), system.carriages.fixed.size
+    return Observation(
+        positions=np.empty((samples, dim)),
+        tensions=np.empty(samples),
+        joints=np.empty((carriages, dim)),
+        ends=np.empty((2, dim)),
+        towers=np.empty((system.supports.top.shape[0], dim)),
+        travels=np.zeros(2),
+        rope_forces=np.zeros(carriages),
+        haul_force=np.zeros(1),
+    )
+
+
+@kernel
+def observe(system, state, work, arc_lengths, means, seen):
+    """Fill an observation, of the cable at `arc_lengths` (n,) in m; `means` (elements,) is scratch.
+
+    All in one call: to hand a state over from Python takes longer than to read it.
+    """
+    cable = system.cable
+    sample_positions(cable, state, arc_lengths, seen.positions)
+    sample_tensions(cable, state, arc_lengths, seen.tensions, means)
+    sample_positions(cable, state, state.sliding_coordinate, seen.joints)
+    support_forces(system, state, work, seen.ends)
+    tower_forces(cable, system.supports, state, seen.towers)
+    for end in range(2):
+        if system.counterweights.mass[end] > 0.0:
+            seen.travels[end], _, _ = counterweight_motion(system.counterweights, cable, state, end)
+    for carriage in range(state.drive_mode.size):
+        if state.drive_mode[carriage] == HAULED:
+            seen.rope_forces[carriage], _, _, _ = rope_force(system, state, carriage)
+    if system.moving_cable.moving:
+        seen.haul_force[0] = haul_force(system, state)
 
 
 @kernel

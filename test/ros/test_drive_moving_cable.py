@@ -28,7 +28,7 @@ def lift(tmp_path):
 
 def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes):
     process, participant = lift
-    assert "drive: haul_rope; carriages: chair_1 to chair_6; commands on" in process.output
+    process.wait_for("drive: haul_rope; carriages: chair_1 to chair_6; commands on")
 
     def speed():
         message = participant.received["joint_states"][-1]
