@@ -190,6 +190,7 @@ class Simulation:
             clone_state(self._initial),
             self._stopped,
             dict(self._commands),
+            self._at_start,
         )
 
     def restore(self, full: FullState) -> None:
@@ -201,7 +202,7 @@ class Simulation:
         full.copy_to(self._state, self._initial, (*self.carriages, *self.drives))
         self.system = self._load(self._state.payload)
         self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
-        self._at_start = False
+        self._at_start = full.at_start
         self._snapshot = self._observe(NOTHING_DONE)
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:

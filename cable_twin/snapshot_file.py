@@ -55,6 +55,7 @@ class FullState:
     start: State  # to which a reset goes back
     emergency_stopped: bool
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
+    at_start: bool = False  # of the scenario, with nothing done since; never so of a file
 
     def copy_to(self, state: State, start: State, carriages: Collection[str]) -> None:
         """Write both states into those of a simulation with these carriages.

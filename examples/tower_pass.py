@@ -6,8 +6,8 @@ a row of passing speeds; the fastest that keeps both limits is driven on the liv
 with what was predicted. The trip: ramp to the speed on the way, ramp to the passing speed before the place, hold it
 until after it, ramp to standstill, all shaped as in swing_damping.py unless --unshaped.
 
-The place is an arc length. On a scenario with towers it is that of a tower (`--at` the arc length of its middle,
-`--window` half the length of its shoe); the model ahead then feels the shoe, and the limits decide by themselves.
+The place is an arc length or, where the scenario has towers, the name of one: then the model ahead feels its shoe, and
+half the length of that is added to the window.
 """
 
 from __future__ import annotations
@@ -40,12 +40,15 @@ from cable_twin.simulation import Simulation
 
 SHARE = 0.7  # of the drive's acceleration for the plan
 PERIOD = 0.05  # s between two commands of the model ahead
+DEFAULT_PLACE = 200.0  # m, where there is no tower
+ROPE_POINTS = 10_000  # among which that at a tower is looked for
 CANDIDATES = 8  # passing speeds, evenly spread from the slowest to that on the way
 EPILOG = """\
 exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
 
 examples, with `sim` running in another terminal:
   python examples/tower_pass.py cabin --at 200 --speed 8
+  python examples/tower_pass.py cabin --at lower_tower          where the scenario has a tower of that name
   python examples/tower_pass.py cabin --at 200 --speed 8 --unshaped --swing-limit 2
 """
 
@@ -63,6 +66,25 @@ class Calm:
 
     def __str__(self) -> str:
         return f"{self.swing:.2f} deg, {self.acceleration:.3f} m/s^2"
+
+
+def find_place(link: Link, options: argparse.Namespace) -> tuple[float, float]:
+    """Arc length (m) of the place and half the length (m) around it that counts.
+
+    Raises:
+        ExperimentError: there is no tower of that name.
+    """
+    towers = link.scenario.get("towers", {})
+    given = options.at if options.at is not None else next(iter(towers), DEFAULT_PLACE)
+    if not isinstance(given, str):
+        return given, options.window
+    if given not in towers:
+        allowed = "".join(f", {name}" for name in towers)
+        raise ExperimentError(f"--at '{given}' given; allowed: an arc length in m{allowed}")
+    simulation = Simulation(load_scenario(link.scenario), samples=2)
+    arc_lengths = np.linspace(0.0, link.scenario["cable"]["unstrained_length"], ROPE_POINTS)
+    away = np.linalg.norm(simulation.cable_positions(arc_lengths) - towers[given]["position"], axis=1)
+    return float(arc_lengths[away.argmin()]), options.window + 0.5 * towers[given]["length"]
 
 
 def trip(link: Link, options: argparse.Namespace, passing: float) -> SpeedPlan:
@@ -149,6 +171,7 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
         raise ExperimentError(f"'{link.name}' has no body that could swing")
     if options.acceleration_limit is None:
         options.acceleration_limit = link.scenario.get("limits", {}).get("acceleration") or math.inf
+    options.at, options.window = find_place(link, options)
     passing, plan, predicted = choose(link, options)
     print(f"tower_pass.py: {options.at:g} m at {passing:.2f} m/s, {plan.duration:.1f} s in all", flush=True)
     swing, told, last = 0.0, False, list(bodies)[-1]
@@ -169,13 +192,22 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
     return law
 
 
+def place(text: str) -> float | str:
+    """Type of an option: an arc length above 0 m, or a name."""
+    try:
+        float(text)
+    except ValueError:
+        return text
+    return positive("m")(text)
+
+
 if __name__ == "__main__":
     arguments = parser("tower_pass.py", "Pass a place as fast as the vehicle stays calm there.", EPILOG)
     arguments.add_argument(
-        "--at", type=positive("m"), default=200.0, metavar="M", help="arc length (m) of the place; default: 200"
+        "--at", type=place, metavar="PLACE", help="arc length in m, or a tower; default: the first tower, else 200 m"
     )
     arguments.add_argument(
-        "--window", type=positive("m"), default=10.0, metavar="M", help="m before and after it; default: 10"
+        "--window", type=positive("m"), default=10.0, metavar="M", help="m before and after it that count; default: 10"
     )
     arguments.add_argument(
         "--slowest", type=positive("m/s"), default=1.0, metavar="M/S", help="slowest passing speed; default: 1 m/s"

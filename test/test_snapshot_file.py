@@ -143,7 +143,12 @@ def test_reset_goes_back_to_the_start_of_the_one_that_was_saved(quick, tmp_path)
 
 def test_capture_is_a_copy(quick):
     simulation = Simulation(quick)
+    start = simulation.capture()
     simulation.command("cabin", speed=5.0)
+    simulation.restore(start)
+    assert simulation.at_start
+    simulation.command("cabin", speed=5.0)
+    assert not simulation.at_start
     simulation.advance_to(1.0)
     full = simulation.capture()
     later = simulation.advance_to(2.0)

@@ -75,6 +75,8 @@ def test_rest_of_the_run_has_the_same_bits(runs):
     expected, found = frames(whole, SAVED), frames(rest)
     assert len(expected) == 4 * 641
     assert found == expected
+    assert whole.snapshot is None  # nothing is attached where the scenario says it all
+    assert rest.snapshot is not None
     assert len(rest.commands) == 4
     assert [(item.time, item.command) for item in rest.commands] == [
         (item.time, item.command) for item in whole.commands if item.time > SAVED

@@ -6,8 +6,10 @@ import math
 import signal
 import subprocess
 import sys
+from argparse import Namespace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.records import Snapshot
 from cable_twin.scenario import load_scenario
+from verification import JIT
+from verification.supports import tramway
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SCRIPTS = ("trapezoid_driver.py", "swing_damping.py", "tower_pass.py")
@@ -76,6 +80,33 @@ def test_trapezoid_keeps_speed_and_acceleration_and_leaves_time_for_the_jerk(pla
     assert plan.speeds.max() <= 5.0
     assert abs(np.diff(plan.speeds) / np.diff(plan.times)).max() == pytest.approx(0.3)
     assert plan.times[2] - plan.times[1] >= 1.5 - 1e-9
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_model_ahead_feels_a_tower(plans, capsys):
+    specification = spec_from_file_location("tower_pass", EXAMPLES / "tower_pass.py")
+    tower_pass = module_from_spec(specification)
+    sys.modules["tower_pass"] = tower_pass
+    specification.loader.exec_module(tower_pass)
+    simulation = tramway(cabin={"arc_length": 440.0}, cable__elements=100)
+    link = SimpleNamespace(
+        name="cabin",
+        scenario=simulation.scenario.resolved(),
+        motion=plans.Motion(0.0, 440.0, 0.0, {}),
+        ended=False,
+    )
+    options = Namespace(at="tower", window=5.0, speed=3.0, slowest=1.0, settle=1.0, unshaped=False)
+    options.at, options.window = tower_pass.find_place(link, options)
+    assert np.linalg.norm(simulation.cable_positions([options.at])[0] - [500.0, 80.0]) < 0.5
+    assert options.window == 17.0  # half of 24 m of shoe, and 5 m
+    slow, fast = (tower_pass.predict(link, options, tower_pass.trip(link, options, speed)) for speed in (1.0, 2.4))
+    assert fast.acceleration > 1.2 * slow.acceleration
+    options.swing_limit, options.acceleration_limit = 90.0, 0.5 * (fast.acceleration + slow.acceleration)
+    passing, _, calm = tower_pass.choose(link, options)
+    assert 1.0 <= passing < 2.4
+    assert calm.keeps(options)
+    with pytest.raises(plans.ExperimentError, match="--at 'pylon' given; allowed: an arc length in m, tower"):
+        tower_pass.find_place(link, Namespace(at="pylon"))
 
 
 pytest.importorskip("rclpy")

@@ -49,7 +49,7 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second")
     observer = participants(second.domain)
     observer.subscribe_standard()
-    assert f"'quick' runs at 100 Hz from {saved:.3f} s of the snapshot on" in second.output
+    second.wait_for(f"'quick' runs at 100 Hz from {saved:.3f} s of the snapshot on")
     observer.until(lambda: len(observer.received["joint_states"]) > 300)
     assert second.end() == 0, second.output
     (rest,) = (tmp_path / "second").iterdir()
