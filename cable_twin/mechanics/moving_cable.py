@@ -26,10 +26,12 @@ from cable_twin.mechanics.sliding_joint import (
     interpolate,
     joint_place,
     joint_velocity,
+    locate,
     place_joint,
     position_on_cable,
     velocity_acceleration,
 )
+from cable_twin.mechanics.support import contact_force
 from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, load, scale
 
 
@@ -107,8 +109,9 @@ def flow_integrals(cable, state):
 
 @kernel
 def haul_force(system, state):
-    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ λ·r_x, with λ of what is clamped.
+    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ λ·r_x - Σ F·r_x.
 
+    λ is of what is clamped, F of the contacts of towers on the cable: their friction, since they press across r_x.
     The equation of motion of the cable that has gone by. Times v it is the power into the strand and all that hangs
     on it, when what the cable itself carries out at one end it brings back at the other: round a closed loop.
     """
@@ -122,6 +125,11 @@ def haul_force(system, state):
             shape = shape_functions_x(x, cable.element_length)
             r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
+    for contact in range(system.supports.stiffness.size):
+        element, x = locate(cable, state.support_arc_length[contact])
+        shape = shape_functions_x(x, cable.element_length)
+        r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
+        force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
     return force
 
 
