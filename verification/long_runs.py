@@ -1,0 +1,238 @@
+"""Long runs of the shipped ropeways: what may not happen in them, and whether all energy is accounted for.
+
+A full trip of the tramway with an emergency stop over its tower, and an hour of the chairlift with starts, stops,
+emergency stops and a reversal. `python -m verification.long_runs` writes them to `docs/long_runs.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import isfinite, sqrt
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from rich.progress import Progress
+
+from cable_twin.mechanics.haul_rope import rope_damping, rope_length
+from cable_twin.mechanics.shape_functions import shape_functions_x
+from cable_twin.mechanics.sliding_joint import friction_force, interpolate, joint_place, mobilise
+from cable_twin.mechanics.support import contact_frame, normal_force, slid
+from cable_twin.mechanics.vectors import add_scaled, dot, load
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification.moving_cable import carrier_energies, viscous_power
+
+PAGE = Path(__file__).parents[1] / "docs" / "long_runs.md"
+HEAD = """\
+# Long runs of the shipped ropeways
+
+Written by `python -m verification.long_runs`, which takes minutes. Gap of the balance: work of the drive, less what was
+dissipated, what carriers took with them and what is stored, over all work that went through the drive in either
+direction; the largest of the run. Dissipated is what rope, towers, rollers, haul rope and air take by their own laws.
+Times real time: simulated time over processor time of the solver, one thread.
+
+| run | simulated | steps | failed | halved | worst joint gap | energy through the drive | gap of the balance | times real time |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+Event = tuple[float, Callable[[Simulation], object]]
+
+
+@njit
+def tower_losses(system, state):
+    """Power (W) that friction and damping of all contacts of towers take from the rope."""
+    like = system.cable.gravity
+    total = 0.0
+    for contact in range(system.supports.stiffness.size):
+        _, _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.supports, state, contact)
+        rate = -dot(normal, moving)
+        force, _, _ = normal_force(system.supports, contact, depth, rate)
+        elastic, _, _ = normal_force(system.supports, contact, depth, 0.0)
+        if force > 0.0:
+            total += (force - elastic) * rate
+            z, _ = mobilise(slid(state, contact), state.support_deflection[contact], system.supports.presliding[contact])
+            norm = sqrt(dot(r_x, r_x))
+            total -= system.supports.friction[contact] * force * z * (dot(moving, r_x) / norm + state.rope[1] * norm)
+    return total
+
+
+@njit
+def carriage_losses(system, state):
+    """Power (W) that rolling takes from all carriages that slide, and damping from their haul ropes."""
+    cable, carriages = system.cable, system.carriages
+    total = 0.0
+    for carriage in range(carriages.fixed.size):
+        if carriages.clamped[carriage] or carriages.fixed[carriage]:
+            continue
+        element, x = joint_place(cable, state, carriage)
+        r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+        force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
+        across = add_scaled(-dot(force, r_x) / dot(r_x, r_x), r_x, force)
+        friction, _, _, _ = friction_force(carriages, state, carriage, sqrt(dot(across, across)))
+        total -= friction * sqrt(dot(r_x, r_x)) * state.sliding_velocity[carriage]
+        if system.haul_ropes.present:
+            length, _ = rope_length(system, carriage, state.sheave[carriage, 0])
+            damping, _ = rope_damping(system, carriage, length)
+            total += damping * (state.sheave[carriage, 1] - state.sliding_velocity[carriage]) ** 2
+    return total
+
+
+def air_losses(simulation: Simulation) -> float:
+    """Power (W) that still air takes from rope and bodies; that of the rope by its nodes."""
+    system, state = simulation.system, simulation._state
+    moving = np.repeat(state.attached, np.diff(system.carriages.body_offset))
+    bodies = float(system.air.body_drag[moving] @ np.linalg.norm(state.body_velocities[moving, :2], axis=1) ** 3)
+    slopes, velocities = state.nodal_coordinates[:, 1], state.nodal_velocities[:, 0]
+    tangents = slopes / np.linalg.norm(slopes, axis=1)[:, None]
+    across = velocities - np.sum(velocities * tangents, axis=1)[:, None] * tangents
+    return bodies + system.air.rope_drag * system.cable.element_length * float(
+        np.sum(np.linalg.norm(across, axis=1) ** 3)
+    )
+
+
+@dataclass
+class Balance:
+    """Where the energy of a run comes from and goes to, all in J, by the trapezoidal rule from frame to frame."""
+
+    simulation: Simulation
+    work: float = 0.0  # of the drive
+    through: float = 0.0  # the same, driving and braking added up
+    dissipated: float = 0.0
+    taken: float = 0.0  # by carriers that left, less what those that came brought
+    gap: float = 0.0  # largest so far
+    _before: tuple[float, float] = (0.0, 0.0)
+    _start: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._start = self.simulation.energy().total
+
+    def advance(self, frame: float) -> None:
+        """Go on by one frame (s)."""
+        simulation = self.simulation
+        if simulation.drives:
+            before, energies = simulation._state.attached.copy(), carrier_energies(simulation)
+        snapshot = simulation.advance_to(simulation.time + frame)
+        if simulation.drives:
+            on = simulation._state.attached
+            self.taken += float(energies[before & ~on].sum() - carrier_energies(simulation)[on & ~before].sum())
+        power = sum(drive.force * drive.speed for drive in snapshot.drives.values())
+        for carriage in snapshot.carriages.values():
+            if carriage.haul_rope is not None:
+                power += carriage.drive_force * carriage.haul_rope.speed
+        system, state = simulation.system, simulation._state
+        lost = viscous_power(simulation) + air_losses(simulation)
+        lost += tower_losses(system, state) + carriage_losses(system, state)
+        self.work += 0.5 * frame * (power + self._before[0])
+        self.through += 0.5 * frame * abs(power + self._before[0])
+        self.dissipated += 0.5 * frame * (lost + self._before[1])
+        self._before = power, lost
+        stored = simulation.energy().total - self._start
+        self.gap = max(self.gap, abs(self.work - self.dissipated - self.taken - stored))
+
+
+def tramway_trip() -> tuple[Simulation, list[Event], float, float]:
+    """Up at 7 m/s, emergency stop with the cabin on the saddle, on at 5 m/s, service stop, and back down."""
+    return (
+        Simulation(load_scenario("aerial_tramway")),
+        [
+            (0.0, lambda twin: twin.command("cabin", speed=7.0)),
+            (68.0, lambda twin: twin.emergency_stop()),
+            (90.0, lambda twin: twin.emergency_stop(False)),
+            (91.0, lambda twin: twin.command("cabin", speed=5.0)),
+            (200.0, lambda twin: twin.command("cabin", speed=0.0)),
+            (230.0, lambda twin: twin.command("cabin", speed=-10.0)),
+            (318.0, lambda twin: twin.command("cabin", speed=0.0)),
+        ],
+        370.0,
+        0.02,
+    )
+
+
+def chairlift_hour() -> tuple[Simulation, list[Event], float, float]:
+    """Every ten minutes: a service stop, an emergency stop; the fourth ten minutes go backwards."""
+    events: list[Event] = []
+    for number in range(6):
+        begin, speed = 600.0 * number, -2.5 if number == 3 else 2.5
+        events += [
+            (begin, lambda twin, speed=speed: twin.command("haul_rope", speed=speed)),
+            (begin + 240.0, lambda twin: twin.command("haul_rope", speed=0.0)),
+            (begin + 270.0, lambda twin, speed=speed: twin.command("haul_rope", speed=speed)),
+            (begin + 540.0, lambda twin: twin.emergency_stop()),
+            (begin + 580.0, lambda twin: twin.emergency_stop(False)),
+        ]
+    return Simulation(load_scenario("chairlift")), events, 3600.0, 0.1
+
+
+RUNS = {"tramway_trip": tramway_trip, "chairlift_hour": chairlift_hour}
+
+
+def run(name: str, share: float, shown: Callable[[float], None]) -> str:
+    """Carry out a run, or its first share, and return its row of the table; `shown` gets the share that is done.
+
+    Raises:
+        SolverError: when a step fails.
+        FloatingPointError: when the energy is no finite number.
+    """
+    simulation, events, end, frame = RUNS[name]()
+    end *= share
+    balance = Balance(simulation)
+    balance.advance(frame)  # compiles what is not compiled yet
+    solving, steps, halvings, residual, begun = 0.0, 0, 0, 0.0, simulation.time
+    advance_to = simulation.advance_to
+
+    def timed(moment: float):
+        nonlocal solving
+        started = time.process_time()
+        snapshot = advance_to(moment)
+        solving += time.process_time() - started
+        return snapshot
+
+    simulation.advance_to = timed  # type: ignore[method-assign]
+    while simulation.time < end - 1e-9:
+        while events and events[0][0] <= simulation.time + 1e-9:
+            events.pop(0)[1](simulation)
+        balance.advance(frame)
+        report = simulation.snapshot.solver
+        steps, halvings = steps + report.steps, halvings + report.halvings
+        residual = max(residual, report.constraint_residual)
+        if not isfinite(balance.gap):
+            raise FloatingPointError(f"{name}: no finite energy at {simulation.time:g} s")
+        shown(simulation.time / end)
+    return (
+        f"| {name} | {simulation.time:.0f} s | {steps} | 0 | {halvings} | {residual:.1e} m | "
+        f"{balance.through / 1e6:.1f} MJ | {100.0 * balance.gap / balance.through:.3f} % | "
+        f"{(simulation.time - begun) / solving:.1f} |"
+    )
+
+
+def main() -> int:
+    """Carry out the runs and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", nargs="*", metavar="RUN", help=f"some of {', '.join(RUNS)}; default: all, and the page")
+    parser.add_argument("--share", type=float, default=1.0, help="first part of each, above 0 to 1; default: 1")
+    options = parser.parse_args()
+    unknown = [name for name in options.runs if name not in RUNS]
+    if unknown or not 0.0 < options.share <= 1.0:
+        parser.error(
+            f"RUN: given {unknown[0]!r}; allowed: {', '.join(RUNS)}"
+            if unknown
+            else f"--share: given {options.share:g}; allowed: above 0 to 1"
+        )
+    rows = []
+    for name in options.runs or RUNS:
+        with Progress() as bar:
+            task = bar.add_task(name, total=1.0)
+            rows.append(run(name, options.share, lambda done: bar.update(task, completed=done)))
+        print(rows[-1])
+    if not options.runs and options.share == 1.0:
+        PAGE.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+        print(f"wrote {PAGE}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
