@@ -54,7 +54,9 @@ def tower_losses(system, state):
         elastic, _, _ = normal_force(system.supports, contact, depth, 0.0)
         if force > 0.0:
             total += (force - elastic) * rate
-            z, _ = mobilise(slid(state, contact), state.support_deflection[contact], system.supports.presliding[contact])
+            z, _ = mobilise(
+                slid(state, contact), state.support_deflection[contact], system.supports.presliding[contact]
+            )
             norm = sqrt(dot(r_x, r_x))
             total -= system.supports.friction[contact] * force * z * (dot(moving, r_x) / norm + state.rope[1] * norm)
     return total
