@@ -237,7 +237,7 @@ def test_bodies_keep_the_order_of_the_file_and_limits_left_out_are_infinite():
 
 @pytest.mark.parametrize("scenario", [SEED, load_scenario("aerial_tramway", {"carriages.cabin.end_stop": {}})])
 def test_an_end_stop_left_open_stops_the_carriage_within_its_stroke(scenario):
-    payload = list(scenario.carriages.values())[0].payload
+    payload = next(iter(scenario.carriages.values())).payload
     capacity = payload.capacity if payload else 0.0
     carriages = build_system(scenario).carriages
     length = scenario.cable.unstrained_length
