@@ -39,7 +39,7 @@ def test_it_runs_and_keeps_its_limits(name):
     assert [figure for figure in limited if not figure.kept] == []
     for support in snapshot.supports.values():
         if support.tower is not None:
-            assert support.tower.lowest_load > 0.85 * support.tower.rest_load
+            assert support.tower.lowest_load > 0.5 * support.tower.rest_load
     travel, (low, high) = snapshot.supports["start"].travel, scenario.cable.start.travel
     assert low < travel < high
     moving = snapshot.drives[target].speed if scenario.drives else snapshot.carriages[target].speed
