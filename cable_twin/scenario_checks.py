@@ -427,11 +427,14 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             yield Fault(path, "given a second drive of the cable; allowed: one")
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
-        if drive.limits.force is not None:
-            yield Fault(
-                (*path, "limits", "force"),
-                f"given {drive.limits.force!r}; allowed: null, a moving cable keeps its speed",
-            )
+        for key, why in (
+            ("force", "a moving cable keeps its speed"),
+            ("power", "a moving cable keeps its speed"),
+            ("deceleration", "a moving cable stops as it starts, at its acceleration"),
+        ):
+            given = getattr(drive.limits, key)
+            if given is not None:
+                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null, {why}")
     if scenario.drives:
         for end in ("start", "end"):
             if getattr(scenario.cable, end).support == "free":

@@ -28,7 +28,7 @@ from rerun.experimental import ViewerClient
 DRIVER_DIRECTORIES = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"))
 START_TIMEOUT = 60.0  # s, a software driver compiles its shaders at the first start
 GREETING_TIME = 6.0  # s, for the viewer's greeting to fade
-SETTLE_TIME = 1.5  # s, from moving the time cursor to a picture that shows it
+SETTLE_TIME = 6.0  # s, from moving the time cursor to a picture that shows all of it
 TIMELINE = "sim_time"
 
 

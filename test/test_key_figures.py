@@ -113,7 +113,7 @@ def test_tension_sag_and_safety_factor_with_place_and_time():
 
 
 def test_no_safety_factor_without_breaking_force():
-    figures = KeyFigures(scenario())
+    figures = KeyFigures(scenario(cable__breaking_force=None))
     figures.update(snapshot(0.0))
     assert "rope safety factor" not in gathered(figures)
 

@@ -59,6 +59,8 @@ FAULTS = [
     ("drives", {}, "given for a cable that stands still; allowed: with a drive in drives"),
     ("drives", {"haul_rope": {"kind": "haul"}}, "given 'haul'; allowed: one of moving_cable"),
     ("drives.haul_rope.limits.force", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
+    ("drives.haul_rope.limits.power", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
+    ("drives.haul_rope.limits.deceleration", 0.4, "given 0.4; allowed: null, a moving cable stops as it starts"),
     ("drives.haul_rope.limits.speed", 0.0, "given 0.0; allowed: a finite number above 0, in m/s, or null"),
     (
         "drives",

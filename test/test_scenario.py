@@ -5,13 +5,12 @@ import pickle
 import subprocess
 import sys
 from contextlib import suppress
-from math import asinh, hypot, inf, nan, sqrt
+from math import atan, cos, inf, nan, sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from scipy.optimize import root
 
 import cable_twin.scenario as module
 from cable_twin.scenario import (
@@ -55,7 +54,7 @@ def keys_of(data, at=()):
 
 
 def test_names_are_the_scenario_files_and_not_those_of_node_parameters(tmp_path, monkeypatch):
-    assert {"aerial_tramway", "seed_example"} <= set(scenario_names())
+    assert {"aerial_tramway", "chairlift", "gondola", "seed_example"} <= set(scenario_names())
     assert config_directory() == Path(__file__).resolve().parents[1] / "config"
     write(tmp_path / "mine.yml", "description: mine")
     write(tmp_path / "node.yaml", "/**:\n  ros__parameters: {frame_rate: 50.0}\n")
@@ -188,28 +187,15 @@ def test_seed_example_has_the_printed_values():
     assert system.solver.step == 0.001
 
 
-def test_tension_of_the_tramway_at_its_upper_end_is_that_of_two_elastic_catenaries():
+def test_the_tramway_is_as_heavy_as_its_file_says_and_its_counterweight_tight_enough_for_it():
     cable, carriage = TRAMWAY.cable, TRAMWAY.carriages["cabin"]
-    weight, stiffness = cable.mass_per_length * TRAMWAY.gravity, cable.axial_stiffness
-    load = sum(body.mass for body in carriage.bodies.values()) * TRAMWAY.gravity
-    assert load == pytest.approx(12_000 * 9.81)
-
-    def reach(level, lower, length):
-        upper = lower + weight * length
-        along = level * length / stiffness + level / weight * (asinh(upper / level) - asinh(lower / level))
-        rise = (upper**2 - lower**2) / (2 * stiffness * weight) + (hypot(level, upper) - hypot(level, lower)) / weight
-        return np.array([along, rise])
-
-    def miss(forces):
-        level, lower = forces * 1e6
-        beyond = lower + weight * carriage.arc_length + load
-        near = reach(level, lower, carriage.arc_length)
-        return near + reach(level, beyond, cable.unstrained_length - carriage.arc_length) - cable.end.position
-
-    level, lower = root(miss, [0.9, 0.1], tol=1e-12).x * 1e6
-    assert np.abs(miss(np.array([level, lower]) / 1e6)).max() < 1e-6
-    assert hypot(level, lower) == pytest.approx(0.968e6, rel=1e-3)  # as the file says
-    assert hypot(level, lower + weight * cable.unstrained_length + load) == pytest.approx(1.047e6, rel=1e-3)
+    load = sum(body.mass for body in carriage.bodies.values()) + carriage.payload.mass
+    assert load == 12_000
+    across = load * cos(atan(cable.end.position[1] / cable.end.position[0]))
+    assert cable.start.mass > TRAMWAY.limits.tension_per_transverse_load * across
+    steel = cable.axial_stiffness / 160e9
+    assert cable.breaking_force == pytest.approx(0.93 * 1770e6 * steel, rel=1e-2)
+    assert cable.mass_per_length == pytest.approx(1.07 * 7850.0 * steel, rel=1e-2)
 
 
 # Constants of the mechanics
@@ -233,10 +219,12 @@ def test_supports_become_projectors_onto_what_they_leave_free():
 
 def test_bodies_keep_the_order_of_the_file_and_limits_left_out_are_infinite():
     data = SEED.resolved()
-    data["carriages"]["another"] = TRAMWAY.resolved()["carriages"]["cabin"] | {"arc_length": 1.0, "joint": "fixed"}
+    cabin = TRAMWAY.resolved()["carriages"]["cabin"]
+    cabin["drive"]["haul_rope"] = None
+    data["carriages"]["another"] = cabin | {"arc_length": 1.0, "joint": "fixed", "end_stop": {}}
     carriages = build_system(load_scenario(data)).carriages
     assert carriages.body_offset.tolist() == [0, 2, 5]
-    assert carriages.mass.tolist() == [2.67, 2.67, 1500.0, 1000.0, 9500.0]
+    assert carriages.mass.tolist() == [2.67, 2.67, 1500.0, 1000.0, 3100.0]
     assert carriages.lower_pivot.tolist() == [[0.0, -0.5], [0.0, 0.0], [0.0, -0.2], [0.0, -2.5], [0.0, 0.0]]
     assert carriages.fixed.tolist() == [False, True]
     assert carriages.speed_limit.tolist() == [inf, 10.0]
@@ -247,21 +235,23 @@ def test_bodies_keep_the_order_of_the_file_and_limits_left_out_are_infinite():
     assert carriages.rolling_friction.tolist() == [0.0, 0.005]
 
 
-@pytest.mark.parametrize("scenario", [SEED, TRAMWAY])
+@pytest.mark.parametrize("scenario", [SEED, load_scenario("aerial_tramway", {"carriages.cabin.end_stop": {}})])
 def test_an_end_stop_left_open_stops_the_carriage_within_its_stroke(scenario):
+    payload = next(iter(scenario.carriages.values())).payload
+    capacity = payload.capacity if payload else 0.0
     carriages = build_system(scenario).carriages
     length = scenario.cable.unstrained_length
     limit = carriages.speed_limit[0]
     speed = sqrt(9.81 * length) / 2 if limit == inf else limit
     stroke, stiffness = carriages.stop_stroke[0], carriages.stop_stiffness[0]
     assert stroke == pytest.approx(0.005 * length)
-    assert stiffness * (0.6 * stroke) ** 2 == pytest.approx(carriages.mass.sum() * speed**2)
+    assert stiffness * (0.6 * stroke) ** 2 == pytest.approx((carriages.mass.sum() + capacity) * speed**2)
     assert carriages.stop_damping[0] == pytest.approx(0.5 / speed)
 
 
 def test_an_end_stop_holds_the_weight_of_a_slow_carriage_and_keeps_what_is_given():
     key = "carriages.cabin.drive.limits.speed"
-    carriages = build_system(load_scenario("aerial_tramway", {key: 0.1})).carriages
+    carriages = build_system(load_scenario("aerial_tramway", {key: 0.1, "carriages.cabin.end_stop": {}})).carriages
     assert carriages.stop_stiffness[0] * 0.6 * carriages.stop_stroke[0] == pytest.approx(12_000 * 9.81)
     given = {"stroke": 2.0, "stiffness": 5e5, "damping": 0.0}
     carriages = build_system(load_scenario("aerial_tramway", {"carriages.cabin.end_stop": given})).carriages
@@ -495,7 +485,7 @@ def test_unknown_names_and_missing_files_name_the_known_ones(tmp_path):
     for source in ("seed_exmple", "missing.yaml", tmp_path / "missing.yaml"):
         (fault,) = faults_of(source)
         assert str(source) in fault
-        assert "aerial_tramway, seed_example" in fault
+        assert "aerial_tramway, chairlift, gondola, seed_example" in fault
     assert "cannot be read" in faults_of(tmp_path)[0]
 
 

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite, sqrt
 from pathlib import Path
 
@@ -19,10 +20,13 @@ from numba import njit
 from rich.progress import Progress
 
 from cable_twin.mechanics.haul_rope import rope_damping, rope_length
+from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.shape_functions import shape_functions_x
 from cable_twin.mechanics.sliding_joint import friction_force, interpolate, joint_place, mobilise
+from cable_twin.mechanics.state import State
 from cable_twin.mechanics.support import contact_frame, normal_force, slid
 from cable_twin.mechanics.vectors import add_scaled, dot, load
+from cable_twin.records import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.moving_cable import carrier_energies, viscous_power
@@ -36,16 +40,15 @@ dissipated, what carriers took with them and what is stored, over all work that 
 direction; the largest of the run. Dissipated is what rope, towers, rollers, haul rope and air take by their own laws.
 Times real time: simulated time over processor time of the solver, one thread.
 
-| run | simulated | steps | failed | halved | worst joint gap | energy through the drive | gap of the balance | times real time |
+| run | simulated | steps | failed | halved | worst joint gap | through the drive | gap of balance | times real time |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 Event = tuple[float, Callable[[Simulation], object]]
 
 
 @njit
-def tower_losses(system, state):
+def tower_losses(system: System, state: State) -> float:
     """Power (W) that friction and damping of all contacts of towers take from the rope."""
-    like = system.cable.gravity
     total = 0.0
     for contact in range(system.supports.stiffness.size):
         _, _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.supports, state, contact)
@@ -63,7 +66,7 @@ def tower_losses(system, state):
 
 
 @njit
-def carriage_losses(system, state):
+def carriage_losses(system: System, state: State) -> float:
     """Power (W) that rolling takes from all carriages that slide, and damping from their haul ropes."""
     cable, carriages = system.cable, system.carriages
     total = 0.0
@@ -172,8 +175,8 @@ def chairlift_hour() -> tuple[Simulation, list[Event], float, float]:
 RUNS = {"tramway_trip": tramway_trip, "chairlift_hour": chairlift_hour}
 
 
-def run(name: str, share: float, shown: Callable[[float], None]) -> str:
-    """Carry out a run, or its first share, and return its row of the table; `shown` gets the share that is done.
+def run(name: str, share: float, shown: Callable[..., None]) -> str:
+    """Carry out a run, or its first share, and return its row of the table; `shown` gets the share that is `completed`.
 
     Raises:
         SolverError: when a step fails.
@@ -186,7 +189,7 @@ def run(name: str, share: float, shown: Callable[[float], None]) -> str:
     solving, steps, halvings, residual, begun = 0.0, 0, 0, 0.0, simulation.time
     advance_to = simulation.advance_to
 
-    def timed(moment: float):
+    def timed(moment: float) -> Snapshot:
         nonlocal solving
         started = time.process_time()
         snapshot = advance_to(moment)
@@ -203,7 +206,7 @@ def run(name: str, share: float, shown: Callable[[float], None]) -> str:
         residual = max(residual, report.constraint_residual)
         if not isfinite(balance.gap):
             raise FloatingPointError(f"{name}: no finite energy at {simulation.time:g} s")
-        shown(simulation.time / end)
+        shown(completed=simulation.time / end)
     return (
         f"| {name} | {simulation.time:.0f} s | {steps} | 0 | {halvings} | {residual:.1e} m | "
         f"{balance.through / 1e6:.1f} MJ | {100.0 * balance.gap / balance.through:.3f} % | "
@@ -228,7 +231,7 @@ def main() -> int:
     for name in options.runs or RUNS:
         with Progress() as bar:
             task = bar.add_task(name, total=1.0)
-            rows.append(run(name, options.share, lambda done: bar.update(task, completed=done)))
+            rows.append(run(name, options.share, partial(bar.update, task)))
         print(rows[-1])
     if not options.runs and options.share == 1.0:
         PAGE.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")

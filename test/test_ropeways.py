@@ -1,0 +1,104 @@
+"""The shipped ropeways: each starts, runs and keeps the limits of its key figures; drives are balanced by forces."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from cable_twin.key_figures import KeyFigures
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification import JIT
+
+pytestmark = pytest.mark.skipif(not JIT, reason="minutes without compilation")
+
+SPEEDS = {"aerial_tramway": ("cabin", 5.0), "chairlift": ("haul_rope", 2.5), "gondola": ("haul_rope", 6.0)}
+KEPT = ("rope safety factor", "tension over transverse load", "swing along the track", "drive force")
+
+
+@pytest.mark.parametrize("name", SPEEDS)
+def test_it_runs_and_keeps_its_limits(name):
+    scenario = load_scenario(name)
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    target, speed = SPEEDS[name]
+    figures.command(simulation.command(target, speed=speed))
+    halvings, lowest = 0, np.inf
+    for frame in range(300):
+        snapshot = simulation.advance_to(0.1 * (frame + 1))
+        figures.update(snapshot)
+        halvings += snapshot.solver.halvings
+        assert snapshot.solver.constraint_residual < 1e-9
+        if frame % 10 == 0:
+            clearance = simulation.clearance()
+            lowest = min(lowest, clearance.rope.height, *(place.height for place in clearance.vehicles.values()))
+    assert halvings == 0
+    assert lowest > 0.2  # m, and that in the stations
+    found = figures.figures()
+    limited = [figure for figure in found if figure.limit is not None and figure.name.endswith(KEPT)]
+    assert set(KEPT[:3]) <= {figure.name.split(": ")[-1] for figure in limited}
+    assert [figure for figure in limited if not figure.kept] == []
+    for support in snapshot.supports.values():
+        if support.tower is not None:
+            assert support.tower.lowest_load > 0.5 * support.tower.rest_load
+    travel, (low, high) = snapshot.supports["start"].travel, scenario.cable.start.travel
+    assert low < travel < high
+    moving = snapshot.drives[target].speed if scenario.drives else snapshot.carriages[target].speed
+    assert moving == pytest.approx(speed, abs=0.05)
+
+
+def carried(scenario, tension: float, height: float) -> float:
+    """What of a tension (N) a rope keeps along itself at rest: less its weight, with the work of its stretch (N)."""
+    cable = scenario.cable
+    return tension * (1.0 + 0.5 * tension / cable.axial_stiffness) - cable.mass_per_length * scenario.gravity * height
+
+
+def test_tension_of_the_tramway_at_rest_is_that_of_weight_counterweight_and_drive():
+    scenario = load_scenario("aerial_tramway")
+    simulation = Simulation(scenario)
+    supports, cabin = simulation.snapshot.supports, simulation.snapshot.carriages["cabin"]
+    lower, upper = (float(np.linalg.norm(supports[end].force)) for end in ("start", "end"))
+    pull = np.array(scenario.cable.start.direction) / np.linalg.norm(scenario.cable.start.direction)
+    assert float(supports["start"].force @ pull) == pytest.approx(scenario.cable.start.mass * 9.81, rel=1e-6)
+    held = cabin.haul_rope.force
+    got = carried(scenario, upper, 300.0) - carried(scenario, lower, float(simulation.cable_positions([0.0])[0, 1]))
+    assert got == pytest.approx(held, abs=2e-4 * upper)
+
+
+def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
+    """Force of the drive: sum of μ N over the towers, and what tension and weight at both ends leave."""
+    scenario = load_scenario("chairlift", {"carriers": None, "cable.damping_time": 0.05})
+    simulation = Simulation(scenario)
+    simulation.command("haul_rope", speed=2.5)
+    simulation.advance_to(60.0)
+    drives, friction, ends = [], [], []
+    for frame in range(200):
+        snapshot = simulation.advance_to(60.0 + 0.1 * frame)
+        drives.append(snapshot.drives["haul_rope"].force)
+        friction.append(sum(0.03 * s.tower.normal_load for s in snapshot.supports.values() if s.tower is not None))
+        flow = scenario.cable.mass_per_length * 2.5**2
+        heights = simulation.cable_positions([0.0, scenario.cable.unstrained_length])[:, 1]
+        forces = [float(np.linalg.norm(snapshot.supports[end].force)) + flow for end in ("start", "end")]
+        low, high = (carried(scenario, force, height) for force, height in zip(forces, heights, strict=True))
+        ends.append(high - low)
+    assert np.mean(drives) == pytest.approx(np.mean(friction), rel=5e-3)
+    assert np.mean(drives) == pytest.approx(np.mean(ends), rel=2e-2)
+
+
+def test_a_chair_passes_a_tower_smoothly():
+    simulation = Simulation(load_scenario("chairlift"))
+    simulation.command("haul_rope", speed=2.5)
+    simulation.advance_to(25.0)
+    places, loads = [], []
+    for frame in range(500):  # chair_4 from 250 to 300 m, over the tower at 296 m
+        chair = simulation.advance_to(25.0 + 0.05 * frame).carriages["chair_4"]
+        body = chair.bodies["chair"]
+        places.append((chair.arc_length, body.x, body.z))
+        loads.append(float(chair.contact_force[-1]))
+    arc = np.array([place[0] for place in places])
+    assert arc[0] < 285.0
+    assert arc[-1] > 305.0
+    assert all(after > before for before, after in pairwise(arc))
+    accelerations = np.linalg.norm(np.diff([place[1:] for place in places], 2, axis=0), axis=1) / 0.05**2
+    assert accelerations.max() < 1.5  # m/s^2
+    weight = 550.0 * 9.81
+    assert 0.8 * weight < min(loads) < max(loads) < 1.2 * weight
