@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from benchmarks.cases import ropeway, seed_example
 from benchmarks.exudyn_model import ACCURATE, DEFAULT_JOINT, ExudynModel, Setting, load_exudyn
-from benchmarks.measure import Timing, interleave, note_on_load
+from benchmarks.measure import Effort, Timing, interleave, note_on_load
 from benchmarks.report import Part, Table, Value
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
@@ -76,7 +76,7 @@ class Contestant:
         self.iterations, self.positions = model.iterations, model.positions()
 
 
-def run(quick: bool, repetitions: int, progress: Progress) -> Part:
+def run(effort: Effort, progress: Progress) -> Part:
     """Run every case with every contestant."""
     exudyn = load_exudyn()
     settings = {} if exudyn is None else {setting.name: setting for setting in (DEFAULT_JOINT, ACCURATE)}
@@ -84,11 +84,11 @@ def run(quick: bool, repetitions: int, progress: Progress) -> Part:
     summary: list[dict[str, Value]] = []
     faults: list[str] = []
     shares: list[Timing] = []
-    for case in cases(quick):
+    for case in cases(effort.quick):
         contestants = {OURS: Contestant(case)}
         contestants |= {name: Contestant(case, exudyn, setting) for name, setting in settings.items()}
         prepared = {name: contestant.prepare for name, contestant in contestants.items()}
-        timings = interleave(prepared, repetitions, progress, case.name)
+        timings = interleave(prepared, effort.repetitions, progress, case.name)
         shares += timings.values()
         rows: list[dict[str, Value]] = []
         for name, contestant in contestants.items():

@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.progress import Progress
 
-from benchmarks.measure import Timing, median, note_on_load, timed
+from benchmarks.measure import Effort, Timing, median, note_on_load, timed
 from benchmarks.report import Part, Table, Value
 from cable_twin.messages import NAMESPACE, MessageEncoder, Topic, topics
 from cable_twin.recording.mcap_log import McapLog, run_metadata
@@ -29,11 +29,13 @@ SPEED = 7.0  # m/s
 Messages = list[tuple[str, bytes]]
 
 
-def run(quick: bool, repetitions: int, progress: Progress) -> Part:
+def run(effort: Effort, progress: Progress) -> Part:
     """Run all stages in turn, round after round."""
-    count = 50 if quick else FRAMES
+    count = 50 if effort.quick else FRAMES
     _round(2)  # codecs are made on their first use
-    rounds = [_round(count) for _ in progress.track(range(repetitions), description=f"{count} frames, stage by stage")]
+    rounds = [
+        _round(count) for _ in progress.track(range(effort.repetitions), description=f"{count} frames, stage by stage")
+    ]
     stages = {stage: median([one[stage] for one in rounds]) for stage in rounds[0]}
     both = stages.pop("solve and sample")
     solve = stages.pop("solve")

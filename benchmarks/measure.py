@@ -14,7 +14,24 @@ from pathlib import Path
 
 from rich.progress import Progress
 
+from benchmarks import ONE_THREAD
+
+ROOT = Path(__file__).resolve().parents[1]
 LEAST_SHARE = 0.9  # of a processor; with less, something else was running
+
+
+class BenchmarkError(RuntimeError):
+    """A measurement could not be made; one line says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is measured."""
+
+    quick: bool  # fewer and shorter cases
+    repetitions: int
+    minutes: float | None = None  # of the live twin; None for its own choice
+    scenario: str | None = None  # of the live twin
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +84,13 @@ def median(timings: list[Timing]) -> Timing:
     return Timing(
         statistics.median(timing.wall for timing in timings), statistics.median(timing.processor for timing in timings)
     )
+
+
+def environment_of_user() -> dict[str, str]:
+    """Environment for a process that is measured as users start it: this checkout, and as many threads as it likes."""
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    kept = {key: value for key, value in os.environ.items() if key not in ONE_THREAD}
+    return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def note_on_load(timings: list[Timing]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks.cases import ropeway
-from benchmarks.measure import Timing, interleave, note_on_load
+from benchmarks.measure import Effort, Timing, interleave, note_on_load
 from benchmarks.report import Part, Table, Value
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
@@ -19,10 +19,10 @@ STEP = 0.005  # s
 DURATION = 1.0  # s, simulated in each repetition
 
 
-def run(quick: bool, repetitions: int, progress: Progress) -> Part:
+def run(effort: Effort, progress: Progress) -> Part:
     """Run the ropeway on every mesh with one carriage, and on 200 elements with every number of carriages."""
-    duration = 0.1 if quick else DURATION
-    elements, carriages = (ELEMENTS[::4], CARRIAGES[::3]) if quick else (ELEMENTS, CARRIAGES)
+    duration = 0.1 if effort.quick else DURATION
+    elements, carriages = (ELEMENTS[::4], CARRIAGES[::3]) if effort.quick else (ELEMENTS, CARRIAGES)
     series = {
         "elements": {n: ropeway(n, 1, step=STEP) for n in elements},
         "carriages": {n: ropeway(200, n, step=STEP) for n in carriages},
@@ -42,7 +42,7 @@ def run(quick: bool, repetitions: int, progress: Progress) -> Part:
             return advance
 
         contestants = {str(n): (lambda n=n, one=one: prepare(n, one)) for n, one in scenarios.items()}
-        measured = interleave(contestants, repetitions, progress, f"scaling over {kind}")
+        measured = interleave(contestants, effort.repetitions, progress, f"scaling over {kind}")
         steps = round(duration / STEP)
         rows: list[dict[str, Value]] = [
             {

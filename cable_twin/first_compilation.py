@@ -10,13 +10,21 @@ import contextlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import numba
+
+from cable_twin.mechanics.carriage import condense_chain
 from cable_twin.mechanics.compilation import is_compiled
-from cable_twin.mechanics.generalized_alpha import advance
+from cable_twin.mechanics.drive import advance_reference
+from cable_twin.mechanics.equations_of_motion import solve
+from cable_twin.mechanics.generalized_alpha import advance, largest_increment
+from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.runge_kutta import advance_explicitly
-from cable_twin.mechanics.state import allocate_state, allocate_workspace
+from cable_twin.mechanics.sliding_joint import add_joint, driven_force
+from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
 INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
@@ -43,11 +51,29 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
         yield
 
 
+def begin_with(system: System, state: State, work: Workspace) -> dict[Callable[..., Any], tuple[Any, ...]]:
+    """Kernels, with arguments of the types they get, to compile while the static start is at those of the cable.
+
+    Each process finds what the other one has compiled by then, so less is compiled twice.
+    """
+    cable, carriages = system.cable, system.carriages
+    return {
+        solve: (system, state, work),
+        condense_chain: (carriages, cable.gravity, state, 0, 1.0, 1.0, work),
+        add_joint: (system, state, 0, 1.0, 1.0, work),
+        largest_increment: (system, work),
+        driven_force: (system, state, 0),
+        advance_reference: (carriages, cable, state, 0, 1.0),
+    }
+
+
 def main() -> None:
     """Compile one integrator, for a system of any size."""
     integrator = sys.argv[1]
     system = build_system(load_scenario("seed_example", {"solver.integrator": integrator}))
     state, work = allocate_state(system), allocate_workspace(system)
+    for function, arguments in begin_with(system, state, work).items():
+        numba.typeof(function).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
     INTEGRATORS[integrator](system, state, state, state, work, 0)
 
 

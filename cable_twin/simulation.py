@@ -53,6 +53,7 @@ from cable_twin.scenario import Scenario, build_payloads, build_system
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SAMPLES = 200  # points at which a snapshot holds the cable
+START = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)  # nothing done yet
 
 
 class SolverError(RuntimeError):
@@ -92,6 +93,9 @@ class Simulation:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
                 as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
+        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
+        self._arc_lengths.setflags(write=False)
+        self._means = np.empty(self.system.cable.element_count)
         with compiling_ahead(scenario.solver.integrator):
             if scenario.cable.initial_shape == "straight":
                 ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
@@ -99,14 +103,13 @@ class Simulation:
             else:
                 check_rest(self.system, tuple(scenario.towers))
                 settle(self.system, self._state, self._work)
-        self._state.payload[:] = loads
-        self._hang_in_ropes()
+            self._state.payload[:] = loads
+            self._hang_in_ropes()
+            self._initial = clone_state(self._state)
+            self._observe(START)  # compiles what reads the state, while the other process is still at it
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
-        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
-        self._arc_lengths.setflags(write=False)
-        self._means = np.empty(self.system.cable.element_count)
         self._advance = INTEGRATORS[scenario.solver.integrator]
         self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
         self._initial = clone_state(self._state)
@@ -116,7 +119,7 @@ class Simulation:
                 f"{stable_step(self.system):.3g} s: the motion will not stay finite",
                 stacklevel=2,
             )
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(START)
 
     @property
     def time(self) -> float:
@@ -224,7 +227,7 @@ class Simulation:
             self._state.clock[0] = clock
             self.system = self._load(self._state.payload)
         applied = AppliedCommand(self.time, command, source)
-        self._snapshot = self._observe(SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0))
+        self._snapshot = self._observe(START)
         return applied
 
     def advance_to(self, time: float) -> Snapshot:

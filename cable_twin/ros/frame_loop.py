@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.lateness import LatenessHistogram
+from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
 
 IDLE = 0.005  # s between two looks at the queue while paused
@@ -135,6 +136,7 @@ class FrameLoop:
 
     def _guard(self) -> None:
         """Tell what ends the thread, which would else die in silence while the node lives on."""
+        wake_promptly()
         try:
             self._run()
         except Exception as error:

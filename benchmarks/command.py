@@ -1,0 +1,114 @@
+"""The command: which parts, how much of each, and where the tables go."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from benchmarks import accuracy, exudyn_comparison, frame, live, scaling, startup
+from benchmarks.measure import BenchmarkError, Effort
+from benchmarks.report import merge, print_part, write
+from cable_twin.scenario import ScenarioError
+
+FILE_WIDTH = 120  # columns where the output is no terminal
+DONE, FAILED = 0, 1  # exit codes; argparse ends with 2
+PARTS = {
+    "exudyn": (exudyn_comparison.run, "cost of a step, ours and Exudyn's on the same mesh, and how far they are apart"),
+    "scaling": (scaling.run, "cost over 12 to 3200 elements and 1 to 200 carriages, with fitted exponents"),
+    "startup": (startup.run, "memory, import, cold and warm start of a fresh process"),
+    "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),
+    "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
+    "live": (live.run, "frames of the running twin that came late, beside a bare timer; only when named"),
+}
+BY_DEFAULT = [name for name in PARTS if name != "live"]  # it lasts as long as it is told to
+EPILOG = """\
+examples:
+  python -m benchmarks exudyn scaling --output docs
+  python -m benchmarks live --minutes 10 --output docs
+
+With --output, DIR/benchmarks.json keeps the parts that were not run as they were, and DIR/benchmarks.md shows them all.
+exit codes: 0 measured, and all is as it has to be; 1 a limit was missed, two programs moved apart, or something could
+not be measured or written; 2 wrong arguments
+"""
+
+
+def positive(text: str) -> int:
+    """A whole number above zero."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} given; allowed are whole numbers from 1")
+    return int(text)
+
+
+def duration(text: str) -> float:
+    """A finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text!r} given; allowed are numbers above 0")
+    return value
+
+
+def part_name(text: str) -> str:
+    """The name of a part."""
+    if text not in PARTS:
+        raise argparse.ArgumentTypeError(f"{text!r} is no part; allowed are {', '.join(PARTS)}")
+    return text
+
+
+def main() -> int:
+    """Run the parts that were asked for."""
+    width = max(map(len, PARTS))
+    described = "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in PARTS.items())
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=f"Measure the solver on one thread, medians of interleaved repetitions.\n\nparts:\n{described}",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("parts", nargs="*", type=part_name, metavar="PART", help="which parts; default: all but live")
+    parser.add_argument("--quick", action="store_true", help="seconds instead of minutes: fewer and shorter cases")
+    parser.add_argument("--repetitions", type=positive, metavar="N", help="default: 5, 1 with --quick")
+    parser.add_argument(
+        "--minutes", type=duration, metavar="N", help="of live; default: 2, a tenth of one with --quick"
+    )
+    parser.add_argument("--scenario", metavar="NAME", help="of live, name or path; default: aerial_tramway")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="write benchmarks.md, .json and pictures there")
+    options = parser.parse_args()
+
+    chosen = list(dict.fromkeys(options.parts or BY_DEFAULT))
+    for name in ("minutes", "scenario"):
+        if getattr(options, name) is not None and "live" not in chosen:
+            parser.error(f"--{name} is of the part live, which was not asked for")
+    repetitions = options.repetitions or (1 if options.quick else 5)
+    effort = Effort(options.quick, repetitions, options.minutes, options.scenario)
+    console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
+    columns = (TextColumn("{task.description:<48}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    faults = []
+    parts = {}
+    for name in chosen:
+        try:
+            with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as progress:
+                parts[name] = PARTS[name][0](effort, progress)
+        except (BenchmarkError, ScenarioError) as error:
+            faults.append(f"{name}: {error}")
+            continue
+        print_part(parts[name], console)
+        faults += parts[name].faults
+    if options.output is not None:
+        try:
+            files = write(options.output, merge(options.output, parts, order=list(PARTS)), parts)
+        except (OSError, ValueError) as error:
+            print(f"{parser.prog}: --output {options.output}: {error}", file=sys.stderr)
+            return FAILED
+        for file in files:
+            console.print(f"wrote {file}", highlight=False)
+    for fault in faults:
+        print(f"{parser.prog}: {fault}", file=sys.stderr)
+    return FAILED if faults else DONE
