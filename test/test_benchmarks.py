@@ -77,6 +77,7 @@ def test_another_motion_is_a_fault(monkeypatch):
 
     from benchmarks import exudyn_comparison  # noqa: PLC0415
     from benchmarks.exudyn_model import ExudynModel  # noqa: PLC0415
+    from benchmarks.measure import Effort  # noqa: PLC0415
 
     def lighter(self, exudyn, simulation, setting):
         scenario = simulation.scenario
@@ -86,7 +87,7 @@ def test_another_motion_is_a_fault(monkeypatch):
     built = ExudynModel.__init__
     monkeypatch.setattr(ExudynModel, "__init__", lighter)
     with Progress(disable=True) as progress:
-        part = exudyn_comparison.run(True, 1, progress)
+        part = exudyn_comparison.run(Effort(quick=True, repetitions=1), progress)
     assert part.faults
     assert all("allowed are" in fault and "mm from cable_twin" in fault for fault in part.faults)
 
@@ -113,8 +114,14 @@ def test_parts_that_were_not_run_stay(tmp_path):
 def test_refuses_what_it_does_not_know(tmp_path):
     result = run("speed")
     assert result.returncode == 2
-    assert "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy" in result.stderr
+    assert "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, live" in result.stderr
     assert run("--repetitions", "0").returncode == 2
+    result = run("scaling", "--minutes", "3")
+    assert result.returncode == 2
+    assert "--minutes is of the part live, which was not asked for" in result.stderr
+    result = run("live", "--minutes", "-1")
+    assert result.returncode == 2
+    assert "'-1' given; allowed are numbers above 0" in result.stderr
     (tmp_path / "benchmarks.json").write_text("[]")
     result = run("scaling", "--quick", "--output", tmp_path)
     assert result.returncode == 1

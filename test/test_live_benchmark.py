@@ -6,12 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from twin_process import COMPILING, allocate_domain, write_quick_scenario
 
-from benchmarks.live import Second, faults, unexplained
+from benchmarks.live import Result, Second, faults, unexplained
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -38,28 +39,35 @@ def test_missed_frames_are_explained_by_stalls_beside_them(rows, expected):
 
 
 def test_each_limit_is_named_when_it_is_missed():
-    result = {
-        "missed_unexplained": 0,
-        "log_dropped_frames": 0,
-        "cpu_percent": 24.0,
-        "twin": {"lateness_p99.9_ms": 2.9},
-        "bare_timer": {"lateness_p99.9_ms": 0.5},
-    }
+    result = Result(
+        minutes=1.0,
+        twin={"lateness_p99.9_ms": 2.9},
+        bare={"lateness_p99.9_ms": 0.5},
+        seconds=seconds((0, 0.1, 0.1)),
+        processor=24.0,
+        resident=100.0,
+        peak=100.0,
+        commands=100,
+        refused=0,
+        dropped=0,
+    )
     assert faults(result) == []
-    result.update(missed_unexplained=2, cpu_percent=26.0, log_dropped_frames=4, twin={"lateness_p99.9_ms": 3.1})
-    assert faults(result) == [
-        "2 missed frames that no stall of the machine explains",
-        "lateness p99.9 of 3.10 ms, allowed are 3 ms (bare timer: 0.50 ms)",
-        "26.0 % of a core, allowed are 25 %",
-        "4 frames are missing in the logs",
+    late = replace(result, seconds=seconds((2, 0.1, 0.1)), processor=26.0, dropped=4, twin={"lateness_p99.9_ms": 3.1})
+    assert faults(late) == [
+        "live: 2 missed frames that no stall of the machine explains",
+        "live: lateness p99.9 of 3.10 ms, allowed are 3 ms (bare timer: 0.50 ms)",
+        "live: 26.0 % of a core, allowed are 25 %",
+        "live: 4 frames are missing in the logs",
     ]
 
 
 def run(*arguments, directory):
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "ROS_DOMAIN_ID": str(allocate_domain())}
     return subprocess.run(
-        [sys.executable, "-m", "benchmarks.live", *arguments],
+        [sys.executable, "-m", "benchmarks", "live", *arguments],
         cwd=directory,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+        env=environment,
         capture_output=True,
         text=True,
         timeout=2 * COMPILING,
@@ -70,34 +78,32 @@ def run(*arguments, directory):
 def test_a_short_run_gives_every_figure(tmp_path):
     pytest.importorskip("rclpy")
     scenario = write_quick_scenario(tmp_path)
-    options = ["--minutes", "0.1", "--scenario", str(scenario), "--domain", str(allocate_domain())]
-    result = run(*options, "--output", "live.json", "--plot", "live.png", directory=tmp_path)
+    result = run("--minutes", "0.1", "--scenario", str(scenario), "--output", ".", directory=tmp_path)
     assert result.returncode in (0, 1), result.stdout + result.stderr  # the machine may be busy
-    figures = json.loads((tmp_path / "live.json").read_text())
-    twin, bare = figures["twin"], figures["bare_timer"]
+    part = json.loads((tmp_path / "benchmarks.json").read_text())["live"]
+    lateness, process, worst = (table["rows"] for table in part["tables"])
+    twin, bare = lateness
     assert 400 < twin["frames"] < 1500
     assert 300 < bare["frames"] <= twin["frames"] + 50
-    for one in (twin, bare):
-        assert sum(one[key] for key in one if key.startswith("frames_late_")) == one["frames"]
-        assert 0.0 < one["lateness_median_ms"] <= one["lateness_p99_ms"] <= one["lateness_max_ms"]
-    assert figures["commands_sent"] > 50
-    assert figures["commands_refused"] == 0
-    assert len(figures["seconds"]) >= 5
-    assert 0.5 < figures["cpu_percent"] < 200.0
-    assert 50.0 < figures["memory_mb"] <= figures["memory_peak_mb"]
-    assert "| lateness p99.9 (ms) |" in result.stdout
+    for one in lateness:
+        bins = [key for key in one if key.startswith(("below ", "over ")) or " to " in key]
+        assert len(bins) == 7
+        assert sum(one[key] for key in bins) == one["frames"]
+        assert 0.0 < one["median [ms]"] <= one["p99 [ms]"] <= one["max [ms]"]
+    assert process[0]["commands sent"] > 50
+    assert process[0]["refused"] == 0
+    assert len(worst) >= 4
+    assert worst[0]["twin [ms]"] >= worst[-1]["twin [ms]"] > 0.0
+    assert 0.5 < process[0]["processor [% of a core]"] < 200.0
+    assert 50.0 < process[0]["resident [MB]"] <= process[0]["peak [MB]"]
+    assert "## Live" in (tmp_path / "benchmarks.md").read_text()
     assert (tmp_path / "live.png").stat().st_size > 5000
 
 
 def test_what_cannot_be_measured_is_one_line(tmp_path):
     pytest.importorskip("rclpy")
     result = run("--scenario", "nowhere", directory=tmp_path)
-    assert result.returncode == 2
+    assert result.returncode == 1
     assert "Traceback" not in result.stderr
+    assert "python -m benchmarks: live:" in result.stderr
     assert "nowhere" in result.stderr
-    result = run("--minutes", "-1", directory=tmp_path)
-    assert result.returncode == 2
-    assert "-1 given, a number above 0 is needed" in result.stderr
-    result = run("--output", "missing/live.json", directory=tmp_path)
-    assert result.returncode == 2
-    assert "there is no directory" in result.stderr
