@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmarks import accuracy, exudyn_comparison, frame, live, scaling, startup
+from benchmarks import accuracy, convergence, exudyn_comparison, frame, live, scaling, startup
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, write
 from cable_twin.scenario import ScenarioError
@@ -23,6 +23,7 @@ PARTS = {
     "startup": (startup.run, "memory, import, cold and warm start of a fresh process"),
     "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
+    "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "live": (live.run, "frames of the running twin that came late, beside a bare timer; only when named"),
 }
 BY_DEFAULT = [name for name in PARTS if name != "live"]  # it lasts as long as it is told to

@@ -19,8 +19,9 @@ Value = float | int | str | None
 HEAD = """\
 # Benchmarks
 
-Written by `python -m benchmarks --output docs`; the same numbers are in [benchmarks.json](benchmarks.json). Wall times
-are medians of interleaved repetitions on one thread.
+Written by `python -m benchmarks --output docs` and `python -m benchmarks live --minutes 10 --output docs`, part by
+part; the same numbers are in [benchmarks.json](benchmarks.json). Times of the solver are medians of interleaved
+repetitions on one thread.
 """
 
 

@@ -252,7 +252,7 @@ class Carriers(Section):
 
 
 class Solver(Section):
-    """Time integration."""
+    """Time integration; `python -m benchmarks accuracy convergence` shows what other values cost and give."""
 
     integrator: Literal["generalized_alpha", "runge_kutta"] = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"

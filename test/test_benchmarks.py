@@ -114,7 +114,9 @@ def test_parts_that_were_not_run_stay(tmp_path):
 def test_refuses_what_it_does_not_know(tmp_path):
     result = run("speed")
     assert result.returncode == 2
-    assert "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, live" in result.stderr
+    assert (
+        "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, convergence, live" in result.stderr
+    )
     assert run("--repetitions", "0").returncode == 2
     result = run("scaling", "--minutes", "3")
     assert result.returncode == 2
