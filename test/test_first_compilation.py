@@ -15,7 +15,7 @@ CODE = """
 import numba
 from cable_twin.first_compilation import begin_with
 from cable_twin.mechanics.equations_of_motion import assemble
-from cable_twin.mechanics.generalized_alpha import find_saturated, step
+from cable_twin.mechanics.generalized_alpha import drive_force, step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
@@ -27,7 +27,7 @@ state, work = allocate_state(system), allocate_workspace(system)
 callers = {
     step: (system, state, 1.0, work),
     assemble: (system, state, 1.0, 1.0, 1.0, work),
-    find_saturated: (system, state, state, work),
+    drive_force: (system, state, 0),
 }
 for caller, arguments in callers.items():
     numba.njit(caller.py_func, error_model="numpy", _nrt=False).compile(types(*arguments))
