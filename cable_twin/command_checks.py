@@ -9,7 +9,7 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
-from cable_twin.scenario_schema import Carriage, Limits
+from cable_twin.scenario.schema import Carriage, Limits
 
 STRONGEST_WIND = 100.0  # m/s
 

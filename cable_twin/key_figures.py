@@ -20,7 +20,7 @@ from cable_twin.extremes import Extremes, Stops
 from cable_twin.outlines import body_outlines
 from cable_twin.records import AppliedCommand, CableSamples, FloatArray, Place, Snapshot
 from cable_twin.scenario import Scenario
-from cable_twin.scenario_schema import Limits
+from cable_twin.scenario.schema import Limits
 
 Bound = Literal["at most", "at least"]
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance

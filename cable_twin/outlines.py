@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_twin.scenario_schema import Body, Scenario
+from cable_twin.scenario.schema import Body, Scenario
 
 FloatArray = NDArray[np.float64]
 

@@ -12,43 +12,29 @@ import numpy as np
 
 from cable_twin.clearance import find_clearance
 from cable_twin.command_checks import check_drive, check_payload, check_wind
+from cable_twin.driving import brake, drive, drive_mode, hang_in_ropes
 from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
-from cable_twin.mechanics.carriage import pivot
 from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import set_drive_mode, take_over
-from cable_twin.mechanics.haul_rope import hang_in_rope
+from cable_twin.mechanics.generalized_alpha import set_drive_mode
 from cable_twin.mechanics.modes import natural_modes
 from cable_twin.mechanics.moving_cable import park
-from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, FloatArray, Payloads, System
+from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
-from cable_twin.mechanics.readout import (
-    Observation,
-    allocate_observation,
-    energies,
-    observe,
-    sample_positions,
-    sample_tensions,
-)
+from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions
 from cable_twin.mechanics.runge_kutta import stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.observer import Observer
 from cable_twin.outlines import body_outlines
 from cable_twin.records import (
     AppliedCommand,
-    BodyState,
-    CableSamples,
-    CarriageState,
     Clearance,
     Command,
     CommandError,
-    DriveState,
     Energy,
-    HaulRopeState,
     Snapshot,
     SolverReport,
-    SupportState,
-    TowerState,
 )
 from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
@@ -97,8 +83,7 @@ class Simulation:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
                 as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
-        self._arc_lengths = np.linspace(0.0, self.system.cable.unstrained_length, samples, dtype=np.float64)
-        self._arc_lengths.setflags(write=False)
+        self._observer = Observer(scenario, self._empty, self._payloads, samples)
         self._means = np.empty(self.system.cable.element_count)
         with compiling_ahead(scenario.solver.integrator):
             if scenario.cable.initial_shape == "straight":
@@ -108,9 +93,11 @@ class Simulation:
                 check_rest(self.system, tuple(scenario.towers))
                 settle(self.system, self._state, self._work)
             self._state.payload[:] = loads
-            self._hang_in_ropes()
+            hang_in_ropes(self.system, self._state, [*self._index])
             self._initial = clone_state(self._state)
-            self._look()  # compiles what reads the state, while the other process is still at it
+            self._observer.look(
+                self.system, self._state, self._work
+            )  # compiles what reads the state, while the other process is still at it
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False
@@ -261,7 +248,7 @@ class Simulation:
                 if name in self.drives:
                     self._state.rope_target[0] = value
                 else:
-                    self._drive(self._index[name], command.kind, value)
+                    drive(self._state, self._index[name], command.kind, value)
                 self._commands[name] = Command(command.kind, {name: value})
         elif command.kind == "emergency_stop":
             if not self._stopped:
@@ -271,12 +258,14 @@ class Simulation:
             self._state.rope_target[0] = 0.0
             self._state.rope_braking[0] = True
             for index in range(len(self.carriages)):
-                self._brake(index)
+                brake(self.system, self._state, index)
         elif command.kind == "release":
             self._stopped = False
             for index in np.flatnonzero(self._state.drive_braking).tolist():
-                if self._drive_mode(index) == FORCE:  # let go for its track-rope brake alone: the drive holds again
-                    self._drive(index, "speed", 0.0)
+                if (
+                    drive_mode(self._state, index) == FORCE
+                ):  # let go for its track-rope brake alone: the drive holds again
+                    drive(self._state, index, "speed", 0.0)
             self._state.drive_braking[:] = False
             self._state.rope_braking[:] = False
         elif command.kind == "payload":
@@ -389,50 +378,6 @@ class Simulation:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
         return round(clock * self.step * 1e9) / 1e9
 
-    def _drive(self, index: int, kind: str, value: float) -> None:
-        """Set mode and target of one drive; a driven joint takes over from the present motion."""
-        state = self._state
-        if kind == "force":
-            as_python(set_drive_mode)(state, index, FORCE)
-            state.drive_force[index] = value
-            return
-        if self._drive_mode(index) != SPEED:
-            as_python(set_drive_mode)(state, index, SPEED)
-            as_python(take_over)(state, index)
-        state.drive_target[index] = value
-
-    def _drive_mode(self, index: int) -> int:
-        """Mode of a drive, be it on the carriage itself or on a sheave."""
-        state = self._state
-        return int(state.sheave_mode[index] if state.drive_mode[index] == HAULED else state.drive_mode[index])
-
-    def _brake(self, index: int) -> None:
-        """Stop one carriage with what its scenario says: its drive, brakes on it, or the track-rope brake alone."""
-        drives = self.system.carriages
-        if drives.clamped[index]:
-            return
-        braked = bool(drives.brake_force[index].any())
-        if self._drive_mode(index) == FREE and not braked:
-            return
-        stoppable = drives.drive_stops[index] or drives.brake_force[index, :TRACK_ROPE].any()
-        if self._drive_mode(index) != FREE or stoppable:
-            self._drive(index, "speed" if stoppable else "force", 0.0)
-        self._state.drive_braking[index] = True
-
-    def _hang_in_ropes(self) -> None:
-        """Start every haul rope with the force that holds its carriage."""
-        for name, index in self._index.items():
-            if self._state.drive_mode[index] != HAULED:
-                continue
-            force = float(self._state.drive_force[index])
-            if not hang_in_rope(self.system, self._state, index, force):
-                raise EquilibriumError(
-                    f"carriages.{name}.drive.haul_rope: it would have to push with {abs(force):.4g} N to hold the "
-                    f"carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
-                )
-            if self._drive_mode(index) != SPEED:
-                self._state.drive_force[index] = 0.0
-
     def _load(self, masses: FloatArray) -> System:
         """The system under payloads (carriages,) in kg."""
         return self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
@@ -445,72 +390,10 @@ class Simulation:
         shift_centres(self._state, shifts[1] - shifts[0])
         self.system = self._load(self._state.payload)
 
-    def _look(self) -> Observation:
-        """Read what has to be computed for a snapshot."""
-        seen = allocate_observation(self.system, self._arc_lengths.size)
-        observe(self.system, self._state, self._work, self._arc_lengths, self._means, seen)
-        return seen
-
     def _observe(self, report: SolverReport) -> Snapshot:
-        """Put everything that a snapshot holds together."""
-        seen = self._look()
-        position, speed, _ = self._state.rope.tolist()
-        return Snapshot(
-            time=self.time,
-            carriages={
-                name: self._carriage(index, bodies, seen) for index, (name, bodies) in enumerate(self.carriages.items())
-            },
-            supports=self._supports(seen),
-            cable=CableSamples(arc_lengths=self._arc_lengths, positions=seen.positions, tensions=seen.tensions),
-            solver=report,
-            drives={name: DriveState(position, speed, float(seen.haul_force[0])) for name in self.drives},
-        )
-
-    def _supports(self, seen: Observation) -> dict[str, SupportState]:
-        """Both ends and every tower."""
-        supports = {
-            name: SupportState(force, travel=travel if mass > 0.0 else None)
-            for name, force, travel, mass in zip(
-                ("start", "end"), seen.ends, seen.travels.tolist(), self.system.counterweights.mass, strict=True
-            )
-        }
-        for index, name in enumerate(self.scenario.towers):
-            load, lowest = self._state.tower_load[index].tolist()
-            rest = float(self._initial.tower_load[index, 0])
-            supports[name] = SupportState(seen.towers[index], TowerState(load, lowest, rest, load == 0.0))
-        return supports
-
-    def _carriage(self, index: int, bodies: tuple[str, ...], seen: Observation) -> CarriageState:
-        state = self._state
-        first = int(self.system.carriages.body_offset[index])
-        coordinates = state.body_coordinates[first : first + len(bodies)].tolist()
-        velocities = state.body_velocities[first : first + len(bodies)].tolist()
-        if state.payload[index] > 0.0:
-            number = int(self._payloads.body[index])
-            offset = centre_offsets(self._empty.carriages, self._payloads, state.payload)[number]
-            body = number - first
-            arm_x, arm_z, turn_x, turn_z = as_python(pivot)(coordinates[body][2], offset)
-            spin = velocities[body][2]
-            for row, x, z in ((coordinates[body], arm_x, arm_z), (velocities[body], turn_x * spin, turn_z * spin)):
-                row[0], row[1] = row[0] - x, row[1] - z
-        states: Mapping[str, BodyState] = {
-            name: BodyState(*q, *q_dot) for name, q, q_dot in zip(bodies, coordinates, velocities, strict=True)
-        }
-        haul_rope = None
-        if state.drive_mode[index] == HAULED:
-            travel, rate = state.sheave[index, :2].tolist()
-            haul_rope = HaulRopeState(travel, rate, float(seen.rope_forces[index]))
-        return CarriageState(
-            arc_length=float(state.sliding_coordinate[index]),
-            speed=float(state.sliding_velocity[index]),
-            drive_force=float(state.drive_force[index]),
-            contact_force=state.multipliers[first].copy(),
-            position=seen.joints[index],
-            bodies=states,
-            attached=bool(state.attached[index]),
-            payload=float(state.payload[index]),
-            haul_rope=haul_rope,
-        )
+        """What there is to see now."""
+        rest_loads = self._initial.tower_load[:, 0]
+        return self._observer.snapshot(self.time, self.system, self._state, self._work, rest_loads, report)
 
 
 __all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.command_messages import (
+    applied_command_from_message,
+    applied_command_message,
+    command_from_joint_state,
+    payload_from_joint_state,
+    wind_from_vector,
+)
 from cable_twin.messages import (
     PATH_PERIOD,
     SECOND,
     TYPESTORE,
-    CommandError,
     Header,
     MessageEncoder,
     Path,
@@ -25,19 +31,14 @@ from cable_twin.messages import (
     Vector3,
     Vector3Stamped,
     WrenchStamped,
-    applied_command_from_message,
-    applied_command_message,
     clock_message,
-    command_from_joint_state,
     decode,
     diagnostics_message,
     full_name,
-    payload_from_joint_state,
     scenario_from_message,
     scenario_message,
     serialize,
     topics,
-    wind_from_vector,
 )
 from cable_twin.records import (
     AppliedCommand,
@@ -45,6 +46,7 @@ from cable_twin.records import (
     CableSamples,
     CarriageState,
     Command,
+    CommandError,
     Snapshot,
     SolverReport,
     SupportState,

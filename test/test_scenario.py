@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-import cable_twin.scenario as module
+import cable_twin.scenario.files as module
 from cable_twin.scenario import (
     Scenario,
     ScenarioError,
@@ -21,7 +21,7 @@ from cable_twin.scenario import (
     load_scenario,
     scenario_names,
 )
-from cable_twin.scenario_schema import Section
+from cable_twin.scenario.schema import Section
 
 SEED = load_scenario("seed_example")
 TRAMWAY = load_scenario("aerial_tramway")
@@ -66,7 +66,7 @@ def test_config_directory_of_an_installed_package_is_in_the_share_of_its_prefix(
     package = tmp_path / "lib" / "python3.12" / "site-packages" / "cable_twin"
     package.mkdir(parents=True)
     (package.parent / "config").mkdir()  # of somebody else
-    monkeypatch.setattr(module, "__file__", str(package / "scenario.py"))
+    monkeypatch.setattr(module, "__file__", str(package / "scenario" / "files.py"))
     with pytest.raises(ScenarioError, match="share/cable_twin/config"):
         config_directory()
     shared = tmp_path / "share" / "cable_twin" / "config"

@@ -20,17 +20,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.command_line import OneLineParser
-from cable_twin.messages import (
-    CABLE,
-    CABLE_PATH,
-    JOINT_STATES,
-    SECOND,
-    TF,
-    MessageEncoder,
-    applied_command_message,
-    decode,
-    topics,
-)
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import CABLE, CABLE_PATH, JOINT_STATES, SECOND, TF, MessageEncoder, decode, topics
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
 from cable_twin.recording.mcap_log import run_metadata

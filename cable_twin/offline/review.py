@@ -37,7 +37,7 @@ from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.records import AppliedCommand, Snapshot
 from cable_twin.scenario import ScenarioError, load_scenario
-from cable_twin.scenario_schema import Carriers
+from cable_twin.scenario.schema import Carriers
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch

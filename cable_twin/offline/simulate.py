@@ -21,8 +21,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
+from cable_twin.command_messages import applied_command_message
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import MessageEncoder, applied_command_message, nanoseconds, topics
+from cable_twin.messages import MessageEncoder, nanoseconds, topics
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
 from cable_twin.offline.start import start_of

@@ -18,15 +18,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
-from cable_twin.messages import (
-    APPLIED_COMMANDS,
-    NAMESPACE,
-    SCENARIO,
-    SECOND,
-    applied_command_from_message,
-    full_name,
-    scenario_from_message,
-)
+from cable_twin.command_messages import applied_command_from_message
+from cable_twin.messages import APPLIED_COMMANDS, NAMESPACE, SCENARIO, SECOND, full_name, scenario_from_message
 from cable_twin.recording.mcap_log import FORMAT_VERSION, METADATA_NAME, SNAPSHOT_NAME
 from cable_twin.records import AppliedCommand
 

@@ -24,6 +24,12 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.command_messages import (
+    applied_command_message,
+    command_from_joint_state,
+    payload_from_joint_state,
+    wind_from_vector,
+)
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import (
     CLOCK,
@@ -36,16 +42,12 @@ from cable_twin.messages import (
     WIND,
     MessageEncoder,
     Status,
-    applied_command_message,
     clock_message,
-    command_from_joint_state,
     decode,
     diagnostics_message,
     nanoseconds,
-    payload_from_joint_state,
     scenario_message,
     topics,
-    wind_from_vector,
 )
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot

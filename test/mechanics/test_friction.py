@@ -6,7 +6,7 @@ import pytest
 from cable_twin.mechanics.sliding_joint import deflection, friction_force, settle_friction, stop_force
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import build_system, load_scenario
-from cable_twin.scenario_parameters import PRESLIDING
+from cable_twin.scenario.parameters import PRESLIDING
 from verification import JIT
 from verification.drives import GRAVITY, MASS, gained_speed, slope
 

@@ -10,15 +10,8 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
-from cable_twin.messages import (
-    APPLIED_COMMANDS,
-    SCENARIO,
-    MessageEncoder,
-    applied_command_message,
-    nanoseconds,
-    scenario_message,
-    topics,
-)
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, nanoseconds, scenario_message, topics
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.mcap_log import McapLog, run_metadata

@@ -13,14 +13,8 @@ import pytest
 from bags import NO_BAGS, alter, bag, unchanged
 from twin_process import run_module, write_quick_scenario
 
-from cable_twin.messages import (
-    SCENARIO,
-    MessageEncoder,
-    applied_command_message,
-    decode,
-    serialize,
-    topics,
-)
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import SCENARIO, MessageEncoder, decode, serialize, topics
 from cable_twin.offline.replay import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.mcap_log import FORMAT_VERSION

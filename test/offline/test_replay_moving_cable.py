@@ -6,7 +6,8 @@ import pytest
 from test_moving_cable_twin import short_lift
 from twin_process import run_module
 
-from cable_twin.messages import MessageEncoder, applied_command_message, decode, topics
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import MessageEncoder, decode, topics
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import start_run
 from cable_twin.records import Command

@@ -18,16 +18,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from ruamel.yaml import YAML
 
 import cable_twin
-from cable_twin.messages import (
-    APPLIED_COMMANDS,
-    SCENARIO,
-    TYPESTORE,
-    MessageEncoder,
-    applied_command_message,
-    decode,
-    scenario_message,
-    topics,
-)
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, TYPESTORE, MessageEncoder, decode, scenario_message, topics
 from cable_twin.recording.log_reader import LogError, read_log
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder

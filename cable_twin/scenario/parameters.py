@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
-from cable_twin.scenario_schema import Cable, Carriage, Drive, Scenario, Support, Tower
+from cable_twin.scenario.schema import Cable, Carriage, Drive, Scenario, Support, Tower
 
 ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides

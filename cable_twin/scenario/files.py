@@ -1,4 +1,4 @@
-"""Scenario files: read one, say everything that is wrong with it, and build the constants of the mechanics from it."""
+"""Scenario files: find one, read it, change values in it, and say everything that is wrong with it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from cable_twin.scenario_checks import Fault, find_faults, inner_model, show, unknown_key
-from cable_twin.scenario_parameters import build_payloads, build_system
-from cable_twin.scenario_schema import Scenario
-
-__all__ = [
-    "Scenario",
-    "ScenarioError",
-    "build_payloads",
-    "build_system",
-    "config_directory",
-    "load_scenario",
-    "scenario_names",
-]
+from cable_twin.scenario.checks import find_faults, inner_model, unknown_key
+from cable_twin.scenario.fault import Fault, show
+from cable_twin.scenario.schema import Scenario
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -95,7 +85,7 @@ def config_directory() -> Path:
         ScenarioError: when there is none.
     """
     for module in (Path(__file__).absolute(), Path(__file__).resolve()):
-        checkout = module.parent.parent
+        checkout = module.parents[2]
         if (checkout / "resource" / "cable_twin").is_file() and (checkout / "config").is_dir():
             return checkout / "config"
         for prefix in module.parents:

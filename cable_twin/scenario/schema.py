@@ -1,7 +1,7 @@
 """What a scenario consists of: names, types, units, bounds and defaults of everything in a scenario file.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `scenario_checks`; use `scenario.load_scenario`, which applies both.
+is in `checks`; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class Friction(Section):
 
 
 class EndStop(Section):
-    """Elastic buffer at both ends of the cable; null is worked out, see `scenario_parameters.end_stop`."""
+    """Elastic buffer at both ends of the cable; null is worked out, see `parameters.end_stop`."""
 
     stroke: float | None = quantity("m", "its length", None, gt=0)
     stiffness: float | None = quantity("N/m", "its stiffness", None, gt=0)

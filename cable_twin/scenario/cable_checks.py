@@ -1,0 +1,197 @@
+"""Values of cable, ends, towers, loads and terrain that are sound alone but not together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import copysign, hypot, nan
+
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.schema import Cable, Scenario, Support
+
+LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
+HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
+
+
+def cable_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them."""
+    yield from _supports(scenario)
+    yield from _span(scenario)
+    yield from _towers(scenario)
+    yield from _loads(scenario.cable)
+    yield from _terrain(scenario)
+
+
+def _supports(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
+    for name in ("start", "end"):
+        end = getattr(cable, name)
+        path = ("cable", name, "direction")
+        if end.support in ("clamped", "counterweight"):
+            if end.direction is None:
+                yield Fault(path, f"nothing given, but {_kind(end)} needs it; allowed: a list of 2 finite numbers")
+            elif hypot(*end.direction) == 0.0:
+                yield Fault(path, f"given {show(list(end.direction))}; allowed: a direction, not both numbers zero")
+        elif end.support is not None and end.direction is not None:
+            yield Fault(
+                path,
+                f"given {show(list(end.direction))} where support is {end.support}; "
+                "allowed: only where clamped or at a counterweight",
+            )
+    if cable.start.support == cable.end.support == "free" and cable.initial_shape != "straight":
+        yield Fault(
+            ("cable", "end", "support"),
+            "given 'free' at both ends; allowed: pinned or clamped at one at least, or initial_shape: straight",
+        )
+    if cable.start.support == cable.end.support == "counterweight":
+        yield Fault(("cable", "end", "support"), "given 'counterweight' at both ends; allowed: at one of them")
+    for name in ("start", "end"):
+        if getattr(cable, name).support is not None:
+            yield from _counterweight(scenario, name)
+
+
+def _kind(end: Support) -> str:
+    """What an end is, in words."""
+    return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
+
+
+def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
+    """What a counterweight needs and what only a counterweight has."""
+    cable = scenario.cable
+    end = getattr(cable, name)
+    path = ("cable", name)
+    if end.support != "counterweight":
+        for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
+            given = getattr(end, key)
+            if given is not None:
+                given = list(given) if isinstance(given, tuple) else given
+                yield Fault(
+                    (*path, key),
+                    f"given {show(given)} where support is {end.support}; allowed: only at a counterweight, in {unit}",
+                )
+        return
+    if end.mass is None:
+        yield Fault((*path, "mass"), "nothing given, but a counterweight needs it; allowed: a number above 0, in kg")
+    pull = (end.mass or nan) * scenario.gravity if end.force is None else end.force
+    if pull == 0.0:
+        yield Fault((*path, "force"), "nothing given, and no weight without gravity; allowed: a number above 0, in N")
+    if pull > LARGEST_STRAIN * cable.axial_stiffness:
+        yield Fault(
+            (*path, "mass" if end.force is None else "force"),
+            f"given a pull of {pull:.6g} N, a strain of {100.0 * pull / cable.axial_stiffness:.3g} %; allowed: at most "
+            f"{LARGEST_STRAIN * cable.axial_stiffness:.6g} N, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+        )
+    if end.travel is not None and end.travel[0] >= end.travel[1]:
+        yield Fault(
+            (*path, "travel"), f"given {show(list(end.travel))}; allowed: the least travel, then a greater one, in m"
+        )
+    if end.direction is not None:
+        corners = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
+        inner = corners[-2] if name == "end" else corners[1]
+        outwards = (end.position[0] - inner[0], end.position[1] - inner[1])
+        if outwards[0] * end.direction[0] + outwards[1] * end.direction[1] <= 0.0 < hypot(*end.direction):
+            yield Fault(
+                (*path, "direction"),
+                f"given {show(list(end.direction))}, which lets the cable go slack; allowed: one that pulls it "
+                f"away from {show(list(inner))}",
+            )
+
+
+def _span(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
+    start, end = cable.start, cable.end
+    if not {start.support, end.support} <= HELD:
+        return
+    if (
+        hypot(end.position[0] - start.position[0], end.position[1] - start.position[1])
+        <= 1e-6 * cable.unstrained_length
+    ):
+        yield Fault(
+            ("cable", "end", "position"),
+            f"given {show(list(end.position))}, the place of the start; allowed: another place, in m",
+        )
+    corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
+    way = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners))
+    strain = way / cable.unstrained_length - 1.0
+    over = " apart" if not scenario.towers else " apart over the towers"
+    if "counterweight" in (start.support, end.support):
+        if cable.initial_shape == "straight":
+            yield Fault(("cable", "initial_shape"), "given 'straight' with a counterweight; allowed: equilibrium")
+        return
+    if cable.initial_shape == "straight" and abs(strain) > 1e-9:
+        yield Fault(
+            ("cable", "initial_shape"),
+            f"given 'straight', unstrained, between held ends {way:.9g} m apart with a cable of "
+            f"{cable.unstrained_length:.9g} m; allowed: equilibrium, or a free end",
+        )
+    if strain > LARGEST_STRAIN:
+        yield Fault(
+            ("cable", "unstrained_length"),
+            f"given {cable.unstrained_length!r} for ends that are {way:.6g} m{over}, which needs a strain of "
+            f"{100.0 * strain:.3g} % and a tension of {cable.axial_stiffness * strain:.3g} N; allowed: at least "
+            f"{way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+        )
+
+
+def _towers(scenario: Scenario) -> Iterator[Fault]:
+    cable = scenario.cable
+    start, end = cable.start, cable.end
+    if scenario.towers and "free" in (start.support, end.support):
+        yield Fault(("towers",), "given with a free end of the cable; allowed: only where both ends are held")
+    weighted = "counterweight" in (start.support, end.support)
+    if scenario.towers and cable.initial_shape == "straight" and not weighted:
+        yield Fault(("cable", "initial_shape"), "given 'straight' over towers; allowed: equilibrium")
+    way = copysign(1.0, end.position[0] - start.position[0])
+    before, passed = "the start", start.position[0]
+    for name, tower in scenario.towers.items():
+        path = ("towers", name)
+        yield from name_faults(path)
+        if name in ("start", "end"):
+            yield Fault(path, f"given the name {name!r}, that of an end of the cable; allowed: another one")
+        x = tower.position[0]
+        if way * (x - passed) <= 0.0 or way * (end.position[0] - x) <= 0.0:
+            yield Fault(
+                (*path, "position"),
+                f"given {show(list(tower.position))}; allowed: x between {passed:g} m of {before} and "
+                f"{end.position[0]:g} m of the end, in order along the cable",
+            )
+        before, passed = f"tower {name!r}", x
+        if tower.contacts > 1 and tower.length == 0.0:
+            yield Fault((*path, "length"), f"given 0.0 for {tower.contacts} contacts; allowed: a number above 0, in m")
+        if tower.contacts == 1 and tower.length > 0.0:
+            yield Fault((*path, "length"), f"given {tower.length!r} for one contact; allowed: 0, or more contacts")
+        if tower.radius is not None and tower.length > tower.radius:
+            yield Fault(
+                (*path, "length"),
+                f"given {tower.length!r}, more than one radian of a circle of {tower.radius:g} m; "
+                f"allowed: at most {tower.radius:g} m",
+            )
+
+
+def _loads(cable: Cable) -> Iterator[Fault]:
+    length = cable.unstrained_length
+    for number, load in enumerate(cable.loads):
+        path: KeyPath = ("cable", "loads", number)
+        if load.arc_length > length:
+            yield Fault((*path, "arc_length"), f"given {load.arc_length!r}; allowed: 0 to {length:.9g} m, on the cable")
+        elif load.moment != 0.0 and 0.0 < load.arc_length < length:
+            yield Fault((*path, "moment"), f"given {load.moment!r} within the cable; allowed: only at its ends, in N m")
+
+
+def _terrain(scenario: Scenario) -> Iterator[Fault]:
+    terrain = scenario.terrain
+    if not terrain:
+        return
+    x = [point[0] for point in terrain]
+    if len(x) < 2:
+        yield Fault(("terrain",), f"given {len(x)} point; allowed: at least 2 points x, z, in m")
+        return
+    for number, (before, after) in enumerate(pairwise(x), start=1):
+        if after <= before:
+            yield Fault(("terrain", number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
+    low, high = sorted((scenario.cable.start.position[0], scenario.cable.end.position[0]))
+    if x[0] > low or x[-1] < high:
+        yield Fault(
+            ("terrain",),
+            f"given from x = {x[0]:g} to {x[-1]:g} m; allowed: at least the whole track, {low:g} to {high:g} m",
+        )

@@ -1,0 +1,171 @@
+"""All that is wrong with a scenario, at once: each fault with its key path, what was given and what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from math import nan
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from cable_twin.scenario.cable_checks import cable_faults
+from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.vehicle_checks import vehicle_faults
+
+
+def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
+    """Read a scenario from plain data.
+
+    Args:
+        data: dicts with text keys, lists and scalars.
+
+    Returns:
+        The scenario, or None where it has faults, and the faults. What is implausible is found even where other
+        values have faults of their own.
+    """
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        found = {
+            fault.path: fault for fault in (_schema_fault(item["loc"], item["type"], data) for item in error.errors())
+        }
+        salvaged = _salvage(Scenario, data, set(found))
+        return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
+    faults = list(_implausible(scenario))
+    return (None if faults else scenario), faults
+
+
+def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
+    """The fault of a key that does not exist, with the nearest one that does."""
+    known = list(known)
+    near = get_close_matches(str(path[-1]), known, n=1)
+    if near:
+        hint = f"did you mean {near[0]!r}?"
+    else:
+        hint = f"allowed: {', '.join(known)}" if known else "nothing can be set below this"
+    return Fault(path, f"this key does not exist; {hint}")
+
+
+def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
+    """The model in a field, or null, and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); or no model."""
+    annotation, _ = _scalar(field.annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return None, annotation
+    container, inner = get_origin(annotation), get_args(annotation)
+    model = {dict: inner[1:2], tuple: inner[:1]}.get(container, ())
+    if model and isinstance(model[0], type) and issubclass(model[0], BaseModel):
+        return container, model[0]
+    return None, None
+
+
+def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
+    """Word one finding of pydantic."""
+    if kind == "extra_forbidden":
+        _, model, _ = _locate(location[:-1])
+        return unknown_key(location, model.model_fields if model else ())
+    field, _, used = _locate(location)
+    path = location[:used]
+    given: Any = data
+    for key in path:
+        if isinstance(given, Mapping) and key not in given:
+            return Fault(path, f"nothing given, but it is needed; allowed: {_allowed(field)}")
+        given = given[key]
+    return Fault(path, f"given {show(given)}; allowed: {_allowed(field)}")
+
+
+def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
+    """The deepest field on a path, the model that the path leads into, and how much of the path belongs to them."""
+    field: FieldInfo | None = None
+    model: type[BaseModel] | None = Scenario
+    used = 0
+    while model is not None and used < len(path):
+        field = model.model_fields[str(path[used])]
+        container, model = inner_model(field)
+        used += 1
+        if container is not None:
+            if used == len(path):
+                return field, None, used
+            used += 1  # the name or the number of the item
+    return field, model, used
+
+
+def _scalar(annotation: Any) -> tuple[Any, bool]:
+    """An annotation without Annotated and Optional, and whether null is allowed."""
+    if get_origin(annotation) is Annotated:
+        return _scalar(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return _scalar(next(arg for arg in get_args(annotation) if arg is not type(None)))[0], True
+    return annotation, False
+
+
+def _allowed(field: FieldInfo | None) -> str:
+    """What a field allows, in words, with its unit."""
+    if field is None:
+        return "a mapping"
+    container, model = inner_model(field)
+    kind, optional = _scalar(field.annotation)
+    bounds = {
+        "gt": "above",
+        "ge": "at least",
+        "lt": "below",
+        "le": "at most",
+        "min_length": "with a length of at least",
+    }
+    limits = [
+        f"{word} {getattr(limit, name):g}"
+        for limit in field.metadata
+        for name, word in bounds.items()
+        if getattr(limit, name, None) is not None
+    ]
+    if model is not None or container is not None:
+        text = "a list of mappings" if container is tuple else "a mapping"
+    elif get_origin(kind) is Literal:
+        text = f"one of {', '.join(get_args(kind))}"
+    elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+        words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
+        text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
+    elif get_origin(kind) is tuple:
+        text = f"a list of {len(get_args(kind))} finite numbers"
+    else:
+        text = {float: "a finite number", int: "a whole number", str: "a text"}[kind]
+    text = " ".join([text, " and ".join(limits)]) if limits else text
+    unit = field.json_schema_extra.get("unit") if isinstance(field.json_schema_extra, dict) else None
+    text = f"{text}, in {unit}" if unit not in (None, "-") else text
+    return f"{text}, or null" if optional else text
+
+
+def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
+    """Build a model from what is sound; a number without a sound value is NaN, so that no comparison finds it wrong."""
+    values: dict[str, Any] = {}
+    data = data if isinstance(data, dict) else {}
+    for name, field in model.model_fields.items():
+        here = (*at, name)
+        container, inner = inner_model(field)
+        kind, _ = _scalar(field.annotation)
+        given = data.get(name)
+        if inner is not None and container is None:
+            absent = given is None and _scalar(field.annotation)[1]
+            values[name] = None if absent else _salvage(inner, given, bad, here)
+        elif inner is not None and container is dict:
+            items = given.items() if isinstance(given, dict) else ()
+            values[name] = {key: _salvage(inner, item, bad, (*here, key)) for key, item in items}
+        elif inner is not None:
+            numbered = enumerate(given) if isinstance(given, list) else ()
+            values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
+        elif here in bad and get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+            values[name] = ()
+        elif here in bad or (name not in data and field.is_required()):
+            values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
+        else:
+            values[name] = given if name in data else field.get_default(call_default_factory=True)
+    return model.model_construct(**values)
+
+
+def _implausible(scenario: Scenario) -> Iterator[Fault]:
+    """Values that are sound alone but not together."""
+    yield from cable_faults(scenario)
+    yield from vehicle_faults(scenario)

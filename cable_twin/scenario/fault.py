@@ -1,0 +1,38 @@
+"""A fault of a scenario, and how what was given is worded in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from re import fullmatch
+from typing import Any, NamedTuple
+
+KeyPath = tuple[str | int, ...]
+
+NAME = "[a-zA-Z][a-zA-Z0-9_]*"
+
+
+class Fault(NamedTuple):
+    """One fault: where it is and what it is."""
+
+    path: KeyPath
+    text: str
+
+
+def show(value: Any) -> str:
+    """A given value on one short line."""
+    if value is None:
+        return "null"
+    if isinstance(value, Mapping):
+        return "a mapping" if value else "an empty mapping"
+    try:
+        text = repr(value)
+    except ValueError:
+        return "a number of thousands of digits"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def name_faults(path: tuple[str, ...], name: str | None = None) -> Iterator[Fault]:
+    """The fault of a name that is no good: the last key of its path, or the value there."""
+    name = path[-1] if name is None else name
+    if not fullmatch(NAME, name):
+        yield Fault(path, f"given the name {name!r}; allowed: a letter, then letters, digits and underscores")
