@@ -13,7 +13,7 @@ from cable_twin.records import FloatArray, Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-SCENARIO, CARRIAGE = "aerial_tramway", "cabin"
+SCENARIO, CARRIAGE = "single_span", "cabin"
 SPEED = 7.0  # m/s
 STOP, END = 40.0, 60.0  # s
 SAMPLE = 0.05  # s

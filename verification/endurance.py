@@ -1,6 +1,6 @@
 """Hours of operation in minutes: does the twin's memory grow, does it fall behind, is its log complete?
 
-Starts the node `sim` at a multiple of real time (aerial_tramway on 24 elements), drives its cabin up and down from
+Starts the node `sim` at a multiple of real time (single_span on 24 elements), drives its cabin up and down from
 another process, and looks at its memory and its diagnostics once a second. Eight hours at 40 times real time:
 
     .venv/bin/python -m verification.endurance --hours 8
@@ -33,7 +33,7 @@ from cable_twin.scenario import load_scenario
 FRAME_RATE = 10.0  # Hz of simulated time: at 40 times real time 400 frames in a second of the clock
 FACTOR = 40.0  # times real time
 ELEMENTS = 24  # of the cable, so that two cores keep up
-STATIONS = (150.0, 900.0)  # m of arc length between which the cabin of aerial_tramway goes up and down
+STATIONS = (150.0, 900.0)  # m of arc length between which the cabin of single_span goes up and down
 SPEED = 8.0  # m/s
 STARTING = 180.0  # s; the kernels may have to be compiled
 WARM = 0.2  # part of the run after which memory is looked at
@@ -144,7 +144,7 @@ def run(hours: float, factor: float, directory: Path, domain: int, on_time: Call
     Raises:
         RuntimeError: The twin did not start, or ended by itself.
     """
-    scenario = load_scenario("aerial_tramway", {"cable.elements": ELEMENTS}).resolved()
+    scenario = load_scenario("single_span", {"cable.elements": ELEMENTS}).resolved()
     path = directory / "scenario.yaml"
     path.write_text(json.dumps({key: scenario[key] for key in scenario if key != "name"}), encoding="utf-8")
     arguments = [

@@ -25,9 +25,9 @@ EPOCH = 1_700_000_000_000_000_000
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A finished run of two seconds of a node with a name of its own, in many chunks."""
-    simulation = Simulation(load_scenario("aerial_tramway", {"cable.elements": 20}))
+    simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
-    metadata = run_metadata(scenario="aerial_tramway", epoch_ns=EPOCH, frame_period=0.01, sample_count=SAMPLES)
+    metadata = run_metadata(scenario="single_span", epoch_ns=EPOCH, frame_period=0.01, sample_count=SAMPLES)
     log = McapLog(directory, topics(simulation.carriages), metadata, namespace="/valley/twin")
     encoder = MessageEncoder(simulation.carriages, EPOCH)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))

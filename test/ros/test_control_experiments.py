@@ -131,7 +131,7 @@ def trips(tmp_path_factory):
 
 def drive_both(directories):
     """Run two twins at twice the pace of the clock with a controller each; logs, and output of the controllers."""
-    arguments = ["--rerun", "off", "--real-time-factor", "2", "--frame-rate", "50", "--command-timeout", "5"]
+    arguments = ["--scenario", "single_span", "--rerun", "off", "--real-time-factor", "2", "--frame-rate", "50", "--command-timeout", "5"]
     started, pairs = [], []
     try:
         for script, directory in zip(SCRIPTS, directories, strict=False):
@@ -195,7 +195,8 @@ def test_damped_trip_replays_to_the_last_bit(trips, capsys):
 def twin(tmp_path_factory):
     """A twin without logs, three times as fast as the clock."""
     sim = TwinProcess(
-        tmp_path_factory.mktemp("twin"), "--record", "false", "--real-time-factor", "3", "--command-timeout", "5"
+        *(tmp_path_factory.mktemp("twin"), "--scenario", "single_span", "--record", "false"),
+        *("--real-time-factor", "3", "--command-timeout", "5"),
     )
     sim.wait_for("runs at 100 Hz")
     yield sim
