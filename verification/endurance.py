@@ -122,7 +122,7 @@ class Operator:
         self._publisher.publish(self._command)
 
     def _watch(self, data: bytes) -> None:
-        (status,) = decode(data, "diagnostic_msgs/msg/DiagnosticArray").status
+        status, *_ = decode(data, "diagnostic_msgs/msg/DiagnosticArray").status
         values: Mapping[str, str] = {pair.key: pair.value for pair in status.values}
         self.simulated = float(values["simulated_time_s"])
         self.dropped = int(values["log_dropped_frames"])
