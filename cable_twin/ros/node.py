@@ -179,6 +179,7 @@ class TwinNode(Node):
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
+        start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
         scenario = self._simulation.scenario
@@ -186,7 +187,6 @@ class TwinNode(Node):
         if scenario.carriers is not None:
             names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
-        start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self.get_logger().info(
             f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
             f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"

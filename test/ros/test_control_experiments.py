@@ -131,7 +131,18 @@ def trips(tmp_path_factory):
 
 def drive_both(directories):
     """Run two twins at twice the pace of the clock with a controller each; logs, and output of the controllers."""
-    arguments = ["--scenario", "single_span", "--rerun", "off", "--real-time-factor", "2", "--frame-rate", "50", "--command-timeout", "5"]
+    arguments = [
+        "--scenario",
+        "single_span",
+        "--rerun",
+        "off",
+        "--real-time-factor",
+        "2",
+        "--frame-rate",
+        "50",
+        "--command-timeout",
+        "5",
+    ]
     started, pairs = [], []
     try:
         for script, directory in zip(SCRIPTS, directories, strict=False):

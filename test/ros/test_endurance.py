@@ -9,6 +9,8 @@ pytest.importorskip("rclpy")
 
 from verification.endurance import FRAME_RATE, run
 
+pytestmark = pytest.mark.long
+
 HOURS = 0.03  # of simulated time
 
 

@@ -16,6 +16,8 @@ from verification.failures import (
     stalling_disk,
 )
 
+pytestmark = pytest.mark.long
+
 # a disk that becomes read-only is the full one with another number; a kill, a cut file and a limit on the size of files
 # need no disk of their own: see test_sim_process and test_mcap_log
 SAYS = {

@@ -17,6 +17,8 @@ from cable_twin.recording.log_reader import read_log
 
 pytest.importorskip("rclpy")
 
+pytestmark = pytest.mark.long
+
 FRAME = 10_000_000  # ns
 PORT = 9876
 ADDRESS = f"rerun+http://127.0.0.1:{PORT}/proxy"
