@@ -207,7 +207,7 @@ def test_interrupt_ends_the_compilation(processes, tmp_path):
         (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
         (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
         (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
-        (["--scenario", "gondola"], "sim: scenario: given 'gondola', which is neither a scenario nor a file; allowed"),
+        (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
         (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
         (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
         (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
