@@ -250,7 +250,7 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
 def test_unknown_ros_parameter_is_named_and_ignored(processes):
     sim = processes("--rerun", "off", "--ros-args", "-p", "frame_rat:=50", "-p", "use_sim_time:=false")
     sim.wait_for("runs at 100 Hz")
-    assert "unknown parameter 'frame_rat' is ignored; known: scenario, frame_rate" in sim.output
+    assert "unknown parameter 'frame_rat' is ignored; known: scenario, snapshot, frame_rate" in sim.output
     assert "use_sim_time" not in sim.output
     assert sim.end() == 0
 
