@@ -111,6 +111,26 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     cable = system.cable
+    assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.air.present:
+        drag_bodies(
+            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+        )
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage]:
+            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            if state.drive_mode[carriage] == HAULED:
+                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+            add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    hold_supports(cable, work)
+
+
+@inlined_kernel
+def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Write row 2 without what hangs on the cable or holds it: its elements, their flow, loads and drag."""
+    cable = system.cable
     add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.moving_cable.moving:
         add_flow(cable, state, rate_factor, stiffness_factor, work)
@@ -129,18 +149,6 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
             work.lower,
             work.right_side,
         )
-        drag_bodies(
-            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
-        )
-    for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage]:
-            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
-            if state.drive_mode[carriage] == HAULED:
-                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
-            add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
-    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
-    add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    hold_supports(cable, work)
 
 
 @inlined_kernel

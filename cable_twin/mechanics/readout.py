@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.mechanics.air import drag_rope
-from cable_twin.mechanics.cable_element import add_cable, elastic_energy, mean_tension
+from cable_twin.mechanics.cable_element import elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
-from cable_twin.mechanics.equations_of_motion import add_loads
+from cable_twin.mechanics.equations_of_motion import assemble_cable
 from cable_twin.mechanics.haul_rope import haul_energies, rope_force
-from cable_twin.mechanics.moving_cable import add_flow, flow_energy, haul_force
+from cable_twin.mechanics.moving_cable import flow_energy, haul_force
 from cable_twin.mechanics.parameters import HAULED, FloatArray, System
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
@@ -102,24 +101,7 @@ def support_forces(system, state, work, forces):
     Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
     """
     cable = system.cable
-    add_cable(cable, state, 1.0, 0.0, 0.0, work)
-    if system.moving_cable.moving:
-        add_flow(cable, state, 0.0, 0.0, work)
-    add_loads(cable, state, 0.0, work)
-    if system.air.present:
-        drag_rope(
-            cable,
-            system.air.rope_drag,
-            state.wind,
-            state.nodal_coordinates,
-            state.nodal_velocities,
-            0.0,
-            0.0,
-            work.diagonal,
-            work.upper,
-            work.lower,
-            work.right_side,
-        )
+    assemble_cable(system, state, 1.0, 0.0, 0.0, work)
     for carriage in range(system.carriages.fixed.size):
         if not state.attached[carriage]:
             continue
