@@ -18,13 +18,17 @@ import numba
 
 from cable_twin.mechanics.carriage import condense_chain
 from cable_twin.mechanics.compilation import is_compiled
+from cable_twin.mechanics.counterweight import add_counterweights
 from cable_twin.mechanics.drive import advance_reference
-from cable_twin.mechanics.equations_of_motion import solve
-from cable_twin.mechanics.generalized_alpha import advance, largest_increment
+from cable_twin.mechanics.equations_of_motion import hold_supports, solve
+from cable_twin.mechanics.generalized_alpha import advance, find_saturated, largest_increment
+from cable_twin.mechanics.haul_rope import condense_sheave
+from cable_twin.mechanics.moving_cable import attach_carriers, move_rope
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.runge_kutta import advance_explicitly
 from cable_twin.mechanics.sliding_joint import add_joint, driven_force
 from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
+from cable_twin.mechanics.support import add_supports, settle_supports
 from cable_twin.scenario import build_system, load_scenario
 
 INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
@@ -58,7 +62,15 @@ def begin_with(system: System, state: State, work: Workspace) -> dict[Callable[.
     """
     cable, carriages = system.cable, system.carriages
     return {
+        hold_supports: (cable, work),
+        add_counterweights: (system.counterweights, cable, state, 1.0, 1.0, 1.0, work),
+        add_supports: (cable, system.supports, state, 1.0, 1.0, work),
+        condense_sheave: (system, state, 0, 1.0, 1.0, work),
         solve: (system, state, work),
+        settle_supports: (cable, system.supports, state),
+        find_saturated: (system, state, state, work),
+        attach_carriers: (system, state),
+        move_rope: (system, state, 1.0),
         condense_chain: (carriages, cable.gravity, state, 0, 1.0, 1.0, work),
         add_joint: (system, state, 0, 1.0, 1.0, work),
         largest_increment: (system, work),

@@ -46,6 +46,7 @@ class Kernel:
         """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
         functools.update_wrapper(self, function)
         self.py_func = function
+        self.targetoptions = options  # where numba looks whether to inline it
         self._from_python = _jit(function, "", options)
         self._from_kernels = _jit(function, "-inner", {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
         self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
@@ -72,12 +73,18 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`kernel` that becomes part of its callers.
-
-    For what takes a whole system or state, and is called in every iteration: those are passed as hundreds of words.
-    """
+    """`kernel` whose compiled code becomes part of its callers: for what is called in every iteration."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
+
+
+def kernel_part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`kernel` that is compiled with its caller, not before it: for a large one with a single caller.
+
+    Otherwise all that it calls would be optimised twice, which is most of the time of a cold start.
+    """
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function, inline="always")
 
 
 def as_python(function: Callable[..., Any]) -> Callable[..., Any]:

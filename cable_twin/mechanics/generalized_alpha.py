@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import NamedTuple
 
-from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.drive import advance_reference, follows_reference, force_limit
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.haul_rope import correct_sheaves, predict_sheaves, sheave_force
@@ -115,7 +115,7 @@ def worst_element(work):
     return min(place, work.right_side.shape[0] - 2)
 
 
-@inlined_kernel
+@kernel_part
 def step(system, state, h, work):
     """One step of length `h` (s), in place. Returns (converged, iterations, last increment in m, gap in m).
 
@@ -240,7 +240,7 @@ def take_over(state, carriage):
     reference[2] = 0.0
 
 
-@kernel
+@kernel_part
 def limited_step(system, state, before, h, work):
     """One step in which no drive, and no brake on it, takes more than its force limit.
 

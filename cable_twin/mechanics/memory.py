@@ -1,4 +1,4 @@
-"""Arrays as plain rows of numbers, for loops that treat all entries alike."""
+"""Arrays as plain rows of numbers: copied at once, or for loops that treat all entries alike."""
 
 from __future__ import annotations
 
@@ -42,12 +42,26 @@ _config: Any = numba.config
 flat: Any = _reshape if _config.DISABLE_JIT else _view
 
 
-@inlined_kernel
-def copy_array(source, target):
-    """Write one array into another of its shape."""
-    here, there = flat(source), flat(target)
-    for i in range(here.size):
-        there[i] = here[i]
+@_intrinsic
+def _copy(typingctx, source, target):
+    if source != target or not isinstance(source, Array) or source.layout != "C":
+        return None
+
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        here, there = (make_array(source)(context, builder, value) for value in values)
+        size = context.get_abi_sizeof(context.get_data_type(source.dtype))
+        cgutils.raw_memcpy(builder, there.data, here.data, here.nitems, context.get_constant(types.intp, size))
+        return context.get_dummy_value()
+
+    return types.void(source, target), generate
+
+
+def _copy_in_python(source: Any, target: Any) -> None:
+    target[...] = source
+
+
+# Write the first array into the second one of its shape, both contiguous.
+copy_array: Any = _copy_in_python if _config.DISABLE_JIT else _copy
 
 
 @inlined_kernel

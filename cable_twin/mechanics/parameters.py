@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.mechanics.by_reference import by_reference
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -26,6 +28,7 @@ START, END = 0, 1  # stations of a track
 SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 
 
+@by_reference
 class Cable(NamedTuple):
     """One uniform cable, divided into elements of equal unstrained length."""
 
@@ -46,6 +49,7 @@ class Cable(NamedTuple):
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
 
 
+@by_reference
 class Carriages(NamedTuple):
     """All carriages; body k of carriage c is row body_offset[c] + k, the first one hangs from the cable."""
 
@@ -75,6 +79,7 @@ class Carriages(NamedTuple):
     stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
 
 
+@by_reference
 class Supports(NamedTuple):
     """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
 
@@ -89,6 +94,7 @@ class Supports(NamedTuple):
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
 
 
+@by_reference
 class Counterweights(NamedTuple):
     """What pulls each end of the cable with a constant force; a mass of 0 where there is none."""
 
@@ -100,6 +106,7 @@ class Counterweights(NamedTuple):
     damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
 
 
+@by_reference
 class MovingCable(NamedTuple):
     """A cable that moves along itself through its fixed ends: its drive, and the loop of which it is one strand."""
 
@@ -115,6 +122,7 @@ STANDING = MovingCable(
 )
 
 
+@by_reference
 class HaulRopes(NamedTuple):
     """The haul rope of each carriage: an elastic rope between the drive sheave in a station and the joint."""
 
@@ -128,6 +136,7 @@ class HaulRopes(NamedTuple):
     present: bool  # whether there is any
 
 
+@by_reference
 class Air(NamedTuple):
     """What the air does: quadratic drag on rope and bodies."""
 
@@ -136,6 +145,7 @@ class Air(NamedTuple):
     present: bool  # whether any of them is not 0
 
 
+@by_reference
 class Payloads(NamedTuple):
     """Where each carriage can be loaded."""
 
@@ -143,6 +153,7 @@ class Payloads(NamedTuple):
     position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
 
 
+@by_reference
 class Solver(NamedTuple):
     """Time integration."""
 
@@ -153,6 +164,7 @@ class Solver(NamedTuple):
     max_halvings: int  # how often a step may be halved before it fails
 
 
+@by_reference
 class System(NamedTuple):
     """Everything that does not change while the twin runs."""
 

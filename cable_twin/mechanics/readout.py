@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.mechanics.by_reference import by_reference
 from cable_twin.mechanics.cable_element import elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
@@ -19,6 +20,7 @@ from cable_twin.mechanics.support import contact_energy, contact_force, tower_fo
 from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
 
 
+@by_reference
 class Observation(NamedTuple):
     """What a frame shows of a state and has to be computed for it."""
 

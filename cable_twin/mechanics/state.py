@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.mechanics.by_reference import by_reference
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.lanes import WIDTH
 from cable_twin.mechanics.memory import copy_array
 from cable_twin.mechanics.parameters import FREE, HAULED, SPEED, FloatArray, System
 
 
+@by_reference
 class State(NamedTuple):
     """Motion of the whole system at one time.
 
@@ -57,6 +59,7 @@ class State(NamedTuple):
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
+@by_reference
 class Workspace(NamedTuple):
     """Residual, tangent and what elimination leaves behind; contents have no meaning between steps."""
 
