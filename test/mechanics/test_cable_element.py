@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from systems import dense_blocks, difference, disturbed_state, make_cable, make_system
 
-from cable_twin.mechanics import cable_element
+from cable_twin.mechanics import cable_element, elastic_models
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME
 from cable_twin.mechanics.shape_functions import (
     AXIAL_POINTS,
@@ -82,7 +82,7 @@ def evaluate(cable, q, q_dot=None, rate_factor=0.0, stiffness_factor=1.0):
     dim = len(cable.gravity)
     q_dot = np.zeros(3 * dim) if q_dot is None else q_dot
     arguments = [tuple(row.tolist()) for array in (q, q_dot) for row in np.reshape(array, (3, dim))]
-    result = cable_element.elastic_force(cable, *arguments, rate_factor, stiffness_factor)
+    result = elastic_models.elastic_force(cable, *arguments, rate_factor, stiffness_factor)
     dd, da, db, aa, ab, bb = (np.array(block) for block in result[3:])
 
     def whole(upper):

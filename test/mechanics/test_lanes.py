@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system
 
-from cable_twin.mechanics import cable_element
+from cable_twin.mechanics import cable_element, elastic_models
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.lanes import WIDTH, gather, spread, square_root
 from cable_twin.mechanics.memory import clear_array, combine_arrays, copy_array, flat
@@ -58,7 +58,7 @@ def test_a_group_of_elements_is_each_element_by_itself(model):
     for element in range(cable.element_count):
         own = cable_element.chord_and_slopes(state.nodal_coordinates, element, cable)
         rates = cable_element.chord_and_slopes(state.nodal_velocities, element, cable)
-        d, a, b = cable_element.elastic_force(cable, *own, *rates, 3.0, 1.0)[:3]
+        d, a, b = elastic_models.elastic_force(cable, *own, *rates, 3.0, 1.0)[:3]
         accelerations = (tuple(row) for row in state.nodal_accelerations[element : element + 2].reshape(4, 2))
         r_a, slope_a, r_b, slope_b = (np.array(part) for part in cable_element.inertia(cable, *accelerations))
         forces[element, 0] += np.array(d) - r_a
