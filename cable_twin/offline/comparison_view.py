@@ -10,8 +10,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cable_twin.recording.rerun_view import FLUSH_TIMEOUT, PLOT_COLORS, TIMELINE, RerunView, open_stream
+from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.run import open_view
+from cable_twin.recording.view_geometry import TIMELINE
+from cable_twin.recording.view_plots import PLOT_COLORS
+from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.records import Snapshot
 from cable_twin.scenario import Scenario
 
@@ -82,7 +85,7 @@ class ComparisonView:
         """
         for view in self.views:
             view.close()
-        self._stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        flush_stream(self._stream, None)
         self._stream.disconnect()
 
 

@@ -19,7 +19,8 @@ psutil = pytest.importorskip("psutil")  # rerun brings it
 from rerun.chunk import RrdReader  # noqa: E402
 
 from cable_twin.outlines import outline_from_pivots  # noqa: E402
-from cable_twin.recording.rerun_view import RerunView, describe_command  # noqa: E402
+from cable_twin.recording.rerun_view import RerunView  # noqa: E402
+from cable_twin.recording.view_plots import describe_command  # noqa: E402
 from cable_twin.records import (  # noqa: E402
     AppliedCommand,
     BodyState,
