@@ -94,10 +94,8 @@ class Simulation:
                 settle(self.system, self._state, self._work)
             self._state.payload[:] = loads
             hang_in_ropes(self.system, self._state, [*self._index])
-            self._initial = clone_state(self._state)
-            self._observer.look(
-                self.system, self._state, self._work
-            )  # compiles what reads the state, while the other process is still at it
+            # compiles what reads the state, while the other process is still at it
+            self._observer.look(self.system, self._state, self._work)
         self._good = clone_state(self._state)
         self._before = clone_state(self._state)
         self._stopped = False

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 JIT = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 MODULES = (
     "statics",
+    "frequencies",
     "dynamics",
     "conservation",
     "drives",

@@ -6,8 +6,6 @@ import gc
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import CancelledError
-from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,14 +13,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path as PathMessage
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.command_messages import (
     applied_command_message,
@@ -51,13 +48,14 @@ from cable_twin.messages import (
 )
 from cable_twin.recording.run import Run, start_run
 from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.ros.declaration import declare_parameters
 from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.parameters import PARAMETERS, Parameter
+from cable_twin.ros.parameters import PARAMETERS
 from cable_twin.ros.recording_watch import RecordingWatch
+from cable_twin.ros.services import Services
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot_file import SUFFIX
 
 try:  # not among the wheels
     from tf2_msgs.msg import TFMessage
@@ -85,16 +83,9 @@ INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
     PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
     WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
 }
-SERVICE_TIMEOUT = 5.0  # s
-NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
-ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
 FIRST_FRAME_TIMEOUT = 2.0  # s that time waits for the logs to take the first frame
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
-
-
-class ParameterError(ValueError):
-    """Parameters that the node cannot start with, a line each."""
 
 
 class TwinNode(Node):
@@ -111,7 +102,7 @@ class TwinNode(Node):
 
     def __init__(self) -> None:
         super().__init__("cable_twin")
-        self._settings = self._declare()
+        self._settings = declare_parameters(self)
         self._refused = 0
         self._commands_applied = 0
         self._parameters_set = 0
@@ -155,11 +146,7 @@ class TwinNode(Node):
         )
         for name, (kind, _) in INPUTS.items():
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/step", self._on_step)
-        self.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
-        self.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
+        Services(self._loop, self._log_directory).offer(self)
         self.create_timer(1.0, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -202,34 +189,6 @@ class TwinNode(Node):
             waiting.cancel()
             self._watch.look()
             self.get_logger().info(f"log closed: {self._run.directory}")
-
-    def _declare(self) -> dict[str, Any]:
-        """Declare every parameter of the table and check what was given."""
-        faults = []
-        values: dict[str, Any] = {}
-        names = [parameter.name for parameter in PARAMETERS]
-        for name in self._parameter_overrides:
-            if name not in names and not name.startswith(ROS_PARAMETERS):
-                self.get_logger().warning(f"unknown parameter '{name}' is ignored; known: {', '.join(names)}")
-        for parameter in PARAMETERS:
-            # dynamic, so that 100 may stand for 100.0
-            undescribed = ParameterDescriptor(dynamic_typing=True)
-            value: Any = self.declare_parameter(parameter.name, parameter.default, undescribed).value
-            if isinstance(parameter.default, float) and isinstance(value, int) and not isinstance(value, bool):
-                value = float(value)
-            if type(value) is not type(parameter.default):
-                kind = type(parameter.default).__name__
-                faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
-            elif fault := parameter.fault(value):
-                faults.append(fault)
-            else:
-                self.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
-            values[parameter.name] = value
-        if values["snapshot"] and "scenario" in self._parameter_overrides:
-            faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
-        if faults:
-            raise ParameterError("\n".join(faults))
-        return values
 
     def _build_simulation(self) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
@@ -284,6 +243,11 @@ class TwinNode(Node):
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
         self._watch = RecordingWatch(self.get_logger(), self._run.recorder, frame_time)
         self._watch.look()
+
+    def _log_directory(self) -> Path:
+        """Where files of this run belong; raises RuntimeError for ~ of a user without a home."""
+        directory = self._run.directory if self._run is not None else Path(self._settings["record_directory"])
+        return directory.expanduser().resolve()
 
     def _await_recorder(self) -> None:
         """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
@@ -352,47 +316,6 @@ class TwinNode(Node):
                 f"the last good one stays: {error} ({self._refused} refused so far)"
             )
 
-    def _serve(self, command: Command, response: Any, done: str) -> Any:
-        try:
-            applied = self._loop.submit(command, "service").result(SERVICE_TIMEOUT)
-        except (CommandError, FutureTimeoutError, CancelledError) as error:
-            response.success, response.message = False, str(error) or NO_ANSWER
-        else:
-            when = applied.time if applied is not None else self._loop.simulated_time
-            response.success, response.message = True, f"{done} at {when:.3f} s of simulated time"
-        return response
-
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._serve(Command("reset", {}), response, "state put back to the start")
-
-    def _on_emergency_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if request.data:
-            return self._serve(Command("emergency_stop", {}), response, "emergency stop")
-        return self._serve(Command("release", {}), response, "emergency stop released")
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if self._loop.fault and not request.data:
-            response.success, response.message = False, f"{self._loop.fault}; call ~/reset first"
-            return response
-        self._loop.pause(request.data)
-        response.success = True
-        state = "paused" if request.data else "running"
-        response.message = f"{state} at {self._loop.simulated_time:.3f} s of simulated time"
-        return response
-
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._loop.paused:
-            response.success, response.message = False, "not paused: call ~/pause with true first"
-            return response
-        try:
-            self._loop.step().result(SERVICE_TIMEOUT)
-        except (FutureTimeoutError, CancelledError):
-            response.success, response.message = False, NO_ANSWER
-        else:
-            response.success = not self._loop.fault
-            response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
-        return response
-
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
         self._parameters_refused += 1  # until it is taken: rclpy raises for a name that it does not know
@@ -401,25 +324,6 @@ class TwinNode(Node):
             self._parameters_refused -= 1
             self._parameters_set += 1
         return result
-
-    def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Copy the state between two frames, and write it here, where no frame waits for the disk."""
-        try:
-            full = self._loop.capture().result(SERVICE_TIMEOUT)
-        except (FutureTimeoutError, CancelledError):
-            response.success, response.message = False, f"no frame boundary within {SERVICE_TIMEOUT:g} s; nothing saved"
-            return response
-        directory = self._run.directory if self._run is not None else Path(self._settings["record_directory"])
-        path = directory.expanduser().resolve() / f"snapshot_{full.time:.3f}_s{SUFFIX}"
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            full.write(path)
-        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
-            reason = getattr(error, "strerror", None) or error
-            response.success, response.message = False, f"nothing saved: {path}: {reason}"
-        else:
-            response.success, response.message = True, f"saved at {full.time:.3f} s of simulated time: {path}"
-        return response
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         """Only `command_timeout` may change while the twin runs."""
@@ -475,16 +379,3 @@ class TwinNode(Node):
         if statistics["missed_frames"] > 0:
             return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
         return 0, "running"
-
-
-def _descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """What other nodes are told about a parameter."""
-    descriptor = ParameterDescriptor(
-        description=parameter.help,
-        additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",
-        read_only=parameter.name != "command_timeout",
-        dynamic_typing=True,
-    )
-    if parameter.low is not None and parameter.high is not None:
-        descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
-    return descriptor

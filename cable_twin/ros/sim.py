@@ -64,7 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-        from cable_twin.ros.node import ParameterError, TwinNode  # noqa: PLC0415
+        from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
+        from cable_twin.ros.node import TwinNode  # noqa: PLC0415
     except ImportError as error:
         print_hint("sim", error)
         return 1

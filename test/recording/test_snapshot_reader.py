@@ -9,7 +9,7 @@ from twin_process import write_quick_scenario
 
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
-from cable_twin.offline.simulate import simulate
+from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import LogError, read_log
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots

@@ -1,0 +1,114 @@
+"""A simulation as fast as it goes, with the commands of a script, recorded as the node records."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from cable_twin.command_messages import applied_command_message
+from cable_twin.key_figures import KeyFigures
+from cable_twin.messages import MessageEncoder, nanoseconds
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.recording.run import Run
+from cable_twin.records import AppliedCommand, CommandError
+from cable_twin.simulation import Simulation, SolverError
+
+BACKLOG = 500  # frames that may wait for the disk
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came of a run."""
+
+    time: float = 0.0  # s, simulated
+    wall_time: float = 0.0  # s
+    applied: int = 0
+    refused: list[str] = field(default_factory=list)  # a line each
+    past: int = 0  # commands before the start
+    left: int = 0  # commands at or after the end
+    fault: str = ""  # why it ended early
+
+
+def simulate(
+    simulation: Simulation,
+    script: Iterable[ScriptedCommand],
+    *,
+    duration: float,
+    frame_steps: int,
+    epoch_ns: int,
+    run: Run | None = None,
+    figures: KeyFigures | None = None,
+    on_frame: Callable[[float], None] | None = None,
+    ended: Callable[[], bool] | None = None,
+) -> Outcome:
+    """Run a simulation with its script, and record it as the node does.
+
+    A command takes effect at the solver step nearest to its time, after the frame of that time. Where the simulation
+    comes from a snapshot, those of before are part of its state and are not given again.
+
+    Args:
+        simulation: At its start, or as it was loaded.
+        script: Commands in the order of time.
+        duration: s, from the present time on.
+        frame_steps: Solver steps in a frame.
+        epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
+        run: Where it is recorded, or None.
+        figures: Take in what is seen, or None.
+        on_frame: Called with the simulated time (s) of each frame.
+        ended: Whether to end before `duration`.
+
+    Returns:
+        How far it came, and what was refused.
+    """
+    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
+    first = round(simulation.time / simulation.step)  # solver steps that are done
+    given = list(script)
+    waiting = deque(item for item in given if round(item.time / simulation.step) >= first)
+    outcome = Outcome(past=len(given) - len(waiting))
+    started = time.monotonic()
+    frames = math.ceil(round(duration / simulation.step) / frame_steps)
+    try:
+        for frame in range(frames + 1):
+            due = first + frame * frame_steps
+            while waiting and round(waiting[0].time / simulation.step) < due:
+                item = waiting.popleft()
+                simulation.advance_to(item.time)
+                applied = _apply(simulation, item, outcome, epoch_ns, run)
+                if figures is not None and applied is not None:
+                    figures.command(applied)
+            snapshot = simulation.advance_to(due * simulation.step)
+            if figures is not None:
+                figures.update(snapshot)
+            if run is not None:
+                run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+                while run.recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
+                    time.sleep(0.002)
+            if on_frame is not None:
+                on_frame(snapshot.time)
+            if ended is not None and ended():
+                outcome.fault = "ended by a signal"
+                break
+    except SolverError as error:
+        outcome.fault = str(error)
+    outcome.left = len(waiting)
+    outcome.time, outcome.wall_time = simulation.time, time.monotonic() - started
+    return outcome
+
+
+def _apply(
+    simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None
+) -> AppliedCommand | None:
+    """Give one command and record it; a refused one is noted."""
+    try:
+        applied = simulation.apply(item.command, item.source)
+    except CommandError as error:
+        outcome.refused.append(f"{item.place}: {error}")
+        return None
+    outcome.applied += 1
+    if run is not None:
+        stamp_ns = epoch_ns + nanoseconds(applied.time)
+        run.recorder.record_command(applied, applied_command_message(applied, epoch_ns), stamp_ns)
+    return applied
