@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from llvmlite.binding import get_host_cpu_name
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from ruamel.yaml import YAML
 
@@ -63,6 +65,36 @@ def run_metadata(*, scenario: str, epoch_ns: int, frame_period: float, sample_co
     }
 
 
+class _PackedIndex:
+    """The index of a chunk as the bytes that end up in the file, a sixth of the object that they are made from."""
+
+    __slots__ = ("_record",)
+
+    def __init__(self, index: ChunkIndex) -> None:
+        builder = RecordBuilder()
+        index.write(builder)
+        self._record = builder.end()
+
+    def write(self, builder: RecordBuilder) -> None:
+        builder.write(self._record)
+
+
+class _PackedIndexes(list[_PackedIndex]):
+    """What a writer keeps of each chunk until it is closed."""
+
+    def append(self, index: Any) -> None:
+        super().append(_PackedIndex(index))
+
+
+class _Writer(Writer):
+    """A writer for days: at two chunks a second, the indexes of chunks would take 10 MB of memory an hour."""
+
+    def __init__(self, stream: IO[bytes], compression: CompressionType) -> None:
+        super().__init__(stream, compression=compression)
+        self.packed = _PackedIndexes()
+        self._Writer__chunk_indices = self.packed  # mcap has no door to it
+
+
 class McapLog:
     """A log being written. Not for several threads at once."""
 
@@ -99,7 +131,7 @@ class McapLog:
         directory.mkdir(parents=True, exist_ok=True)
         self._stream: IO[bytes] | None = self.path.open("xb")
         try:
-            self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
+            self._writer = _Writer(self._stream, compression=CompressionType.ZSTD)
             self._writer.start("ros2", f"cable_twin {_version('cable_twin')}; {LIBRARY_IDENTIFIER}")
             self._writer.add_metadata(
                 METADATA_NAME,

@@ -38,6 +38,7 @@ def start_run(
     epoch_ns: int,
     frame_period: float,
     rerun: str = "file",
+    open_ended: bool = False,
     namespace: str = NAMESPACE,
 ) -> Run:
     """Open the logs of a run in a new directory named after the time.
@@ -50,6 +51,7 @@ def start_run(
         epoch_ns: ns since 1970 of simulated time zero.
         frame_period: s.
         rerun: "off", "file", or "live" (a file, and a server on 127.0.0.1).
+        open_ended: it may run for days: the rerun recording gets no index, which would wait in memory.
         namespace: full name of the node in the bag.
 
     Raises:
@@ -63,9 +65,7 @@ def start_run(
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = open_view(
-                scenario, directory / f"{directory.name}.rrd", live=live, footer=not live
-            )  # a live view may run for days
+            view = open_view(scenario, directory / f"{directory.name}.rrd", live=live, footer=not open_ended)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"

@@ -197,7 +197,7 @@ class TwinNode(Node):
 
         def tell() -> None:
             told.set()
-            self.get_logger().info("compiling the solver's kernels, once on this machine: about half a minute")
+            self.get_logger().info("compiling the solver's kernels, once on this machine: some 15 to 30 s")
 
         timer = threading.Timer(2.0, tell)
         timer.start()
@@ -230,6 +230,7 @@ class TwinNode(Node):
                 epoch_ns=self._epoch_ns,
                 frame_period=self._frame_steps * self._simulation.step,
                 rerun=self._settings["rerun"],
+                open_ended=True,
                 namespace=self.get_fully_qualified_name(),
             )
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home

@@ -322,6 +322,22 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         assert words in complaint(log.path)
 
 
+def test_index_is_kept_packed_and_comes_out_whole(directory):
+    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    packed = log._writer.packed
+    for message in run_messages(50):
+        log.write(*message)
+        log.flush()
+    count = len(run_messages(50))
+    assert len(packed) == count
+    assert sum(sys.getsizeof(index._record) for index in packed) < count * 250
+    log.close()
+    with log.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count == count
+    assert all(len(index.message_index_offsets) == 1 for index in summary.chunk_indexes)
+
+
 def test_rerun_finds_nothing_wrong(finished):
     rerun = Path(sys.executable).with_name("rerun")
     log, _ = finished

@@ -55,7 +55,8 @@ def check_logs(run: Path) -> int:
     assert summary.statistics.channel_message_counts[topics["/cable_twin/scenario"]] == 1
     metadata = YAML(typ="safe").load(run / "metadata.yaml")["rosbag2_bagfile_information"]
     assert metadata["message_count"] == summary.statistics.message_count
-    for command in (["mcap", "check", bag], ["rrd", "verify", recording]):
+    indexed = recording.with_suffix(".indexed.rrd")  # as the README says
+    for command in (["mcap", "check", bag], ["rrd", "optimize", recording, "-o", indexed], ["rrd", "verify", indexed]):
         result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=60, check=False)
         assert result.returncode == 0, result.stdout + result.stderr
     assert read_log(run).complete
