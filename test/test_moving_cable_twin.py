@@ -7,7 +7,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from test_scenario import keys_of
+from test_scenario_faults import keys_of
 from test_simulation import numbers
 
 from cable_twin.messages import MessageEncoder, decode

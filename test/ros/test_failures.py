@@ -19,7 +19,7 @@ from verification.failures import (
 pytestmark = pytest.mark.long
 
 # a disk that becomes read-only is the full one with another number; a kill, a cut file and a limit on the size of files
-# need no disk of their own: see test_sim_process and test_mcap_log
+# need no disk of their own: see test_sim_process and test_damaged_logs
 SAYS = {
     power_cut: "",
     full_disk: "recording: log stopped: [Errno 28] No space left on device; readable up to ",

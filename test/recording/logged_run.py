@@ -1,0 +1,61 @@
+"""A run of a cabin that is not simulated, as messages for logs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message
+from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.records import (
+    AppliedCommand,
+    BodyState,
+    CableSamples,
+    CarriageState,
+    Command,
+    Snapshot,
+    SolverReport,
+)
+
+CARRIAGES = {"cabin": ("hanger",)}
+EPOCH = 1_700_000_000_123_456_789
+SCENARIO_VALUES = {"description": "Prüfstand", "cable": {"elements": 24}}
+METADATA = run_metadata(scenario="bench", epoch_ns=EPOCH, frame_period=0.01, sample_count=50)
+
+COMMANDS = [
+    AppliedCommand(0.0, Command("speed", {"cabin": 1.5}), "joint_commands"),
+    AppliedCommand(0.123456, Command("force", {"cabin": -20.0}), "script"),
+    AppliedCommand(0.25, Command("emergency_stop", {}), "service"),
+]
+
+
+def make_snapshot(time: float, samples: int = 50) -> Snapshot:
+    pair = np.array([time, 1.0])
+    cabin = CarriageState(3.5, 6.0, 120.0, pair, pair, {"hanger": BodyState(time, 0.0, 0.3, 0.1, 0.0, -0.02)})
+    arc_lengths = np.linspace(0.0, 4.0, samples)
+    noise = np.random.default_rng(round(time * 1e6)).normal(size=(samples, 2))
+    return Snapshot(
+        time, {"cabin": cabin}, {}, CableSamples(arc_lengths, noise, arc_lengths), SolverReport(1, 2, 0, 0.0)
+    )
+
+
+def run_messages(frames: int) -> list[tuple[str, int, bytes]]:
+    """Scenario, frames at 100 Hz and commands."""
+    encoder = MessageEncoder(CARRIAGES, EPOCH)
+    messages = [(SCENARIO, EPOCH, scenario_message(SCENARIO_VALUES))]
+    waiting = list(COMMANDS)
+    for frame in range(frames):
+        snapshot = make_snapshot(frame / 100)
+        messages += [(name, encoder.stamp_ns(snapshot), data) for name, data in encoder.frame(snapshot)]
+        while waiting and waiting[0].time <= snapshot.time:
+            applied = waiting.pop(0)
+            stamp = EPOCH + round(applied.time * 1e9)
+            messages.append((APPLIED_COMMANDS, stamp, applied_command_message(applied, EPOCH)))
+    return messages
+
+
+def write_run(log: McapLog, frames: int) -> list[tuple[str, int, bytes]]:
+    messages = run_messages(frames)
+    for message in messages:
+        log.write(*message)
+    return messages

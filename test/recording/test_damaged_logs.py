@@ -1,0 +1,201 @@
+"""Logs that were cut, damaged or left by a kill or a full disk, and files that are none."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from logged_run import CARRIAGES, COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, run_messages, write_run
+from mcap.reader import make_reader
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+import cable_twin
+from cable_twin.messages import TYPESTORE, decode, scenario_message, topics
+from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.recording.mcap_log import McapLog
+
+
+def test_every_cut_is_read_up_to_the_last_whole_chunk(directory):
+    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    messages = []
+    ends = []  # size of the file after a flush, messages so far
+    for message in run_messages(20):
+        log.write(*message)
+        messages.append(message)
+        if len(messages) % 20 == 0:
+            log.flush()
+            ends.append((log.path.stat().st_size, len(messages)))
+    log.close()
+    whole = log.path.read_bytes()
+    for size in np.random.default_rng(2).integers(ends[0][0], len(whole), 200).tolist():
+        log.path.write_bytes(whole[:size])
+        read = read_log(directory)
+        assert not read.complete
+        count = max(count for end, count in ends if end <= size)
+        got = list(read.messages())
+        assert got == messages[: len(got)]
+        assert len(got) >= count
+
+
+def test_zeros_at_the_end_as_after_a_power_cut(finished):
+    log, messages = finished
+    with log.path.open("ab") as stream:
+        stream.write(bytes(5000))
+    read = read_log(log.path)
+    assert not read.complete
+    assert list(read.messages()) == messages
+
+
+def test_damage_inside_a_finished_log_is_said(finished):
+    log, _ = finished
+    whole = bytearray(log.path.read_bytes())
+    with log.path.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[-1]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    whole[middle : middle + 50] = bytes(50)
+    log.path.write_bytes(whole)
+    with pytest.raises(LogError, match=rf"{log.path.name}: .*") as caught:
+        list(read_log(log.path).messages())
+    assert "\n" not in str(caught.value)
+
+
+def complaint(path) -> str:
+    with pytest.raises(LogError) as caught:
+        read_log(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+    return str(caught.value)
+
+
+def test_what_is_no_log_is_said_in_one_line(tmp_path, finished):
+    log, _ = finished
+    assert "no such file" in complaint(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    assert "0 .mcap files" in complaint(tmp_path / "empty")
+    (tmp_path / "notes.mcap").write_text("not an MCAP at all, but some text")
+    assert "not a bag" in complaint(tmp_path / "notes.mcap")
+    (tmp_path / "nothing.mcap").touch()
+    assert "not a bag" in complaint(tmp_path / "nothing.mcap")
+    (tmp_path / "head.mcap").write_bytes(log.path.read_bytes()[:20])
+    assert "not a bag, or empty" in complaint(tmp_path / "head.mcap")
+
+
+def test_a_log_without_messages_or_scenario_is_said(tmp_path):
+    log = McapLog(tmp_path / "empty", topics(CARRIAGES), METADATA)
+    assert "empty: no message" in complaint(log.path)  # while it is written
+    log.close()
+    assert "empty: no message" in complaint(log.path)
+    log = McapLog(tmp_path / "bare", topics(CARRIAGES), METADATA)
+    log.write(*run_messages(1)[1])
+    log.close()
+    assert "no scenario" in complaint(log.path)
+
+
+def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
+    with Writer(tmp_path / "foreign", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=TYPESTORE)
+        writer.write(connection, 1, scenario_message({}))
+    assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
+    for name, metadata, words in [
+        ("later", {**METADATA, "format_version": "2"}, "format version 2 is newer than this cable_twin reads (1)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads '1'"),
+        ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
+    ]:
+        log = McapLog(tmp_path / name, topics(CARRIAGES), metadata)
+        write_run(log, 1)
+        log.close()
+        assert words in complaint(log.path)
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from logged_run import *
+from test_recorder import *
+
+log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+recorder = Recorder(log)
+recorder.record([(SCENARIO, scenario_message(SCENARIO_VALUES))], EPOCH)
+for applied in COMMANDS[:1]:
+    recorder.record_command(applied, applied_command_message(applied, EPOCH), EPOCH)
+encoder = MessageEncoder(CARRIAGES, EPOCH)
+start = time.monotonic()
+for frame in range(10_000):
+    snapshot = make_snapshot(frame / 100)
+    recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+    print(frame, flush=True)
+    time.sleep(max(0.0, start + (frame + 1) / 100 - time.monotonic()))
+"""
+
+
+def child_environment() -> dict[str, str]:
+    paths = [str(Path(cable_twin.__file__).parents[1]), str(Path(__file__).parent)]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def test_kill_loses_less_than_a_second(directory):
+    child = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(directory)], stdout=subprocess.PIPE, text=True, env=child_environment()
+    )
+    last = 0
+    for line in child.stdout:
+        last = int(line)
+        if last == 230:
+            child.send_signal(signal.SIGKILL)
+    assert child.wait(10) == -signal.SIGKILL
+    read = read_log(directory)
+    assert not read.complete
+    assert read.scenario == SCENARIO_VALUES
+    assert read.commands == COMMANDS[:1]
+    frames = [data for name, _, data in read.messages(["joint_states"])]
+    assert last - 100 < len(frames) - 1 <= last + 1
+    stamp = decode(frames[-1], "sensor_msgs/msg/JointState").header.stamp
+    assert stamp.sec * 10**9 + stamp.nanosec == EPOCH + (len(frames) - 1) * 10**7
+
+
+FULL_DISK = """
+import json, resource, sys, time
+from pathlib import Path
+from logged_run import *
+from test_recorder import *
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+view = FakeView()
+recorder = Recorder(log, view)
+recorder.record([(SCENARIO, scenario_message(SCENARIO_VALUES))], EPOCH)
+encoder = MessageEncoder(CARRIAGES, EPOCH)
+for frame in range(300):
+    snapshot = make_snapshot(frame / 100)
+    recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+    if frame % 30 == 0:
+        time.sleep(0.2)
+recorder.close()
+log.close()
+print(json.dumps([recorder.faults, len(view.seen), view.closed]))
+"""
+
+
+def test_a_full_disk_ends_the_log_only_and_leaves_it_readable(directory):
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(directory)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=child_environment(),
+        timeout=60,
+    )
+    faults, seen, closed = json.loads(done.stdout)
+    assert (seen, closed) == (300, 1)
+    assert len(faults) == 1
+    assert "log stopped" in faults[0]
+    assert "File too large" in faults[0]
+    read = read_log(directory)
+    assert not read.complete
+    assert len(list(read.messages(["joint_states"]))) > 10
