@@ -11,6 +11,7 @@ from math import sqrt
 
 from numpy.polynomial.legendre import leggauss
 
+from cable_twin.mechanics.block_tridiagonal import add_block
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
 from cable_twin.mechanics.sliding_joint import interpolate
@@ -62,13 +63,7 @@ def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, d
                 by_velocity_and_turn = rate_factor * shape[j] + along * turn * shape_x[j]
                 column = minus(block(by_velocity_and_turn, by_velocity, 0.0), block(-shape_x[j], by_turning, 0.0))
                 for i in range(4):
-                    if j // 2 == i // 2:
-                        target = diagonal[element + i // 2, i % 2, j % 2]
-                    elif i // 2 == 0:
-                        target = upper[element, i % 2, j % 2]
-                    else:
-                        target = lower[element, i % 2, j % 2]
-                    accumulate(block(shape[i], column, 0.0), target)
+                    add_block(block(shape[i], column, 0.0), element, i, j, diagonal, upper, lower)
             for i in range(4):
                 accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
 

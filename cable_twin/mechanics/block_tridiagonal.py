@@ -8,8 +8,33 @@ from __future__ import annotations
 
 from math import isfinite
 
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.vectors import adjugate, apply, determinant, load, minus, multiply, outer, store, subtract
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.vectors import (
+    accumulate,
+    adjugate,
+    apply,
+    determinant,
+    load,
+    minus,
+    multiply,
+    outer,
+    store,
+    subtract,
+)
+
+
+@inlined_kernel
+def add_block(matrix, element, i, j, diagonal, upper, lower):
+    """Add a full matrix to the equations of coordinate `i` of an element, where they have its coordinate `j`.
+
+    Coordinates 0 and 1 are r and r_x at its first node, 2 and 3 those at its second one.
+    """
+    if i // 2 == j // 2:
+        accumulate(matrix, diagonal[element + i // 2, i % 2, j % 2])
+    elif i // 2 == 0:
+        accumulate(matrix, upper[element, i % 2, j % 2])
+    else:
+        accumulate(matrix, lower[element, i % 2, j % 2])
 
 
 @kernel

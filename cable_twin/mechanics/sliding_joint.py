@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from math import exp, sqrt
 
+from cable_twin.mechanics.block_tridiagonal import add_block
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.drive import brake_force
 from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
@@ -219,19 +220,12 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
         accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
-    for i in range(2):
-        column_a = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
-        column_b = add_scaled(shape[i + 2], d_r_x, scale(stiffness_factor * shape_x[i + 2], force))
-        for j in range(2):
-            row_a, row_b = load(rows[carriage, j], like), load(rows[carriage, j + 2], like)
-            block = full(shape[i] * shape[j], d, 0.0)
-            accumulate(minus(block, outer(1.0 / pivot, column_a, row_a)), diagonal[element, i, j])
-            block = full(shape[i] * shape[j + 2], d, 0.0)
-            accumulate(minus(block, outer(1.0 / pivot, column_a, row_b)), upper[element, i, j])
-            block = full(shape[i + 2] * shape[j], d, 0.0)
-            accumulate(minus(block, outer(1.0 / pivot, column_b, row_a)), lower[element, i, j])
-            block = full(shape[i + 2] * shape[j + 2], d, 0.0)
-            accumulate(minus(block, outer(1.0 / pivot, column_b, row_b)), diagonal[element + 1, i, j])
+    for i in range(4):
+        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        for j in range(4):
+            condensed = outer(1.0 / pivot, column, load(rows[carriage, j], like))
+            tangent = minus(full(shape[i] * shape[j], d, 0.0), condensed)
+            add_block(tangent, element, i, j, diagonal, upper, lower)
 
 
 @kernel

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from math import sqrt
 
+from cable_twin.mechanics.block_tridiagonal import add_block
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.sliding_joint import interpolate, locate, locate_on_mesh, mobilise
@@ -175,15 +176,9 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
             by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
             by_place = outer(stiffness_factor, force, on_s)
             for i in range(4):
-                side = i // 2
-                if j // 2 == side:
-                    target = diagonal[element + side, i % 2, j % 2]
-                elif side == 0:
-                    target = upper[element, i % 2, j % 2]
-                else:
-                    target = lower[element, i % 2, j % 2]
                 of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
-                accumulate(minus(of_force, block(shape_x[i], by_place, 0.0)), target)
+                tangent = minus(of_force, block(shape_x[i], by_place, 0.0))
+                add_block(tangent, element, i, j, diagonal, upper, lower)
 
 
 @kernel
