@@ -15,7 +15,7 @@ CODE = """
 import numba
 from cable_twin.first_compilation import begin_with
 from cable_twin.mechanics.equations_of_motion import assemble
-from cable_twin.mechanics.generalized_alpha import drive_force, step
+from cable_twin.mechanics.generalized_alpha import drive_force, limited_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
@@ -25,7 +25,7 @@ def types(*arguments):
 system = build_system(load_scenario("seed_example"))
 state, work = allocate_state(system), allocate_workspace(system)
 callers = {
-    step: (system, state, 1.0, work),
+    limited_step: (system, state, state, 1.0, work),
     assemble: (system, state, 1.0, 1.0, 1.0, work),
     drive_force: (system, state, 0),
 }
