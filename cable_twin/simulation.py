@@ -18,7 +18,6 @@ from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import set_drive_mode
-from cable_twin.mechanics.modes import natural_modes
 from cable_twin.mechanics.moving_cable import park
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
@@ -356,7 +355,7 @@ class Simulation:
         Raises:
             ValueError: when there are fewer.
         """
-        return natural_modes(self.system, self._state, count)[0]
+        return self._modes(count)[0]
 
     def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
         """Shapes (count, n, dim) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
@@ -364,13 +363,18 @@ class Simulation:
         Raises:
             ValueError: when there are fewer.
         """
-        _, shapes = natural_modes(self.system, self._state, count)
+        _, shapes = self._modes(count)
         arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
         result = np.empty((count, arc_lengths.size, len(self.system.cable.gravity)))
         for shape, positions in zip(shapes, result, strict=True):
             mode = self._state._replace(nodal_coordinates=np.ascontiguousarray(shape))
             sample_positions(self.system.cable, mode, arc_lengths, positions)
         return result / np.abs(result).max(axis=(1, 2), keepdims=True)
+
+    def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
+        from cable_twin.mechanics.modes import natural_modes  # noqa: PLC0415 - sparse solvers, which no start needs
+
+        return natural_modes(self.system, self._state, count)
 
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""

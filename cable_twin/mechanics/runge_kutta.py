@@ -11,7 +11,6 @@ from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import advance_reference
@@ -37,6 +36,8 @@ def stable_step(system: System) -> float:
     The highest frequency is that of the endless straight mesh over all phases between neighbours, axial or in bending;
     with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.
     """
+    from scipy.linalg import eigh  # noqa: PLC0415 - a quarter of a second, of every start
+
     cable = system.cable
     length = cable.element_length
     axial = np.array(
