@@ -95,8 +95,7 @@ class Simulation:
             hang_in_ropes(self.system, self._state, [*self._index])
             # compiles what reads the state, while the other process is still at it
             self._observer.look(self.system, self._state, self._work)
-        self._good = clone_state(self._state)
-        self._before = clone_state(self._state)
+        self._good, self._before = clone_state(self._state), clone_state(self._state)
         self._stopped = False
         self._commands: dict[str, Command] = {}
         self._at_start = True
