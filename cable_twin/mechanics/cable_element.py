@@ -6,7 +6,7 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.elastic_models import combine, continuum, element_frame
+from cable_twin.mechanics.elastic_models import combine, elastic_force
 from cable_twin.mechanics.lanes import WIDTH, gather, spread, square_root
 from cable_twin.mechanics.memory import clear_array
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
@@ -80,10 +80,7 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
         inert = inertia(cable, r_a, slope_a, r_b, slope_b)
-        if cable.elastic_model == ELEMENT_FRAME:
-            elastic = element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-        else:
-            elastic = continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+        elastic = elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
         compute_elements(cable, elastic, inert, mass_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
             add_element(group, lane, first + lane, diagonal, upper, lower, right_side, like)

@@ -6,7 +6,7 @@ vectors in m that describe the shape without its place. With u = x / l, rho = dr
 
 from __future__ import annotations
 
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.lanes import square_root
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.shape_functions import (
@@ -34,6 +34,19 @@ from cable_twin.mechanics.vectors import (
 def combine(c, d, a, b):
     """Linear combination c_0 d + c_1 a + c_2 b of three vectors."""
     return add_scaled(c[0], d, add_scaled(c[1], a, scale(c[2], b)))
+
+
+@inlined_kernel
+def add_products(c, matrix, k):
+    """Add c cᵀ times a symmetric matrix to the six tangents dd, da, db, aa, ab, bb of d, a, b."""
+    return (
+        add_scaled(c[0] * c[0], matrix, k[0]),
+        add_scaled(c[0] * c[1], matrix, k[1]),
+        add_scaled(c[0] * c[2], matrix, k[2]),
+        add_scaled(c[1] * c[1], matrix, k[3]),
+        add_scaled(c[1] * c[2], matrix, k[4]),
+        add_scaled(c[2] * c[2], matrix, k[5]),
+    )
 
 
 @kernel
@@ -65,7 +78,7 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
     zero = scale(0.0, d)
     nothing = symmetric(0.0, 0.0, d)
     force_d, force_a, force_b = zero, zero, zero
-    k_dd, k_da, k_db, k_aa, k_ab, k_bb = nothing, nothing, nothing, nothing, nothing, nothing
+    k = (nothing, nothing, nothing, nothing, nothing, nothing)
     damped = cable.damping_time > 0.0
     viscous_stiffening = 1.0 + cable.damping_time * rate_factor
 
@@ -85,12 +98,7 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         force_b = add_scaled(s_b * stress, rho, force_b)
         radial = (weight * viscous_stiffening / length - stress) / squared
         c = symmetric(stiffness_factor * stress, stiffness_factor * radial, rho)
-        k_dd = add_scaled(s_d * s_d, c, k_dd)
-        k_da = add_scaled(s_d * s_a, c, k_da)
-        k_db = add_scaled(s_d * s_b, c, k_db)
-        k_aa = add_scaled(s_a * s_a, c, k_aa)
-        k_ab = add_scaled(s_a * s_b, c, k_ab)
-        k_bb = add_scaled(s_b * s_b, c, k_bb)
+        k = add_products(slopes, c, k)
 
     for point in range(BENDING_POINTS):
         slopes = BENDING_SLOPES[point]
@@ -115,14 +123,9 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         force_b = add_scaled(slopes[2], on_rho, add_scaled(curvatures[2], moment, force_b))
         stiff = stiffness_factor * weight * viscous_stiffening
         c = symmetric(stiff, -stiff * inverse_squared, rho)
-        s_d, s_a, s_b = curvatures[0], curvatures[1], curvatures[2]
-        k_dd = add_scaled(s_d * s_d, c, k_dd)
-        k_da = add_scaled(s_d * s_a, c, k_da)
-        k_db = add_scaled(s_d * s_b, c, k_db)
-        k_aa = add_scaled(s_a * s_a, c, k_aa)
-        k_ab = add_scaled(s_a * s_b, c, k_ab)
-        k_bb = add_scaled(s_b * s_b, c, k_bb)
+        k = add_products(curvatures, c, k)
 
+    k_dd, k_da, k_db, k_aa, k_ab, k_bb = k
     return force_d, force_a, force_b, k_dd, full(1.0, k_da, 0.0), full(1.0, k_db, 0.0), k_aa, k_ab, k_bb
 
 
@@ -145,7 +148,7 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
     zero = scale(0.0, d)
     nothing = symmetric(0.0, 0.0, d)
     force_d, force_a, force_b = zero, zero, zero
-    k_dd, k_da, k_db, k_aa, k_ab, k_bb = nothing, nothing, nothing, nothing, nothing, nothing
+    k = (nothing, nothing, nothing, nothing, nothing, nothing)
     viscous_stiffening = 1.0 + damping * rate_factor
     chord = square_root(dot(d, d))
     i = scale(1.0 / chord, d)
@@ -168,12 +171,7 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
         on_i = add_scaled(tension, rho, on_i)
         stiff = weight * viscous_stiffening / length
         along = symmetric(0.0, stiff, i)
-        k_dd = add_scaled(c_d * c_d, along, k_dd)
-        k_da = add_scaled(c_d * c_a, along, k_da)
-        k_db = add_scaled(c_d * c_b, along, k_db)
-        k_aa = add_scaled(c_a * c_a, along, k_aa)
-        k_ab = add_scaled(c_a * c_b, along, k_ab)
-        k_bb = add_scaled(c_b * c_b, along, k_bb)
+        k = add_products(AXIAL_SLOPES[point], along, k)
         y_d = add_scaled(c_d * stiff, rho, y_d)
         y_a = add_scaled(c_a * stiff, rho, y_a)
         y_b = add_scaled(c_b * stiff, rho, y_b)
@@ -198,12 +196,7 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
         on_i = add_scaled(-along_i, moment, on_i)
         stiff = weight * viscous_stiffening
         normal = symmetric(stiff, -stiff, i)
-        k_dd = add_scaled(c_d * c_d, normal, k_dd)
-        k_da = add_scaled(c_d * c_a, normal, k_da)
-        k_db = add_scaled(c_d * c_b, normal, k_db)
-        k_aa = add_scaled(c_a * c_a, normal, k_aa)
-        k_ab = add_scaled(c_a * c_b, normal, k_ab)
-        k_bb = add_scaled(c_b * c_b, normal, k_bb)
+        k = add_products(BENDING_CURVATURES[point], normal, k)
         y_d = add_scaled(-c_d * weight, chi, y_d)
         y_a = add_scaled(-c_a * weight, chi, y_a)
         y_b = add_scaled(-c_b * weight, chi, y_b)
@@ -212,6 +205,7 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
         by_turning = weight * along_i * along_i
         k_ii = add_scaled(1.0, symmetric(by_turning, -by_turning, i), k_ii)
 
+    k_dd, k_da, k_db, k_aa, k_ab, k_bb = k
     # ∂i/∂d = P / |d| with P = 1 - i iᵀ
     turning = add_scaled(-dot(on_i, i), i, on_i)
     force_d = add_scaled(1.0 / chord, turning, force_d)
@@ -248,7 +242,7 @@ def turned_block(c, i, y, z):
     return minus(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
 
 
-@kernel
+@inlined_kernel
 def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the elastic model of the cable, as `continuum` gives them."""
     if cable.elastic_model == ELEMENT_FRAME:

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.run import open_view
-from cable_twin.recording.view_geometry import TIMELINE
+from cable_twin.recording.view_layout import frame, plot_titles
 from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.records import Snapshot
@@ -95,12 +95,6 @@ def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")
         for root, title in zip(ROOTS, titles, strict=True)
     ]
-    quantities = {
-        "speed": "Speed [m/s]",
-        "tension": f"Tension [{unit}]",
-        "swing": "Swing [deg]",
-        "drive_force": f"Drive force [{unit}]",
-    }
     plots = [
         rrb.TimeSeriesView(
             name=title,
@@ -109,7 +103,7 @@ def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         )
-        for path, title in quantities.items()
+        for path, title in plot_titles(unit).items()
     ]
     commands = [
         rrb.TextLogView(
@@ -119,17 +113,12 @@ def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
         )
         for root in ROOTS
     ]
-    return rrb.Blueprint(
+    return frame(
         rrb.Horizontal(
             rrb.Vertical(rrb.Horizontal(*tracks), rrb.Grid(*plots, grid_columns=2), row_shares=[2, 3]),
             rrb.Vertical(*commands),
             column_shares=[5, 1],
-        ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
-        auto_views=False,
-        auto_layout=False,
+        )
     )
 
 

@@ -54,19 +54,14 @@ def lay_out(
         )
         for name, reach in list(reaches.items())[:CLOSE_UPS]
     ]
-    titles = {
-        "speed": "Speed [m/s]",
-        "tension": f"Tension [{unit}]",
-        "swing": "Swing [deg]",
-        "drive_force": f"Drive force [{unit}]",
-    }
+    titles = plot_titles(unit)
     if any(path.startswith("plots/tower_load/") for path, _ in paths):
         titles["tower_load"] = f"Load on towers [{unit}]"
     views = [_plot_view(f"plots/{path}", title, paths, window) for path, title in titles.items()]
     lower: list[rrb.View | rrb.Container] = [rrb.Grid(*views, grid_columns=2)]
     if close_ups:
         lower.insert(0, close_ups[0] if len(close_ups) == 1 else rrb.Tabs(*close_ups))
-    return rrb.Blueprint(
+    return frame(
         rrb.Horizontal(
             rrb.Vertical(track, rrb.Horizontal(*lower, column_shares=[2, 5][-len(lower) :]), row_shares=[2, 3]),
             rrb.Vertical(
@@ -76,7 +71,24 @@ def lay_out(
                 ),
             ),
             column_shares=[5, 1],
-        ),
+        )
+    )
+
+
+def plot_titles(unit: str) -> dict[str, str]:
+    """Return the plots of every run with their titles, forces in `unit`."""
+    return {
+        "speed": "Speed [m/s]",
+        "tension": f"Tension [{unit}]",
+        "swing": "Swing [deg]",
+        "drive_force": f"Drive force [{unit}]",
+    }
+
+
+def frame(contents: rrb.Container) -> rrb.Blueprint:
+    """Return a layout that shows its contents and the time, and nothing of rerun's own panels."""
+    return rrb.Blueprint(
+        contents,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),

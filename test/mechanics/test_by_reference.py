@@ -10,9 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.by_reference import by_reference
-from cable_twin.mechanics.compilation import kernel
-
-pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="without the JIT a record is a named tuple")
+from cable_twin.mechanics.compilation import as_python, kernel
 
 
 @by_reference
@@ -67,7 +65,7 @@ def test_kernel_reads_what_the_record_holds(table, dim):
     compiled, plain = np.zeros(3), np.zeros(3)
     read(records(table, dim), compiled)
     after = table.copy()
-    read.py_func(records(table, dim), plain)
+    as_python(read)(records(table, dim), plain)
     np.testing.assert_array_equal(compiled, plain)
     np.testing.assert_array_equal(after[:, 0], compiled)
     assert compiled[0] == 0.25 + 10.0 + (dim - 1) + dim + 1.0 + 2 + 6 + 1000.0
@@ -84,11 +82,11 @@ def test_unknown_field_is_an_error():
     def misread(outer):
         return outer.weight
 
-    with pytest.raises(numba.TypingError, match="weight"):
+    with pytest.raises((numba.TypingError, AttributeError), match="weight"):
         misread(records(np.ones((3, 2))))
 
 
 def test_what_is_no_array_is_refused():
     read(records(np.ones((3, 2))), np.zeros(3))
-    with pytest.raises(numba.TypingError):
+    with pytest.raises((numba.TypingError, TypeError)):
         read(records(None), np.zeros(3))

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,8 +16,6 @@ from ros_participant import Participant
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "docs")
-
-pytestmark = pytest.mark.skipif(find_spec("colcon_core") is None, reason="needs colcon-common-extensions")
 
 
 @pytest.fixture(scope="module")
