@@ -1,4 +1,4 @@
-"""The elements of the cable: their residual and tangent, with inertia and gravity (paper, eq. 1-10), and their tension.
+"""The elements of the cable: their residual and tangent, with inertia and gravity (paper, eq. 1-10).
 
 Inside, an element is its chord and its two slopes times length, as in `elastic_models`.
 """
@@ -7,24 +7,13 @@ from __future__ import annotations
 
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.elastic_models import combine, elastic_force
-from cable_twin.mechanics.lanes import WIDTH, gather, spread, square_root
+from cable_twin.mechanics.lanes import WIDTH, gather, spread
 from cable_twin.mechanics.memory import clear_array
-from cable_twin.mechanics.parameters import ELEMENT_FRAME
-from cable_twin.mechanics.shape_functions import (
-    AXIAL_POINTS,
-    AXIAL_SLOPES,
-    AXIAL_WEIGHT,
-    BENDING_CURVATURES,
-    BENDING_POINTS,
-    BENDING_SLOPES,
-    BENDING_WEIGHT,
-    MASS,
-)
+from cable_twin.mechanics.shape_functions import MASS
 from cable_twin.mechanics.vectors import (
     accumulate,
     add_scaled,
     block,
-    dot,
     full,
     load,
     outer,
@@ -33,16 +22,6 @@ from cable_twin.mechanics.vectors import (
     subtract,
     transpose,
 )
-
-
-@kernel
-def chord_and_slopes(coordinates, element, cable):
-    """The three vectors d, A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
-    like = cable.gravity
-    chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
-    slope_a = scale(cable.element_length, load(coordinates[element, 1], like))
-    slope_b = scale(cable.element_length, load(coordinates[element + 1, 1], like))
-    return chord, slope_a, slope_b
 
 
 @kernel
@@ -149,52 +128,3 @@ def add_element(group, lane, element, diagonal, upper, lower, right_side, like):
     coupling = load(group[row + 9 * size :, lane], square)
     store(coupling, upper[element, 1, 1])
     store(coupling, lower[element, 1, 1])
-
-
-@kernel
-def mean_tension(cable, state, element):
-    """Tension (N) of an element: mean of EA (ε + τ ε_dot) over its length.
-
-    Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
-    of `element_frame` has the chord's for its mean.
-    """
-    length = cable.element_length
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
-    if cable.elastic_model == ELEMENT_FRAME:
-        chord = square_root(dot(d, d))
-        return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
-    tension = 0.0
-    for point in range(AXIAL_POINTS):
-        rho = combine(AXIAL_SLOPES[point], d, a, b)
-        norm = square_root(dot(rho, rho))
-        strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * length)
-        strain = norm / length - 1.0
-        tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
-    return tension
-
-
-@kernel
-def elastic_energy(cable, state, element):
-    """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
-    length = cable.element_length
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    i = scale(1.0 / square_root(dot(d, d)), d)
-    energy = 0.0
-    for point in range(AXIAL_POINTS):
-        rho = combine(AXIAL_SLOPES[point], d, a, b)
-        along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else square_root(dot(rho, rho))
-        strain = along / length - 1.0
-        energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
-    for point in range(BENDING_POINTS):
-        rho = combine(BENDING_SLOPES[point], d, a, b)
-        chi = combine(BENDING_CURVATURES[point], d, a, b)
-        squared = length * length
-        if cable.elastic_model == ELEMENT_FRAME:
-            rho = i
-        else:
-            squared = dot(rho, rho)
-        bent = add_scaled(-dot(rho, chi) / dot(rho, rho), rho, chi)
-        curvature_squared = dot(bent, bent) / (squared * length * length)
-        energy += 0.5 * length * BENDING_WEIGHT[point] * cable.bending_stiffness * curvature_squared
-    return energy

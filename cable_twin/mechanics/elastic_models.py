@@ -1,4 +1,4 @@
-"""The two elastic models of an element: elastic and viscous force and their tangent (paper, eq. 7-9).
+"""The two elastic models of an element: elastic and viscous force, tangent, tension, energy (paper, eq. 7-9).
 
 Inside, an element is its chord d = r_B - r_A and its two slopes times length, A = l r_x(A) and B = l r_x(B): three
 vectors in m that describe the shape without its place. With u = x / l, rho = dr/du and chi = d²r/du².
@@ -22,12 +22,24 @@ from cable_twin.mechanics.vectors import (
     add_scaled,
     dot,
     full,
+    load,
     minus,
     outer,
     scale,
+    subtract,
     symmetric,
     symmetric_pair,
 )
+
+
+@kernel
+def chord_and_slopes(coordinates, element, cable):
+    """The three vectors d, A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
+    like = cable.gravity
+    chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
+    slope_a = scale(cable.element_length, load(coordinates[element, 1], like))
+    slope_b = scale(cable.element_length, load(coordinates[element + 1, 1], like))
+    return chord, slope_a, slope_b
 
 
 @kernel
@@ -248,3 +260,52 @@ def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
     return continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+
+
+@kernel
+def mean_tension(cable, state, element):
+    """Tension (N) of an element: mean of EA (ε + τ ε_dot) over its length.
+
+    Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
+    of `element_frame` has the chord's for its mean.
+    """
+    length = cable.element_length
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    if cable.elastic_model == ELEMENT_FRAME:
+        chord = square_root(dot(d, d))
+        return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
+    tension = 0.0
+    for point in range(AXIAL_POINTS):
+        rho = combine(AXIAL_SLOPES[point], d, a, b)
+        norm = square_root(dot(rho, rho))
+        strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * length)
+        strain = norm / length - 1.0
+        tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
+    return tension
+
+
+@kernel
+def elastic_energy(cable, state, element):
+    """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
+    length = cable.element_length
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    i = scale(1.0 / square_root(dot(d, d)), d)
+    energy = 0.0
+    for point in range(AXIAL_POINTS):
+        rho = combine(AXIAL_SLOPES[point], d, a, b)
+        along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else square_root(dot(rho, rho))
+        strain = along / length - 1.0
+        energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
+    for point in range(BENDING_POINTS):
+        rho = combine(BENDING_SLOPES[point], d, a, b)
+        chi = combine(BENDING_CURVATURES[point], d, a, b)
+        squared = length * length
+        if cable.elastic_model == ELEMENT_FRAME:
+            rho = i
+        else:
+            squared = dot(rho, rho)
+        bent = add_scaled(-dot(rho, chi) / dot(rho, rho), rho, chi)
+        curvature_squared = dot(bent, bent) / (squared * length * length)
+        energy += 0.5 * length * BENDING_WEIGHT[point] * cable.bending_stiffness * curvature_squared
+    return energy

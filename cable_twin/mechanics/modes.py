@@ -13,10 +13,9 @@ from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import eigsh
 
-from cable_twin.mechanics.cable_element import chord_and_slopes
 from cable_twin.mechanics.carriage import pivot
 from cable_twin.mechanics.counterweight import add_counterweights
-from cable_twin.mechanics.elastic_models import elastic_force
+from cable_twin.mechanics.elastic_models import chord_and_slopes, elastic_force
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from math import floor, inf
 
-from cable_twin.mechanics.cable_element import chord_and_slopes
 from cable_twin.mechanics.carriage import hang_chain, move_chain
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import ramp
-from cable_twin.mechanics.elastic_models import combine
+from cable_twin.mechanics.elastic_models import chord_and_slopes, combine
 from cable_twin.mechanics.shape_functions import (
     FLOW,
     FLOW_OF_CHORD,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.mechanics.by_reference import by_reference
-from cable_twin.mechanics.cable_element import elastic_energy, mean_tension
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
+from cable_twin.mechanics.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.equations_of_motion import assemble_cable
 from cable_twin.mechanics.haul_rope import haul_energies, rope_force
 from cable_twin.mechanics.moving_cable import flow_energy, haul_force

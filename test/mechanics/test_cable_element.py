@@ -124,10 +124,10 @@ def test_elastic_energy_is_that_of_the_strains(model, dim):
 
     def total(e):
         moved = state._replace(nodal_coordinates=e.reshape(state.nodal_coordinates.shape))
-        return sum(cable_element.elastic_energy(cable, moved, element) for element in range(cable.element_count))
+        return sum(elastic_models.elastic_energy(cable, moved, element) for element in range(cable.element_count))
 
     written = sum(
-        energy(cable, np.concatenate(cable_element.chord_and_slopes(state.nodal_coordinates, element, cable)))
+        energy(cable, np.concatenate(elastic_models.chord_and_slopes(state.nodal_coordinates, element, cable)))
         for element in range(cable.element_count)
     )
     assert total(state.nodal_coordinates) == pytest.approx(written, rel=1e-13)
@@ -327,11 +327,11 @@ def test_mean_tension_is_the_mean_of_the_strain(model, dim):
     """EA times the mean of ε + τ ε_dot over the Gauss points: to 1e-12."""
     system = make_system(dim, cable={"elastic_model": model, "damping_time": 0.02})
     state, _ = disturbed_state(system)
-    q = np.concatenate(cable_element.chord_and_slopes(state.nodal_coordinates, 1, system.cable))
-    q_dot = np.concatenate(cable_element.chord_and_slopes(state.nodal_velocities, 1, system.cable))
+    q = np.concatenate(elastic_models.chord_and_slopes(state.nodal_coordinates, 1, system.cable))
+    q_dot = np.concatenate(elastic_models.chord_and_slopes(state.nodal_velocities, 1, system.cable))
     axial = strains(system.cable, q)[0] + 0.02 * gradient(lambda x: strains(system.cable, x)[0], q) @ q_dot
     exact = system.cable.axial_stiffness * np.array([weight for _, weight in gauss(AXIAL_POINTS)]) @ axial
-    assert cable_element.mean_tension(system.cable, state, 1) == pytest.approx(exact, rel=1e-12)
+    assert elastic_models.mean_tension(system.cable, state, 1) == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize(
