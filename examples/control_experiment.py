@@ -22,7 +22,7 @@ from scipy.linalg import eigh
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
-DISCOVERY = 10.0  # s of the clock to find the twin
+DISCOVERY = 10.0  # s of the clock to find the twin, where --wait does not say it
 SILENCE = 2.0  # s of the clock without an answer of the twin
 REST = 1e-3  # m/s
 
@@ -50,13 +50,14 @@ class Link:
     Args:
         name: of the carriage.
         twin: full name of the node.
+        wait: s of the clock to find it.
         ending: a signal ends the experiment.
 
     Raises:
         ExperimentError: no twin answers, or it has no such carriage.
     """
 
-    def __init__(self, name: str, twin: str, ending: Ending) -> None:
+    def __init__(self, name: str, twin: str, wait: float, ending: Ending) -> None:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
@@ -80,14 +81,14 @@ class Link:
         self._node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
         self._node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 50)
         self._node.create_subscription(JointState, f"{twin}/applied_commands", self._on_applied, 50)
-        deadline = time.monotonic() + DISCOVERY
+        deadline = time.monotonic() + wait
         while not (self._publisher.get_subscription_count() and self.scenario and self.motion) and not ending.is_set():
             self._spin_once(self._node, timeout_sec=0.05)
             if self.scenario and name not in (known := self.scenario["carriages"]):
                 raise ExperimentError(f"the twin has no carriage '{name}'; it has: {', '.join(known) or 'none'}")
             if time.monotonic() > deadline:
                 raise ExperimentError(
-                    f"no twin that moves on answers as {twin} after {DISCOVERY:g} s: is `sim` running, not paused, "
+                    f"no twin that moves on answers as {twin} after {wait:g} s: is `sim` running, not paused, "
                     "and with the same ROS_DOMAIN_ID?"
                 )
 
@@ -239,6 +240,9 @@ def parser(name: str, description: str, epilog: str) -> OneLineParser:
     result = OneLineParser(name, description, epilog)
     result.add_argument("name", nargs="?", default="cabin", help="carriage to drive; default: cabin")
     result.add_argument("--node", default="/cable_twin", help="name of the twin; default: /cable_twin")
+    result.add_argument(
+        "--wait", type=positive("s"), default=DISCOVERY, metavar="S", help=f"s to find it; default: {DISCOVERY:g}"
+    )
     result.add_argument("--speed", type=positive("m/s"), default=5.0, metavar="M/S", help="m/s on the way; default: 5")
     result.add_argument(
         "--settle", type=positive("s"), default=15.0, metavar="S", help="s to watch the swing in the end; default: 15"
@@ -311,7 +315,7 @@ def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, 
     rclpy.init(args=[command], signal_handler_options=SignalHandlerOptions.NO)
     link = None
     try:
-        link = Link(options.name, options.node, ending)
+        link = Link(options.name, options.node, options.wait, ending)
         law = None if link.ended else experiment(link, options)
         if law is None or link.ended:
             print(f"{command}: ended before it had begun")

@@ -13,7 +13,7 @@ from typing import Any
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
 
 RATE = 20.0  # Hz, well inside the node's command time-out
-DISCOVERY = 10.0  # s to find the twin
+DISCOVERY = 10.0  # s to find the twin, where --wait does not say it
 ANSWER = 2.0  # s within which the twin has to apply a command
 TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
 EPILOG = """\
@@ -39,6 +39,13 @@ def parser() -> OneLineParser:
     )
     result.add_argument("--duration", type=_not_negative, metavar="S", help="s to drive; default: until Ctrl-C")
     result.add_argument("--node", default="/cable_twin", help="name of the twin; default: /cable_twin")
+    result.add_argument(
+        "--wait",
+        type=_not_negative,
+        default=DISCOVERY,
+        metavar="S",
+        help=f"s to wait for the twin, which compiles its solver on its first start; default: {DISCOVERY:g}",
+    )
     return result
 
 
@@ -98,7 +105,7 @@ class _Driver:
 
     def find_twin(self) -> str | None:
         """Wait for the twin and check the command against its scenario; returns what is wrong."""
-        deadline = time.monotonic() + DISCOVERY
+        deadline = time.monotonic() + self._options.wait
         while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
             self._spin(0.05)
             if self._ending.is_set():
@@ -107,7 +114,7 @@ class _Driver:
                 if self._scenario is not None:
                     return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
                 return (
-                    f"no twin listens on {self._topic} after {DISCOVERY:g} s: is `sim` running, "
+                    f"no twin listens on {self._topic} after {self._options.wait:g} s: is `sim` running, "
                     "with the same ROS_DOMAIN_ID?"
                 )
         carriages = {

@@ -107,14 +107,14 @@ def test_refusals_of_the_twin_end_it(twin, drive):
 
 
 def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants, tmp_path):
-    alone = processes("cabin", "--speed", "1", module="drive")
+    alone = processes("cabin", "--speed", "1", "--wait", "3", module="drive")
     paused = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--start-paused", "true")
     participant = participants(paused.domain)
     participant.subscribe_standard(paused=True)
-    waiting = processes("cabin", "--speed", "1", module="drive", domain=paused.domain)
+    waiting = processes("cabin", "--speed", "1", "--wait", "6", module="drive", domain=paused.domain)
     assert alone.wait() == 1
     assert alone.output.strip() == (
-        "drive: no twin listens on /cable_twin/joint_commands after 10 s: is `sim` running, "
+        "drive: no twin listens on /cable_twin/joint_commands after 3 s: is `sim` running, "
         "with the same ROS_DOMAIN_ID?"
     )
     assert waiting.wait() == 1
