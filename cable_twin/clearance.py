@@ -24,11 +24,13 @@ def find_clearance(
     Args:
         terrain: (n, 2) m, x rising.
         rope: (m, 2) m, points of the rope.
-        carriages: the vehicles.
+        carriages: the vehicles; those in a station have none.
         outlines: (k, 2) m of each of their bodies, in its axes.
     """
     vehicles: dict[str, Place] = {}
     for name, carriage in carriages.items():
+        if not carriage.attached:
+            continue
         lines = []
         for body_name, body in carriage.bodies.items():
             cos, sin = np.cos(body.pitch), np.sin(body.pitch)

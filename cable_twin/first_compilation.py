@@ -7,7 +7,9 @@ both cores' time one after the other takes the longer of the two.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -17,7 +19,7 @@ from typing import Any
 import numba
 
 from cable_twin.mechanics.carriage import condense_chain
-from cable_twin.mechanics.compilation import is_compiled
+from cable_twin.mechanics.compilation import is_compiled, keeps_kernels
 from cable_twin.mechanics.counterweight import add_counterweights
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import hold_supports, solve
@@ -31,6 +33,7 @@ from cable_twin.mechanics.state import State, Workspace, allocate_state, allocat
 from cable_twin.mechanics.support import add_supports, settle_supports
 from cable_twin.scenario import build_system, load_scenario
 
+PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 
 
@@ -40,7 +43,7 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
 
     On leaving, it is in the cache; if the other process failed, it will be compiled on its first call as ever.
     """
-    if is_compiled(INTEGRATORS[integrator]) or len(os.sched_getaffinity(0)) < 2:
+    if not keeps_kernels() or is_compiled(INTEGRATORS[integrator]) or len(os.sched_getaffinity(0)) < 2:
         yield
         return
     root = str(Path(__file__).resolve().parents[1])
@@ -79,8 +82,14 @@ def begin_with(system: System, state: State, work: Workspace) -> dict[Callable[.
     }
 
 
+def _end_with_parent() -> None:
+    """Be gone with the start that wanted this: one that a signal ends leaves no compiler behind."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def main() -> None:
     """Compile one integrator, for a system of any size."""
+    _end_with_parent()
     integrator = sys.argv[1]
     system = build_system(load_scenario("seed_example", {"solver.integrator": integrator}))
     state, work = allocate_state(system), allocate_workspace(system)

@@ -117,9 +117,9 @@ class KeyFigures:
             if kind == "reset":
                 stops.cancel()
             elif self._snapshot is not None and kind == "emergency_stop":
-                stops.begin("emergency stop", applied.time, *self._motion(name))
+                stops.begin("emergency stop", applied.time, *self._motion_at(name, applied.time))
             elif self._snapshot is not None and kind == "speed" and values.get(name) == 0.0:
-                stops.begin("stop", applied.time, *self._motion(name))
+                stops.begin("stop", applied.time, *self._motion_at(name, applied.time))
             elif kind in ("speed", "force") and name in values:
                 stops.cancel()
 
@@ -141,6 +141,12 @@ class KeyFigures:
             return drive.position, drive.speed
         state = self._snapshot.carriages[name]
         return state.arc_length, state.speed
+
+    def _motion_at(self, name: str, time: float) -> tuple[float, float]:
+        """Place (m) and speed (m/s) at a time (s) shortly after the last frame, which goes on as it was."""
+        assert self._snapshot is not None
+        place, speed = self._motion(name)
+        return place + speed * (time - self._snapshot.time), speed
 
     def _update_sag(self, time: float, cable: CableSamples) -> None:
         """Depth below the chord of each span, from support to support."""
@@ -172,8 +178,8 @@ class KeyFigures:
         self._nearest.update(travels, snapshot.time)
 
     def _update_clearance(self, snapshot: Snapshot) -> None:
-        attached = {name: state for name, state in snapshot.carriages.items() if state.attached}
-        found = find_clearance(self._terrain, snapshot.cable.positions[:, [0, -1]], attached, self._outlines)
+        rope = snapshot.cable.positions[:, [0, -1]]
+        found = find_clearance(self._terrain, rope, snapshot.carriages, self._outlines)
         self._rope_clearance.update([found.rope.height], snapshot.time, found.rope.x)
         self._vehicles.update_clearance(snapshot.time, found.vehicles)
 
@@ -365,7 +371,7 @@ class _Vehicles:
 
 
 def _tension_ratios(cable: CableSamples, places: FloatArray, force_x: FloatArray, force_z: FloatArray) -> FloatArray:
-    """Tension over the part of a force (N) across the rope, at arc lengths (n,) in m; infinite without any."""
+    """Tension over the part of a force (N) across the rope, at arc lengths (n,) in m; NaN without any."""
     x, z, last = cable.positions[:, 0], cable.positions[:, -1], len(cable.arc_lengths) - 1
     after = np.clip(np.searchsorted(cable.arc_lengths, places), 1, last)
     # beside the kink at the joint, from the sample before to the one after

@@ -17,7 +17,7 @@ from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
 from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import set_drive_mode
+from cable_twin.mechanics.generalized_alpha import Outcome, set_drive_mode
 from cable_twin.mechanics.moving_cable import park
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
@@ -182,6 +182,8 @@ class Simulation:
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
+        if full.scenario is not self.scenario and full.scenario.resolved() != self.scenario.resolved():
+            raise SnapshotError(f"it is of another scenario than '{self.scenario.name}', or of one with other values")
         full.copy_to(self._state, self._initial, (*self.carriages, *self.drives))
         self.system = self._load(self._state.payload)
         self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
@@ -297,7 +299,7 @@ class Simulation:
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = self._advance(self.system, self._state, self._good, self._before, self._work, steps)
+        outcome = Outcome(*self._advance(self.system, self._state, self._good, self._before, self._work, steps))
         self._snapshot = self._observe(
             SolverReport(
                 steps=int(outcome.steps),

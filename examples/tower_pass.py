@@ -62,7 +62,11 @@ class Calm:
 
     def keeps(self, options: argparse.Namespace) -> bool:
         """Whether it is within the limits given."""
-        return self.swing <= options.swing_limit and self.acceleration <= options.acceleration_limit
+        return self.beyond(options) <= 1.0
+
+    def beyond(self, options: argparse.Namespace) -> float:
+        """How often the larger of both goes into its limit."""
+        return max(self.swing / options.swing_limit, self.acceleration / options.acceleration_limit)
 
     def __str__(self) -> str:
         return f"{self.swing:.2f} deg, {self.acceleration:.3f} m/s^2"
@@ -159,7 +163,7 @@ def choose(link: Link, options: argparse.Namespace) -> tuple[float, SpeedPlan, C
         tried.append((float(passing), plan, calm))
         if calm.keeps(options) or link.ended:
             return tried[-1]
-    best = min(tried, key=lambda item: max(item[2].swing / options.swing_limit, item[2].acceleration))
+    best = min(tried, key=lambda item: item[2].beyond(options))
     print(f"tower_pass.py: none keeps the limits, the calmest is taken: {best[0]:.2f} m/s", flush=True)
     return best
 

@@ -54,7 +54,7 @@ ALLOWED = {
     "extremes": ("records",),
     "key_figures": ("clearance", "extremes", "outlines", "records", "scenario"),
     "command_line": (),
-    "recording": ("messages", "command_messages", "outlines", "records", "simulation", "scenario"),
+    "recording": ("messages", "command_messages", "outlines", "records", "simulation", "scenario", "snapshot_file"),
     "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
     "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
 }

@@ -63,3 +63,19 @@ def test_the_second_process_ends_well():
         check=False,
     )
     assert result.returncode == 0, result.stderr
+
+
+def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
+    code = "from cable_twin.mechanics.compilation import keeps_kernels; print(keeps_kernels())"
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": os.devnull},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.stdout == "False\n"
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"{os.devnull}/cable_twin/kernels-")
+    assert ": Not a directory: compiled kernels cannot be kept, every start compiles them" in line

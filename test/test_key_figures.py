@@ -162,6 +162,17 @@ def test_stopping_distance_is_half_the_square_of_speed_over_deceleration():
     assert (stop.time, stop.limit, stop.source, stop.kept) == (5.0, 20.0, "scenario: limits.stopping_distance", True)
 
 
+def test_stopping_distance_counts_from_the_command_also_between_frames():
+    figures = KeyFigures(scenario())
+    drive(figures, lambda _: 6.0, 5.0)
+    figures.command(AppliedCommand(5.0 + 0.4 * PERIOD, Command("emergency_stop", {}), "test"))
+    place = 130.0 + 0.4 * PERIOD * 6.0
+    figures.update(snapshot(10.0, place=place + 15.0, speed=0.0))
+    stop = gathered(figures)["cabin: stopping distance"]
+    assert stop.value == pytest.approx(15.0)
+    assert stop.time == 5.0 + 0.4 * PERIOD
+
+
 def test_a_stop_that_is_taken_back_does_not_count():
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 1.0)

@@ -154,6 +154,13 @@ def test_clearance_needs_a_terrain():
     assert found.vehicles["cabin"].height == pytest.approx(10.0 - 3.5, abs=0.6)
 
 
+def test_clearance_is_that_of_vehicles_on_the_cable():
+    simulation = Simulation(load_scenario("gondola"), samples=5)
+    on_the_cable = {name for name, state in simulation.snapshot.carriages.items() if state.attached}
+    assert simulation.clearance().vehicles.keys() == on_the_cable
+    assert len(on_the_cable) < len(simulation.carriages)
+
+
 def test_outline_with_a_size_is_that_box():
     body = scenario().carriages["cabin"].bodies["cabin"]
     outline = body_outline(body)

@@ -1,9 +1,11 @@
 import dataclasses
+import subprocess
 import sys
 from math import inf, nan
 
 import numpy as np
 import pytest
+from twin_process import COMPILING, environment
 
 from cable_twin.mechanics.compilation import Kernel
 from cable_twin.records import Command, CommandError
@@ -330,3 +332,37 @@ def called_from_python():
         if isinstance(value, Kernel)
     }
     return {name: len(kernel._from_python.overloads) for name, kernel in kernels.items()}
+
+
+@pytest.mark.skipif(not JIT, reason="there is no machine code to interrupt")
+def test_an_interrupt_is_an_exception_wherever_it_comes(tmp_path):
+    """Not the end of the process: numba runs Python code of its own on the way out of some kernels, unguarded."""
+    code = """
+import signal
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+simulation = Simulation(load_scenario("single_span"))
+simulation.advance_to(0.01)
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+caught = 0
+while caught < 200:
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.0003 + 0.00001 * caught)
+        for _ in range(1000):
+            simulation.advance_to(simulation.time + 0.01)
+            simulation.cable_tension([100.0])
+    except KeyboardInterrupt:
+        caught += 1
+print("caught", caught)
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment(tmp_path, 0),
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == "caught 200\n"

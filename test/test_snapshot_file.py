@@ -141,6 +141,14 @@ def test_reset_goes_back_to_the_start_of_the_one_that_was_saved(quick, tmp_path)
     assert not loaded.commands
 
 
+def test_state_of_another_scenario_is_refused(quick):
+    full = Simulation(quick).capture()
+    other = Simulation(load_scenario(quick.resolved(), {"gravity": 1.62}))
+    with pytest.raises(SnapshotError, match="it is of another scenario than 'quick', or of one with other v"):
+        other.restore(full)
+    Simulation(load_scenario(quick.resolved())).restore(full)
+
+
 def test_capture_is_a_copy(quick):
     simulation = Simulation(quick)
     start = simulation.capture()

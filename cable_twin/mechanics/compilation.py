@@ -9,30 +9,60 @@ not compile. Counting references to those arrays took three quarters of a step.
 
 from __future__ import annotations
 
+import errno
 import functools
 import hashlib
+import logging
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
 
+FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
+ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
 
-def cache_directory() -> Path:
+
+def cache_directory() -> Path | None:
     """Where compiled kernels are kept: one directory for each version of the sources of this package.
 
-    numba itself asks only whether the file of a kernel has changed, not those of the kernels that it calls.
+    numba itself asks only whether the file of a kernel has changed, not those of the kernels that it calls. None, and
+    a line that says so, where they cannot be kept: numba would take another place, in which it finds old ones.
     """
     fingerprint = hashlib.sha256()
     for source in sorted(Path(__file__).parent.glob("*.py")):
         fingerprint.update(source.read_bytes())
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "cable_twin" / f"kernels-{fingerprint.hexdigest()[:12]}"
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    directory = Path(base) / "cable_twin" / f"kernels-{fingerprint.hexdigest()[:12]}"
+    try:
+        directory = directory.expanduser()
+        filled = directory.is_dir()
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            room = shutil.disk_usage(directory).free
+        if room < ROOM and not filled:
+            raise OSError(errno.ENOSPC, f"{room / 2**20:.0f} MB are free, {ROOM / 2**20:.0f} MB are needed")
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        reason = getattr(error, "strerror", None) or error
+        logging.getLogger("cable_twin").warning(
+            "%s: %s: compiled kernels cannot be kept, every start compiles them; NUMBA_CACHE_DIR names another place",
+            directory,
+            reason,
+        )
+        return None
+    return directory
 
 
-_CACHE_DIRECTORY = str(cache_directory())
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+_CACHE_DIRECTORY = cache_directory()
+_OPTIONS: dict[str, Any] = {
+    "cache": _CACHE_DIRECTORY is not None,
+    "nogil": True,
+    "error_model": "numpy",
+    "_nrt": False,
+}
 
 
 class Kernel:
@@ -47,8 +77,9 @@ class Kernel:
         functools.update_wrapper(self, function)
         self.py_func = function
         self.targetoptions = options  # where numba looks whether to inline it
-        self._from_python = _jit(function, "", options)
-        self._from_kernels = _jit(function, "-inner", {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+        self._from_python = _jit(function, FROM_PYTHON, options)
+        inner = {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self._from_kernels = _jit(function, FROM_KERNELS, inner)
         self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
 
     def __call__(self, *arguments: Any) -> Any:
@@ -56,10 +87,10 @@ class Kernel:
         return self._from_python(*arguments)
 
 
-def _jit(function: Callable[..., Any], suffix: str, options: dict[str, Any]) -> Any:
+def _jit(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
     config: Any = numba.config
     before = config.CACHE_DIR
-    config.CACHE_DIR = _CACHE_DIRECTORY + suffix  # read by numba while it decorates, and only then
+    config.CACHE_DIR = f"{_CACHE_DIRECTORY}/{kind}"  # read by numba while it decorates, and only then
     try:
         return numba.njit(**_OPTIONS, **options)(function)
     finally:
@@ -92,9 +123,16 @@ def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
     return function.py_func if isinstance(function, Kernel) else function
 
 
+def keeps_kernels() -> bool:
+    """Whether what is compiled is there for other processes."""
+    return _CACHE_DIRECTORY is not None
+
+
 def is_compiled(function: Callable[..., Any]) -> bool:
     """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
     if not isinstance(function, Kernel):
         return True
+    if _CACHE_DIRECTORY is None:
+        return False  # no process has it but this one
     name = f"{function.__module__.rpartition('.')[2]}.{function.py_func.__qualname__}-"
-    return any(Path(_CACHE_DIRECTORY).glob(f"**/{name}*.nbc"))
+    return any((_CACHE_DIRECTORY / FROM_PYTHON).glob(f"**/{name}*.nbc"))

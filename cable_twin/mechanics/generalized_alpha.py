@@ -25,7 +25,10 @@ LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
 class Outcome(NamedTuple):
-    """What came of a call: read `converged` before anything else."""
+    """What came of a call: read `converged` before anything else.
+
+    An integrator gives the fields alone: numba makes a named tuple by Python code of its own, which a Ctrl-C crashes.
+    """
 
     converged: bool
     steps: int  # whole steps taken
@@ -290,6 +293,9 @@ def advance(system, state, good, before, work, steps):
 
     A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, `state` goes back to the
     last good step and the outcome says so. `good` and `before` are scratch of the shape of `state`.
+
+    Returns:
+        The fields of `Outcome`.
     """
     solver = system.solver
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
@@ -313,9 +319,9 @@ def advance(system, state, good, before, work, steps):
             copy_state(good, state)
             halvings += 1
         if not converged:
-            return Outcome(False, done, iterations, halvings, worst_gap, increment, worst_element(work))
+            return False, done, iterations, halvings, worst_gap, increment, worst_element(work)
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] and follows_reference(state.drive_mode, state.sheave_mode, carriage):
             state.drive_force[carriage] = drive_force(system, state, carriage)
-    return Outcome(True, steps, iterations, halvings, worst_gap, increment, worst_element(work))
+    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.drive import advance_reference
 from cable_twin.mechanics.equations_of_motion import measure_gaps, solve_accelerations
-from cable_twin.mechanics.generalized_alpha import Outcome, worst_element
+from cable_twin.mechanics.generalized_alpha import worst_element
 from cable_twin.mechanics.memory import combine_arrays, copy_array
 from cable_twin.mechanics.parameters import SPEED, FloatArray, System
 from cable_twin.mechanics.readout import energies
@@ -206,10 +206,10 @@ def advance_explicitly(system, state, start, total, work, steps):
         kinetic, elastic, gravitational = energies(system, state)
         if not healthy or not isfinite(gap) or not isfinite(kinetic + elastic + gravitational):
             copy_state(start, state)
-            return Outcome(False, done, 0, nodes, worst_gap, gap, worst_element(work))
+            return False, done, 0, nodes, worst_gap, gap, worst_element(work)
         worst_gap = max(worst_gap, gap)
         state.clock[0] += 1
     for carriage in range(system.carriages.fixed.size):
         if state.drive_mode[carriage] == SPEED:
             state.drive_force[carriage] = driven_force(system, state, carriage)
-    return Outcome(True, steps, 0, nodes, worst_gap, 0.0, worst_element(work))
+    return True, steps, 0, nodes, worst_gap, 0.0, worst_element(work)

@@ -175,8 +175,8 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
     axes.margins(x=0.01)
     if many:
         first, last = (" ".join(name.split("/")[1:]) for name in (names[0], names[-1]))
-        which = "; ".join(
-            f"{run.label}: {'dashed' if index else 'drawn'}" for index, run in enumerate(runs) if run.label
+        which = "".join(
+            f"; {run.label}: {'dashed' if index else 'drawn'}" for index, run in enumerate(runs) if run.label
         )
         axes.set_title(
             f"{len(names)} lines, from {first} (dark) to {last} (light){which}",

@@ -32,7 +32,7 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
     source = parent if (parent / "metadata.yaml").exists() else log.path.resolve().with_suffix("")
     directory = source.with_name(f"{source.name}_repaired")
     namespace = log.metadata.get("namespace", NAMESPACE)
-    new = McapLog(directory, _topics(log, namespace), log.metadata, namespace=namespace)
+    new = McapLog(directory, _topics(log, namespace), log.metadata, namespace=namespace, snapshot=log.snapshot)
     count = 0
     try:
         for topic, stamp_ns, data in log.messages(on_position=on_position):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-import math
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,6 +87,12 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
     ]
 
 
+def commands_ahead(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[ScriptedCommand]:
+    """Commands of a script that are not before the present time, to the nearest solver step."""
+    first = round(simulation.time / simulation.step)  # solver steps that are done
+    return [item for item in script if round(item.time / simulation.step) >= first]
+
+
 def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[str]:
     """Find what the simulation will refuse whatever its motion: names, limits, drives after an emergency stop.
 
@@ -115,7 +121,7 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Line and values of each row; an empty cell is none, a line of nothing or that begins with # is passed over."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
-    for row in reader:
+    for row in _readable(reader, file):
         cells = [cell.strip() for cell in row]
         if not any(cells) or cells[0].startswith("#"):
             continue
@@ -127,6 +133,13 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
         if len(cells) > len(header):
             raise ScriptError(f"{file}:{reader.line_num}: {len(cells)} cells given; the header has {len(header)}")
         yield reader.line_num, {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
+
+
+def _readable(reader: Any, file: Path) -> Iterator[list[str]]:
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise ScriptError(f"{file}:{reader.line_num}: not CSV ({error})") from None
 
 
 def _number(cell: str) -> float | str:
@@ -191,7 +204,17 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    # math.isfinite fails for a whole number of four hundred digits
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
-__all__ = ["EVENTS", "VALUES", "ScriptError", "ScriptedCommand", "check_script", "read_script", "script_of_log"]
+__all__ = [
+    "EVENTS",
+    "VALUES",
+    "ScriptError",
+    "ScriptedCommand",
+    "check_script",
+    "commands_ahead",
+    "read_script",
+    "script_of_log",
+]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from cable_twin.command_messages import applied_command_message
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import MessageEncoder, nanoseconds
-from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.script import ScriptedCommand, commands_ahead
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.simulation import Simulation, SolverError
@@ -66,7 +66,7 @@ def simulate(
     encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
     first = round(simulation.time / simulation.step)  # solver steps that are done
     given = list(script)
-    waiting = deque(item for item in given if round(item.time / simulation.step) >= first)
+    waiting = deque(commands_ahead(simulation, given))
     outcome = Outcome(past=len(given) - len(waiting))
     started = time.monotonic()
     frames = math.ceil(round(duration / simulation.step) / frame_steps)

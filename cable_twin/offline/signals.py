@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_twin.records import AppliedCommand, FloatArray, Snapshot
+from cable_twin.records import FloatArray, Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
 SHAPES = 24  # ropes that are kept
@@ -81,15 +81,18 @@ class Series:
             self._filled = 1
             return
         last = self._count - 1
-        self._low[last], self._high[last] = min(self._low[last], value), max(self._high[last], value)
+        if value < self._low[last] or math.isnan(self._low[last]):
+            self._low[last] = value
+        if value > self._high[last] or math.isnan(self._high[last]):
+            self._high[last] = value
         self._filled += 1
 
     def _halve(self) -> None:
         """Join each two stretches."""
         half = POINTS // 2
         self._times[:half] = self._times[::2]
-        self._low[:half] = np.minimum(self._low[::2], self._low[1::2])
-        self._high[:half] = np.maximum(self._high[::2], self._high[1::2])
+        self._low[:half] = np.fmin(self._low[::2], self._low[1::2])
+        self._high[:half] = np.fmax(self._high[::2], self._high[1::2])
         self._count, self._stride = half, 2 * self._stride
 
     def line(self) -> tuple[FloatArray, FloatArray]:
@@ -114,7 +117,6 @@ class Signals:
 
     def __init__(self) -> None:
         self.series: dict[str, Series] = {}
-        self.commands: list[AppliedCommand] = []  # without repeated ones
         self._shapes: list[Shape] = []
         self._stride = 1
         self._frames = 0

@@ -22,7 +22,14 @@ from cable_twin.command_line import OneLineParser
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
+from cable_twin.offline.script import (
+    ScriptedCommand,
+    ScriptError,
+    check_script,
+    commands_ahead,
+    read_script,
+    script_of_log,
+)
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
@@ -150,11 +157,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         script = read_script(options.script) if options.script is not None else []
         script = script_of_log(log) if log is not None else script
         simulation = _simulation(options, log, console)
-        faults = check_script(simulation, script)
+        ahead = commands_ahead(simulation, script)
+        faults = check_script(simulation, ahead)
         if faults and log is None:
             raise ScriptError("\n".join(faults))
-        if log is not None and script and len(faults) == len(script):
-            raise ScriptError(f"{faults[0]} (and so for all {len(script)} commands of the bag)")
+        if faults and len(faults) == len(ahead):
+            raise ScriptError(f"{faults[0]} (and so for all {len(ahead)} commands of the bag)")
         duration = _duration(options.duration, script, log, simulation.time)
     except (LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError) as error:
         for line in str(error).splitlines():
@@ -171,28 +179,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     try:
         run = _start(simulation, options, epoch_ns, frame_steps)
-    except OSError as error:
-        print(f"simulate: --output {options.output}: {error.strerror or error}", file=sys.stderr)
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return FAILED
     started = simulation.time
     figures = KeyFigures(simulation.scenario)
-    with _progress(console, started, duration) as on_frame, _signals() as ended:
-        outcome = simulate(
-            simulation,
-            script,
-            duration=duration,
-            frame_steps=frame_steps,
-            epoch_ns=epoch_ns,
-            run=run,
-            figures=figures,
-            on_frame=on_frame,
-            ended=ended.is_set,
-        )
-    faults = [outcome.fault] if outcome.fault else []
-    if run is not None:
-        run.recorder.close()
-        faults += run.recorder.faults
-    return _report(simulation.scenario, started, outcome, figures, run, faults)
+    with _signals() as ended:  # to the end: a second Ctrl-C spares the logs that are being closed, too
+        try:
+            with _progress(console, started, duration) as on_frame:
+                outcome = simulate(
+                    simulation,
+                    script,
+                    duration=duration,
+                    frame_steps=frame_steps,
+                    epoch_ns=epoch_ns,
+                    run=run,
+                    figures=figures,
+                    on_frame=on_frame,
+                    ended=ended.is_set,
+                )
+        finally:
+            if run is not None:
+                run.recorder.close()
+        faults = [outcome.fault] if outcome.fault else []
+        faults += run.recorder.faults if run is not None else []
+        return _report(simulation.scenario, started, outcome, figures, run, faults)
 
 
 def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:

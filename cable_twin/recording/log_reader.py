@@ -122,8 +122,9 @@ def read_log(path: Path | str) -> Log:
         metadata, snapshot = _read_origin(file, stream)
         complete = _has_index(stream)
     _check_format(file, metadata)
-    if not metadata.get("epoch_ns", "").isdecimal():
-        raise LogError(f"{file}: epoch_ns is {metadata.get('epoch_ns')!r}, a whole number of nanoseconds is expected")
+    for key, unit in (("epoch_ns", "of nanoseconds"), ("sample_count", "of points")):
+        if not metadata.get(key, "").isdecimal():
+            raise LogError(f"{file}: {key} is {metadata.get(key)!r}, a whole number {unit} is expected")
     log = Log(file, metadata, {}, int(metadata["epoch_ns"]), complete, snapshot)
     empty = True
     for topic, _, data in log.messages():

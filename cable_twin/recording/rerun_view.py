@@ -124,7 +124,7 @@ class RerunView:
         self._colors = TensionColors()
         self._legend_place = (0.0, 0.0, 1.0)
         self._commands: deque[AppliedCommand] = deque()  # not yet in effect at the last snapshot
-        self._last_commands: dict[str, Command] = {}  # that were listed: of drives, payload, wind
+        self._last_commands: dict[tuple[str, ...], Command] = {}  # that were listed, by kind and names
         self._next_geometry = -np.inf
 
         self._times: list[float] = []
@@ -167,14 +167,17 @@ class RerunView:
         self._open()
         self._commands.append(applied)
         kind = applied.command.kind if applied.command.kind in ("payload", "wind") else "drive"
-        last = self._last_commands.get(kind)
+        key = (kind, *applied.command.values)
+        last = self._last_commands.get(key)
         if applied.command == last:
             return  # a command that only goes on, as the time-out wants it
         if kind == "wind" and last is not None:
             change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
             if max(change) < WIND_CHANGE:
                 return
-        self._last_commands[kind] = applied.command
+        if not applied.command.values:
+            self._last_commands.clear()  # after a stop or a reset the same command is a new one
+        self._last_commands[key] = applied.command
         self._command_times.append(applied.time)
         self._command_texts.append(describe_command(applied))
         self._command_levels.append(_LEVELS.get(applied.command.kind, "INFO"))

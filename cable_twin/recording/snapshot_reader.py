@@ -3,14 +3,15 @@
 A log has the cable in single precision and nothing of the velocities of centres of mass, of haul ropes or of the
 solver; what it does not have is NaN or None here, and zero in the solver's report. Logs without the topics of forces
 give NaN for those. Of a tower a log has the force; its size stands for the normal load (friction adds to it, the turn
-of the rope takes from it), and that in the first frame for the load at rest. The travel of a counterweight follows
-from the end of the cable, payloads from the commands.
+of the rope takes from it), and that in the first frame for the load at rest, where no snapshot that the run went on
+from has it. The travel of a counterweight follows from the end of the cable, payloads from the commands.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from io import BytesIO
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from cable_twin.messages import (
     support_force_topic,
 )
 from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, one_line
+from cable_twin.recording.mcap_log import SNAPSHOT_NAME
 from cable_twin.records import (
     AppliedCommand,
     BodyState,
@@ -40,6 +42,7 @@ from cable_twin.records import (
     TowerState,
 )
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 POINT_SIZE = 4 * len(CABLE_FIELDS)  # bytes of a point of the cable
@@ -90,9 +93,13 @@ class _Frames:
         self._log, self._scenario = log, scenario
         self._vehicles = scenario.vehicles
         self._supports = (*SUPPORTS, *scenario.towers)
-        self._rest_loads: dict[str, float] = {}  # N, of towers in the first frame
+        self._rest_loads: dict[str, float] = {}  # N, of towers at rest, else in the first frame
         self._lowest_loads: dict[str, float] = {}  # N, since the start or the last reset
         self._payloads = self._first_payloads()
+        self._full = _full_state(log)
+        if self._full is not None:
+            self._rest_loads = dict(zip(scenario.towers, self._full.start.tower_load[:, 0].tolist(), strict=True))
+            self._go_to(self._full.state.payload, self._full.state.tower_load)
         self.needed = [JOINT_STATES, CABLE]  # of a complete frame
         self.forces = [*map(support_force_topic, self._supports)]
         for name, vehicle in self._vehicles.items():
@@ -108,8 +115,16 @@ class _Frames:
         if applied.command.kind == "payload":
             self._payloads.update(applied.command.values)
         elif applied.command.kind == "reset":
+            if self._full is not None:
+                self._go_to(self._full.start.payload, self._full.start.tower_load)
+                return
             self._payloads = self._first_payloads()
             self._lowest_loads = dict(self._rest_loads)
+
+    def _go_to(self, payloads: FloatArray, tower_loads: FloatArray) -> None:
+        """Take over what no frame tells: payloads (vehicles,) in kg, loads (towers, 2) in N, now and least."""
+        self._payloads = dict(zip(self._vehicles, payloads.tolist(), strict=True))
+        self._lowest_loads = dict(zip(self._scenario.towers, tower_loads[:, 1].tolist(), strict=True))
 
     def snapshot(self, stamp_ns: int, frame: Mapping[str, bytes]) -> Snapshot | None:
         """Put one frame together; None where a part of it is missing."""
@@ -167,6 +182,16 @@ class _Frames:
         place = cable.positions[0 if name == "start" else -1]
         direction = np.array(end.direction) / np.hypot(*end.direction)
         return SupportState(force, travel=float((place - np.array(end.position)) @ direction))
+
+
+def _full_state(log: Log) -> FullState | None:
+    """What the run started from, where that is a snapshot that this version reads."""
+    if log.snapshot is None:
+        return None
+    try:
+        return read_full_state(BytesIO(log.snapshot), SNAPSHOT_NAME)
+    except SnapshotError:
+        return None
 
 
 def _numbers(data: bytes, count: int) -> FloatArray:

@@ -68,7 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"drive: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     try:
-        fault = driver.find_twin() or driver.run()
+        fault = driver.find_twin()
+        if fault is None and not ending.is_set():
+            fault = driver.run()
     finally:
         driver.close()
         rclpy.try_shutdown()

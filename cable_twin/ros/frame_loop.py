@@ -187,6 +187,7 @@ class FrameLoop:
             self._paused = True
             self._on_fault(f"{error}; the twin is paused, reset it to go on")
             return None
+        self.fault = ""
         report, statistics = snapshot.solver, self._statistics
         statistics.steps += report.steps
         statistics.iterations += report.iterations
@@ -198,7 +199,7 @@ class FrameLoop:
     def _wait(self, due: float) -> None:
         remaining = due - time.monotonic()
         if remaining > SHORT:
-            self._stopping.wait(remaining - SHORT)
+            self._stopping.wait(min(remaining - SHORT, threading.TIMEOUT_MAX))
             remaining = due - time.monotonic()
         if remaining > 0.0 and not self._stopping.is_set():
             time.sleep(remaining)  # wakes more exactly than an event, which takes a lock and gives it back
@@ -237,7 +238,7 @@ class FrameLoop:
         applied = self._simulation.apply(command, source)
         if command.kind in ("speed", "force"):
             self._hold(command)
-        elif command.kind in ("emergency_stop", "release", "reset"):
+        elif command.kind in ("emergency_stop", "reset"):  # nothing is left that was told to move
             self._deadlines.clear()
             if command.kind == "reset" and self.fault:
                 self.fault = ""

@@ -146,7 +146,8 @@ class TwinNode(Node):
         )
         for name, (kind, _) in INPUTS.items():
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
-        Services(self._loop, self._log_directory).offer(self)
+        self._offered = Services(self._loop, self._log_directory)
+        self._offered.offer(self)
         self.create_timer(1.0, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -182,6 +183,7 @@ class TwinNode(Node):
     def stop(self) -> None:
         """Stop the loop and close the logs; the node itself is destroyed by its owner."""
         self._loop.stop()
+        self._offered.close()
         if self._run is not None:
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,15 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.snapshot_file import SUFFIX
+from cable_twin.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s
+WRITING_TIMEOUT = 0.2  # s that an answer waits for the disk, and commands with it
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
+
+
+class _NothingSavedError(Exception):
+    """Why there is no file, in one line."""
 
 
 class Services:
@@ -26,14 +32,20 @@ class Services:
         """Offer nothing yet; snapshots are written to what `directory` says then."""
         self._loop = loop
         self._directory = directory
+        self._writer = ThreadPoolExecutor(1, "snapshots")
 
     def offer(self, node: Node) -> None:
         """Create the services, below the name of the node."""
+        self._logger = node.get_logger()
         node.create_service(Trigger, "~/reset", self._on_reset)
         node.create_service(SetBool, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/step", self._on_step)
         node.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
+
+    def close(self) -> None:
+        """Let the disk have the snapshots that it has not taken yet."""
+        self._writer.shutdown()
 
     def _serve(self, command: Command, response: Any, done: str) -> Any:
         try:
@@ -77,20 +89,47 @@ class Services:
         return response
 
     def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Copy the state between two frames, and write it here, where no frame waits for the disk."""
+        """Copy the state between two frames and write it where neither frames nor commands wait for the disk."""
         try:
             full = self._loop.capture().result(SERVICE_TIMEOUT)
         except (FutureTimeoutError, CancelledError):
             response.success, response.message = False, f"no frame boundary within {SERVICE_TIMEOUT:g} s; nothing saved"
             return response
-        path = Path(f"snapshot_{full.time:.3f}_s{SUFFIX}")
+        writing = self._writer.submit(self._write, full)
         try:
-            path = self._directory() / path
-            path.parent.mkdir(parents=True, exist_ok=True)
-            full.write(path)
-        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
-            reason = getattr(error, "strerror", None) or error
-            response.success, response.message = False, f"nothing saved: {path}: {reason}"
+            path = writing.result(min(WRITING_TIMEOUT, 0.5 * self._loop.command_timeout))
+        except FutureTimeoutError:
+            writing.add_done_callback(self._tell_written)
+            response.success = False
+            response.message = f"{_title(full)} is still being written: the log of the node says when it is saved"
+        except _NothingSavedError as error:
+            response.success, response.message = False, str(error)
         else:
             response.success, response.message = True, f"saved at {full.time:.3f} s of simulated time: {path}"
         return response
+
+    def _write(self, full: FullState) -> Path:
+        """Write to a new file beside the log; returns its path."""
+        path = Path(_title(full) + SUFFIX)
+        try:
+            path = self._directory() / path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for number in count(2):
+                if not path.exists():
+                    break
+                path = path.with_name(f"{_title(full)}_{number}{SUFFIX}")  # that of a pause, or of another run
+            full.write(path)
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            raise _NothingSavedError(f"nothing saved: {path}: {getattr(error, 'strerror', None) or error}") from error
+        return path
+
+    def _tell_written(self, writing: Future[Path]) -> None:
+        if writing.exception() is not None:
+            self._logger.error(str(writing.exception()))
+        else:
+            self._logger.info(f"snapshot saved: {writing.result()}")
+
+
+def _title(full: FullState) -> str:
+    """Name of a snapshot by its simulated time."""
+    return f"snapshot_{full.time:.3f}_s"

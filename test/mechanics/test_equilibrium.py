@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from cable_twin.mechanics import equilibrium
 from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve_accelerations
 from cable_twin.mechanics.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import advance
+from cable_twin.mechanics.generalized_alpha import Outcome, advance
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.readout import support_forces
 from cable_twin.mechanics.sliding_joint import position_on_cable
@@ -200,14 +200,14 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
     system, state, work = prepare(loaded_span(elements=6))
     settle(system, state, work)
     good, before = clone_state(state), clone_state(state)
-    assert advance(system, state, good, before, work, 2).converged
+    assert Outcome(*advance(system, state, good, before, work, 2)).converged
     array = getattr(state, field)
     if field.startswith("nodal"):
         array[4, 0, 1] = np.nan
     else:
         array.ravel()[0] = np.nan
     at_call = clone_state(state)
-    outcome = advance(system, state, good, before, work, 5)
+    outcome = Outcome(*advance(system, state, good, before, work, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == system.solver.max_halvings + 1

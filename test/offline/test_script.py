@@ -65,6 +65,7 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
         ("{time: 1, name: cabin, speed: .nan}", "speed nan given; allowed: a finite number, in m/s"),
         ("{time: 1, name: cabin, force: much}", "force 'much' given; allowed: a finite number, in N"),
         ("{time: 1, name: cabin, payload: heavy}", "payload 'heavy' given; allowed: a finite number, in kg"),
+        ("{time: 1, name: cabin, speed: 1" + 400 * "0" + "}", "given; allowed: a finite number, in m/s"),
         ("{time: 1, wind: .inf}", "wind inf given; allowed: a finite number, in m/s"),
         ("{time: 1, wind: 3, wind_z: up}", "wind_z 'up' given; allowed: a finite number, in m/s"),
         ("{time: 1, wind_z: 3}", "wind_z 3 given; allowed: time (s) and either name"),
@@ -100,6 +101,7 @@ def test_all_faults_are_told_at_once(tmp_path):
     [
         ("trip.csv", "name,speed\ncabin,1\n", ":1: header 'name,speed' given; it needs time"),
         ("trip.csv", "time,name,speed\n1,cabin,2,3,4\n", ":2: 5 cells given; the header has 3"),
+        ("trip.csv", "time,name,speed\n1,cabin," + 140_000 * "1" + "\n", ":2: not CSV (field larger than"),
         ("trip.yaml", "time: 1\n", ":1: a mapping given; allowed: a list of commands"),
         ("trip.yaml", "- {time: 1\n- 2", ":2: not YAML ("),
         ("trip.txt", "", ": suffix '.txt' given; allowed: .yaml, .yml or .csv"),

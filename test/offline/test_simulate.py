@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import time
 
 import pytest
 from bags import NO_BAGS, bag
@@ -123,7 +124,8 @@ def test_nothing_is_written_where_nothing_is_to_be_recorded(scripted, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path):
+@pytest.mark.parametrize("pauses", [(0.0,), (0.05, 0.1, 0.0)])  # s; also of one who is impatient
+def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses):
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--record", "bag", "--output", "logs")
     process = TwinProcess(
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
@@ -134,11 +136,15 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path):
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
         wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
-        process.send(signal.SIGINT)
+        for pause in pauses:
+            process.send(signal.SIGINT)
+            time.sleep(pause)
         assert process.wait() == 1
     finally:
         process.kill()
     assert "simulate: ended by a signal" in process.output
+    assert "rope tension, highest" in process.output
+    assert "Traceback" not in process.output
     log = read_log(the_run(tmp_path / "logs"))
     assert log.complete
     assert log.end > 0.5
@@ -213,6 +219,9 @@ def test_directory_that_cannot_be_made_is_named(tmp_path, capsys):
     assert main(["--duration", "1", "--set", "cable.elements=10", "--output", str(tmp_path / "file")]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"simulate: --output {tmp_path / 'file'}: File exists"
+    assert main(["--duration", "1", "--set", "cable.elements=10", "--output", "~nobody_here/logs"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "simulate: --output ~nobody_here/logs: Could not determine home directory."
 
 
 def test_help_has_an_example_and_the_exit_codes(capsys):

@@ -7,12 +7,15 @@ import json
 import numpy as np
 import pytest
 from bags import alter, bag, unchanged
+from small_tramway import TRAMWAY
 from twin_process import write_quick_scenario
 
 from cable_twin.offline import replay, review
 from cable_twin.offline.script import read_script
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -48,14 +51,14 @@ def runs(tmp_path_factory):
     return directory
 
 
-def _saved(scenario, script, path):
+def _saved(scenario, script, path, when=SAVED):
     """Go by the script in Python, as far as the snapshot."""
     simulation = Simulation(load_scenario(scenario))
     for item in read_script(script):
-        if item.time < SAVED:
+        if item.time < when:
             simulation.advance_to(item.time)
             simulation.apply(item.command)
-    simulation.advance_to(SAVED)
+    simulation.advance_to(when)
     simulation.save(path)
     return path
 
@@ -95,6 +98,37 @@ def test_log_of_the_rest_replays_also_when_cut_short(runs, tmp_path, capsys):
     assert replay.main([str(cut)]) == 0
     assert "cut short" in capsys.readouterr().out
     assert review.main([str(cut), "--no-viewer"]) == 0
+    assert review.main([str(cut), "--repair"]) == 0
+    capsys.readouterr()
+    assert replay.main([str(tmp_path / "cut_repaired")]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+
+
+def test_commands_before_the_snapshot_are_not_asked_whether_they_would_do(runs, tmp_path, capsys):
+    """Saved in the emergency stop of the script, whose first command would be refused now."""
+    stopped = _saved(runs / "quick.yaml", runs / "trip.yaml", tmp_path / "stopped.npz", 7.0)
+    arguments = ["--snapshot", str(stopped), "--script", str(runs / "trip.yaml"), "--duration", "3.5"]
+    assert main([*arguments, "--record", "bag", "--output", str(tmp_path / "logs")]) == 0
+    assert "not given, before the snapshot: 2 commands of the script" in capsys.readouterr().err
+    assert frames(read_log(the_run(tmp_path / "logs"))) == frames(read_log(the_run(runs / "whole")), 7.0)
+
+
+def test_review_has_the_loads_at_rest_from_the_snapshot(tmp_path):
+    """Saved with the cabin on the tower, which then has more than its own load; the margin is over that at rest."""
+    simulation = Simulation(load_scenario(TRAMWAY))
+    simulation.payload("cabin", 320.0)
+    simulation.command("cabin", speed=6.0)
+    simulation.advance_to(12.0)
+    simulation.save(tmp_path / "state.npz")
+    arguments = ["--snapshot", str(tmp_path / "state.npz"), "--duration", "1", "--record", "bag"]
+    assert main([*arguments, "--output", str(tmp_path / "logs")]) == 0
+    first = next(read_snapshots(read_log(the_run(tmp_path / "logs"))))
+    assert isinstance(first, Snapshot)
+    expected, found = simulation.snapshot.supports["tower_1"].tower, first.supports["tower_1"].tower
+    assert found.rest_load == expected.rest_load
+    assert found.lowest_load == pytest.approx(expected.lowest_load)
+    assert found.normal_load > 1.05 * found.rest_load
+    assert first.carriages["cabin"].payload == 320.0
 
 
 def test_log_that_lost_its_snapshot_is_named(runs, tmp_path, capsys):

@@ -106,6 +106,7 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         ("later", {**METADATA, "format_version": "2"}, "format version 2 is newer than this cable_twin reads (1)"),
         ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads '1'"),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
+        ("pointless", {**METADATA, "sample_count": "many"}, "sample_count is 'many', a whole number of points is"),
     ]:
         log = McapLog(tmp_path / name, topics(CARRIAGES), metadata)
         write_run(log, 1)

@@ -185,6 +185,20 @@ def test_payload_and_gusts_are_listed_and_leave_the_commanded_speed_alone(tmp_pa
     assert [speed[1] for speed in speeds[1:]] == [12.0] * (len(orders) - 1)
 
 
+def test_repeated_commands_of_several_drives_are_listed_once_until_a_stop(tmp_path):
+    path = tmp_path / "drives.rrd"
+    view = RerunView("test ropeway", OUTLINES, path=path, live=False)
+    both = [Command("speed", {"cabin": 12.0}), Command("speed", {"other": 3.0})]
+    orders = [*both, *both, *both, Command("emergency_stop", {}), Command("release", {}), *both, *both]
+    for index, order in enumerate(orders):
+        view.log_command(AppliedCommand(0.1 * index, order, "desk"))
+    view.log(snapshot_at(2.0))
+    view.close()
+    _, texts = column(path, "/commands", "TextLog:text")
+    speeds = ["speed cabin 12 m/s (desk)", "speed other 3 m/s (desk)"]
+    assert [text[0] for text in texts] == [*speeds, "emergency stop (desk)", "release (desk)", *speeds]
+
+
 def test_tension_and_swing_have_the_units_of_their_titles(recording):
     path, snapshots = recording
     _, tensions = column(path, "/plots/tension", "Scalars:scalars")

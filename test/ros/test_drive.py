@@ -114,13 +114,18 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
     waiting = processes("cabin", "--speed", "1", "--wait", "6", module="drive", domain=paused.domain)
     assert alone.wait() == 1
     assert alone.output.strip() == (
-        "drive: no twin listens on /cable_twin/joint_commands after 3 s: is `sim` running, "
-        "with the same ROS_DOMAIN_ID?"
+        "drive: no twin listens on /cable_twin/joint_commands after 3 s: is `sim` running, with the same ROS_DOMAIN_ID?"
     )
     assert waiting.wait() == 1
     assert waiting.output.strip() == (
         "drive: the twin on /cable_twin/joint_commands does not move on: is it paused, and ~/pause wants a false?"
     )
+    given_up = processes("gondola", "--force", "1", module="drive", domain=paused.domain)
+    participant.until(lambda: participant.node.count_publishers("/cable_twin/joint_commands"), what="drive")
+    given_up.send(signal.SIGINT)
+    assert given_up.wait() == 0
+    participant.spin(0.5)
+    assert not participant.received["applied_commands"]  # who drives nothing stops nothing
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The histogram of lateness against numpy, and a frame loop that is held up: late, but without a step left out."""
+"""The histogram of lateness against numpy."""
 
 from __future__ import annotations
 
@@ -10,10 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.lateness import BIN_COUNT, COARSE_NAMES, LIMITS_MS, RESOLUTION, LatenessHistogram
-from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
 
 
 @settings(max_examples=50, deadline=None)
@@ -57,59 +54,3 @@ def test_it_costs_the_same_after_hours():
         histogram.add(1e-4)
     assert (time.perf_counter() - started) / 20_000 < 100e-6
     assert histogram._counts.size == BIN_COUNT + 1
-
-
-def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
-    """Hold the loop for 0.3 s: frames then come late, every one of them, until the clock is caught."""
-    simulation = Simulation(load_scenario("aerial_tramway", {"cable.elements": 10}))
-    frames = []
-
-    def take(snapshot):
-        frames.append((time.monotonic(), snapshot.time, snapshot.solver.steps))
-        if len(frames) == 50:
-            time.sleep(0.3)
-
-    faults = []
-    loop = FrameLoop(
-        simulation,
-        frame_steps=2,
-        real_time_factor=1.0,
-        command_timeout=0.5,
-        on_frame=take,
-        on_applied=lambda applied: None,
-        on_fault=faults.append,
-    )
-    begin = time.monotonic()
-    loop.start()
-    while len(frames) < 150 and time.monotonic() - begin < 20.0:
-        time.sleep(0.01)
-    loop.stop()
-    assert not faults
-    assert np.diff([at for _, at, _ in frames]) == pytest.approx(loop.frame_period, abs=1e-9)
-    assert {steps for _, _, steps in frames} == {2}
-    total = loop.total_lateness
-    assert total.count == len(frames)
-    assert total.missed >= 20  # 0.3 s are 30 frames of which the first is due as it began, and the last not missed
-    assert total.maximum > 0.25
-    clock, simulated, _ = frames[-1]
-    if total.percentile(50.0) < 1e-3:  # a machine that is not itself behind
-        assert clock - frames[0][0] == pytest.approx(simulated, abs=0.1)  # caught up
-
-
-def test_stopping_does_not_wait_for_a_distant_frame():
-    simulation = Simulation(load_scenario("aerial_tramway", {"cable.elements": 10}))
-    loop = FrameLoop(
-        simulation,
-        frame_steps=2,
-        real_time_factor=1e-3,  # ten seconds from frame to frame
-        command_timeout=0.5,
-        on_frame=lambda snapshot: None,
-        on_applied=lambda applied: None,
-        on_fault=lambda line: None,
-    )
-    loop.start()
-    time.sleep(0.2)
-    begin = time.monotonic()
-    loop.stop()
-    assert time.monotonic() - begin < 2.0
-    assert loop.total_lateness.count <= 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,9 +10,10 @@ from pathlib import Path
 import pytest
 from bags import bag
 from rosbags.highlevel import AnyReader
-from twin_process import run_module, write_quick_scenario
+from twin_process import allocate_domain, environment, run_module, write_quick_scenario
 
 from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.simulation import Simulation
 
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
@@ -89,6 +91,51 @@ def test_command_of_the_snapshot_times_out_like_any_other(processes, participant
     observer.until(lambda: "no command for 0.5 s: cabin ramps to a stop" in second.output)
     observer.until(lambda: observer.speed == 0.0)
     assert second.end() == 0
+
+
+SLOW_DISK = """
+import os, time
+fsync = os.fsync
+def slow_fsync(file):
+    if "snapshot_" in os.readlink(f"/proc/self/fd/{file}"):
+        time.sleep(2.0)
+    fsync(file)
+os.fsync = slow_fsync
+"""
+
+
+def test_commands_do_not_wait_for_the_disk(processes, participants, tmp_path):
+    (tmp_path / "slow").mkdir()
+    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_DISK)
+    domain = allocate_domain()
+    variables = environment(tmp_path, domain)
+    variables["PYTHONPATH"] = os.pathsep.join([str(tmp_path / "slow"), variables["PYTHONPATH"]])
+    scenario = str(write_quick_scenario(tmp_path))
+    sim = processes("--scenario", scenario, "--rerun", "off", domain=domain, variables=variables)
+    participant = participants(domain)
+    participant.subscribe_standard()
+    with participant.stream(name=["cabin"], velocity=[1.0]):
+        participant.until(lambda: participant.speed > 0.5)
+        answer = participant.call("save_snapshot", Trigger)
+        assert not answer.success
+        assert "is still being written: the log of the node says when it is saved" in answer.message
+        participant.until(lambda: "snapshot saved: " in sim.output)
+    assert "ramps to a stop" not in sim.output.partition("snapshot saved: ")[0]
+    (path,) = sim.run_directory.glob("snapshot_*.npz")
+    assert answer.message.startswith(path.stem)
+    assert sim.end() == 0
+    assert Simulation.load(path).scenario.name == "aerial_tramway"
+
+
+def test_no_snapshot_replaces_another(processes, participants, tmp_path):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "off")
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    assert participant.call("pause", SetBool, data=True).success
+    names = [Path(participant.call("save_snapshot", Trigger).message.partition(": ")[2]).stem for _ in range(3)]
+    assert names[1:] == [f"{names[0]}_2", f"{names[0]}_3"]
+    assert {path.stem for path in sim.run_directory.glob("*.npz")} == set(names)
+    assert sim.end() == 0
 
 
 def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, participants, tmp_path):

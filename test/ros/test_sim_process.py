@@ -24,6 +24,7 @@ from twin_process import (
     environment,
     run_module,
     stamps,
+    wait_until,
     write_quick_scenario,
 )
 
@@ -187,14 +188,28 @@ def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, 
     assert [after - before for before, after in pairwise(taken)] == [FRAME] * (len(taken) - 1)
 
 
+def compilers(directory):
+    """Processes that compile kernels into a directory."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            command = (process / "cmdline").read_bytes()
+            if b"first_compilation" in command and os.fsencode(directory) in (process / "environ").read_bytes():
+                found.append(process.name)
+    return found
+
+
 def test_interrupt_ends_the_compilation(processes, tmp_path):
     domain = allocate_domain()
     variables = {**environment(tmp_path, domain), "NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")}
     sim = processes(domain=domain, variables=variables)
     sim.wait_for("compiling the solver's kernels, once on this machine")
+    compiler = wait_until(lambda: compilers(tmp_path), what="a second process that compiles")
+    assert len(os.sched_getaffinity(0)) < 2 or compiler
     sim.send(signal.SIGINT)
     sim.send(signal.SIGINT)
     assert sim.wait(10.0) == 0
+    wait_until(lambda: not compilers(tmp_path), what="the end of the second process")
     assert sim.output.endswith("sim: ended before it had started\n")
     assert "Traceback" not in sim.output
     assert not (tmp_path / "cable_twin_logs").exists()

@@ -1,0 +1,109 @@
+"""The frame loop without ROS: pacing, silence of whoever drives, and faults of the solver."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from twin_process import wait_until
+
+from cable_twin.records import Command
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+
+def frame_loop(scenario="aerial_tramway", **options):
+    """A loop of a small simulation whose callbacks do nothing where they are not given."""
+    simulation = Simulation(load_scenario(scenario, {"cable.elements": 10}))
+    defaults = {
+        "frame_steps": 2,
+        "real_time_factor": 1.0,
+        "command_timeout": 0.5,
+        "on_frame": lambda snapshot: None,
+        "on_applied": lambda applied: None,
+        "on_fault": lambda line: None,
+    }
+    return FrameLoop(simulation, **{**defaults, **options})
+
+
+def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
+    """Hold the loop for 0.3 s: frames then come late, every one of them, until the clock is caught."""
+    simulation = Simulation(load_scenario("aerial_tramway", {"cable.elements": 10}))
+    frames = []
+
+    def take(snapshot):
+        frames.append((time.monotonic(), snapshot.time, snapshot.solver.steps))
+        if len(frames) == 50:
+            time.sleep(0.3)
+
+    faults = []
+    loop = FrameLoop(
+        simulation,
+        frame_steps=2,
+        real_time_factor=1.0,
+        command_timeout=0.5,
+        on_frame=take,
+        on_applied=lambda applied: None,
+        on_fault=faults.append,
+    )
+    begin = time.monotonic()
+    loop.start()
+    while len(frames) < 150 and time.monotonic() - begin < 20.0:
+        time.sleep(0.01)
+    loop.stop()
+    assert not faults
+    assert np.diff([at for _, at, _ in frames]) == pytest.approx(loop.frame_period, abs=1e-9)
+    assert {steps for _, _, steps in frames} == {2}
+    total = loop.total_lateness
+    assert total.count == len(frames)
+    assert total.missed >= 20  # 0.3 s are 30 frames of which the first is due as it began, and the last not missed
+    assert total.maximum > 0.25
+    clock, simulated, _ = frames[-1]
+    if total.percentile(50.0) < 1e-3:  # a machine that is not itself behind
+        assert clock - frames[0][0] == pytest.approx(simulated, abs=0.1)  # caught up
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e-300])  # ten seconds from frame to frame, or for ever
+def test_stopping_does_not_wait_for_a_distant_frame(factor):
+    loop = frame_loop(real_time_factor=factor)
+    loop.start()
+    time.sleep(0.2)
+    begin = time.monotonic()
+    loop.stop()
+    assert time.monotonic() - begin < 2.0
+    assert loop.total_lateness.count <= 1
+    assert not loop.failed
+
+
+@pytest.mark.parametrize("before", [None, "release"])
+def test_silence_stops_what_was_told_to_move_also_after_a_release_that_released_nothing(before):
+    applied = []
+    loop = frame_loop("single_span", on_applied=applied.append, command_timeout=0.3)
+    loop.start()
+    try:
+        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(5.0)
+        if before is not None:
+            loop.submit(Command(before, {}), "test").result(5.0)
+        wait_until(lambda: [item for item in applied if item.source == "command_timeout"])
+    finally:
+        loop.stop()
+    assert applied[-1].command == Command("speed", {"cabin": 0.0})
+
+
+def test_a_frame_that_converges_ends_the_fault():
+    faults = []
+    loop = frame_loop("seed_example", on_fault=faults.append)
+    loop.start()
+    try:
+        loop.submit(Command("force", {"carriage": 1e9}), "test").result(5.0)
+        wait_until(lambda: loop.fault and loop.paused)
+        loop.submit(Command("force", {"carriage": 0.0}), "test").result(5.0)
+        time_before = loop.simulated_time
+        loop.step().result(5.0)
+        assert loop.simulated_time > time_before
+        assert loop.fault == ""
+    finally:
+        loop.stop()
+    assert len(faults) == 1
