@@ -3,9 +3,36 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
+
+INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+
+
+def leave_at_once(command: str, code: int) -> None:
+    """End the process in a line, without an exception: the compiler crashes where one passes through its callbacks."""
+    cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a progress bar may have hidden it
+    os.write(sys.stderr.fileno(), f"{cursor}{command}: ended before it had started\n".encode())
+    os._exit(code)
+
+
+@contextmanager
+def left_at_once(command: str) -> Iterator[None]:
+    """Where Ctrl-C may be no exception: while modules are imported and kernels compiled."""
+    try:
+        before = signal.signal(signal.SIGINT, lambda *_: leave_at_once(command, INTERRUPTED))
+    except ValueError:  # not the main thread, which gets no signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -68,7 +68,7 @@ class KeyFigures:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._vehicles = _Vehicles(list(scenario.vehicles))
+        self._vehicles = _Vehicles(scenario)
         self._tension, self._slackest = Extremes(), Extremes(sign=-1.0)
         self._first_tension = math.nan  # N, highest of the first snapshot
         self._sag = Extremes(len(scenario.towers) + 1)
@@ -303,11 +303,18 @@ class _DriveExtremes:
 
 
 class _Vehicles:
-    """What is gathered of all vehicles, an entry each; those off the cable do not count."""
+    """What is gathered of all vehicles, an entry each; those off the cable do not count.
 
-    def __init__(self, names: list[str]) -> None:
-        self._names = names
-        count = len(names)
+    Nor do forces and accelerations of a carrier on the first and the last element of a moving cable: the end of the
+    model is a point, and a mass that moves over it a singular load, where a ropeway has the rails of a station.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        cable, self._names = scenario.cable, list(scenario.vehicles)
+        clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()])
+        self._rails = np.where(clamped, cable.unstrained_length / cable.elements, -math.inf)  # m from either end
+        self._length = cable.unstrained_length
+        count = len(self._names)
         self.drive = _DriveExtremes(count)
         self.swing, self.acceleration, self.contact_force = Extremes(count), Extremes(count), Extremes(count)
         self.tension_ratio, self.clearance = Extremes(count, -1.0), Extremes(count, -1.0)
@@ -341,6 +348,9 @@ class _Vehicles:
         rows[[not state.attached for state in states]] = math.nan
         places, speeds, drive_forces, force_x, force_z, body_x, body_z, pitches = rows.T
         self.drive.update(time, places, speeds, drive_forces)
+        on_rails = np.minimum(places, self._length - places) < self._rails
+        for signal in (force_x, force_z, body_x, body_z):
+            signal[on_rails] = math.nan
         self.contact_force.update(np.hypot(force_x, force_z), time, places)
         self.swing.update(np.abs(pitches), time, places)
         self.tension_ratio.update(_tension_ratios(cable, places, force_x, force_z), time, places)

@@ -30,6 +30,7 @@ START_TIMEOUT = 60.0  # s, a software driver compiles its shaders at the first s
 GREETING_TIME = 6.0  # s, for the viewer's greeting to fade
 SETTLE_TIME = 6.0  # s, from moving the time cursor to a picture that shows all of it
 TIMELINE = "sim_time"
+MAGIC = b"RRF"  # at the start of a recording
 
 
 class RenderError(Exception):
@@ -134,6 +135,9 @@ def render(recording: Path, times: list[float], output: Path, size: str) -> list
     """
     if not recording.is_file():
         raise RenderError(f"no such recording: {recording}")
+    with recording.open("rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise RenderError(f"{recording}: not a rerun recording (.rrd)")
     with headless_viewer(recording, size) as client:
         if not times:
             ends = [line.end for shown in client.get_state().recordings for line in shown.timelines]
@@ -162,6 +166,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=Path(), help="a .png file or a directory; default: here")
     parser.add_argument("--size", default="1600x900", metavar="WxH", help="pixels; default: 1600x900")
     options = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the viewer is ended, too
     try:
         for picture in render(options.recording, options.time, options.output, options.size):
             print(picture)

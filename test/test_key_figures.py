@@ -293,6 +293,7 @@ def test_carriers_share_the_figures_of_the_worst_and_those_off_the_cable_do_not_
     swing = found["chair: swing along the track"]
     assert (swing.value, swing.place, swing.time, swing.kept) == (0.4, "chair_2, arc length 300.0 m", 1.0, False)
     assert not any(name.startswith("chair_") for name in found)
+    assert found["chair: contact force"].place == "chair_2, arc length 300.0 m"  # chair_1 is on the element at the end
     power = found["haul_rope: drive power, highest"]
     assert (power.value, power.limit, power.kept) == (1.5e5, None, None)
     assert found["haul_rope: speed"].kept is True

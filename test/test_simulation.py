@@ -344,6 +344,7 @@ from cable_twin.simulation import Simulation
 
 simulation = Simulation(load_scenario("single_span"))
 simulation.advance_to(0.01)
+simulation.cable_tension([100.0])  # loaded, which is numba's own affair
 signal.signal(signal.SIGALRM, signal.default_int_handler)
 caught = 0
 while caught < 200:

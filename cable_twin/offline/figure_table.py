@@ -12,6 +12,9 @@ from rich.table import Table
 
 from cable_twin.key_figures import KeyFigure
 
+WIDE = 140  # characters that a table with limits, times and places needs
+NOISE = 1e-7  # in SI; what is less is rounding
+
 
 def table_console() -> Console:
     """Where tables are printed; wide enough for them where it is no terminal."""
@@ -19,27 +22,41 @@ def table_console() -> Console:
 
 
 def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> None:
-    """Print one table with a column for each of one or two runs; when and where only for a single one."""
+    """Print one table with a column for each of one or two runs; when and where only for a single one.
+
+    On a narrow terminal all but name, value, unit and verdict goes to a line of its own below them.
+    """
+    wide = console.width >= WIDE
     runs = [{figure.name: figure for figure in run} for run in figures]
     lone = len(runs) == 1
     table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("value",) if lone else ("a", "b"):
         table.add_column(title, justify="right", no_wrap=True)
-    for title in ("unit", "limit", "", *(("at", "where") if lone else ())):
+    for title in ("unit", *(("limit",) if wide else ()), "", *(("at", "where") if lone and wide else ())):
         table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
     sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
     for name in dict.fromkeys(name for run in runs for name in run):
         both = [run.get(name) for run in runs]
         present = [figure for figure in both if figure is not None]
-        unit, scale = shown_unit(present[0].unit, max(abs(figure.value) for figure in present))
-        values = ["" if figure is None else f"{figure.value * scale:.4g}" for figure in both]
+        sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
+        unit, scale = shown_unit(present[0].unit, max(sizes))
+        values = ["" if figure is None else _shown(figure.value, scale) for figure in both]
         limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
         where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
-        table.add_row(name, *values, unit, "; ".join(limits), _verdict(both), *where)
+        limit = "; ".join(limits)
+        if wide:
+            table.add_row(name, *values, unit, limit, _verdict(both), *where)
+        else:
+            below = ", ".join(filter(None, (limit, *where)))
+            table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(both))
     console.print(table)
     for number, source in enumerate(sources, start=1):
         console.print(f"  ({number}) {source}", markup=False)
     print()
+
+
+def _shown(value: float, scale: float) -> str:
+    return "0" if abs(value) < NOISE else f"{value * scale:.4g}"
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:

@@ -176,7 +176,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
     if many:
         first, last = (" ".join(name.split("/")[1:]) for name in (names[0], names[-1]))
         which = "".join(
-            f"; {run.label}: {'dashed' if index else 'drawn'}" for index, run in enumerate(runs) if run.label
+            f"; {run.label}: {'dashed' if index else 'solid'}" for index, run in enumerate(runs) if run.label
         )
         axes.set_title(
             f"{len(names)} lines, from {first} (dark) to {last} (light){which}",

@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import CABLE, CABLE_PATH, JOINT_STATES, SECOND, TF, MessageEncoder, decode, topics
 from cable_twin.offline.start import start_of
@@ -43,7 +43,7 @@ On the machine that made a log, with the same versions, all samples agree to the
 log made elsewhere is compared to {ELSEWHERE:g}: two numbers a and b agree where |a - b| is at most the tolerance times
 the largest of |a|, |b| and 1, each in its own unit.
 
-exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated
+exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated, 130 ended by Ctrl-C
 
 examples:
   replay cable_twin_logs/2026-01-31_09-30-00
@@ -94,7 +94,8 @@ def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None
     Raises:
         LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError: it cannot be simulated.
     """
-    simulation = start_of(log, samples=int(log.metadata["sample_count"]))
+    with left_at_once("replay"):
+        simulation = start_of(log, samples=int(log.metadata["sample_count"]))
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
     compared = [
@@ -277,10 +278,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not result.samples:
         print(f"replay: {log.path}: no frame of the twin in it", file=sys.stderr)
         return CANNOT
-    state = "complete" if log.complete else "cut short"
     print(
-        f"{log.path}: {state}, cable_twin {log.metadata.get('package_version')}, scenario {log.scenario.get('name')}, "
-        f"{result.end:.2f} s, {result.commands} commands"
+        f"{log.path}: {log.condition}, cable_twin {log.metadata.get('package_version')}, "
+        f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {result.commands} commands"
     )
     for line in origin(log):
         print(f"  {line}")

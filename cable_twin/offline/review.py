@@ -42,7 +42,7 @@ from cable_twin.scenario.schema import Carriers
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 EPILOG = """\
-exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read
+exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read, 130 ended by Ctrl-C
 
 examples:
   review cable_twin_logs/2026-01-31_09-30-00
@@ -118,9 +118,8 @@ class Reading:
 
     def summary(self) -> str:
         """One line about the run."""
-        state = "complete" if self.log.complete else "cut short, read as far as it goes"
         return (
-            f"{self.log.path}: {state}; scenario {self.scenario.name}, {self.end:.2f} s, "
+            f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
             f"{self.frames} frames, {self.commands} commands"
         )
 
@@ -136,7 +135,7 @@ def parser() -> OneLineParser:
     result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG")
     result.add_argument("--no-viewer", action="store_true", help="neither make nor open a rerun recording")
     result.add_argument(
-        "--repair", action="store_true", help="only copy a bag that was cut short to BAG_repaired, for other tools"
+        "--repair", action="store_true", help="only copy what is readable of a bag cut short or damaged to BAG_repaired"
     )
     return result
 
@@ -164,13 +163,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _repair(logs: Sequence[Log], console: Console) -> int:
-    """Make bags with an index of those that have none."""
+    """Make bags with an index of those that have none, and of those that are damaged."""
     for log in logs:
-        if log.complete:
-            print(f"{log.path}: complete, nothing to repair")
-            continue
         try:
             with _progress(console) as progress:
+                if log.complete:
+                    task = progress.add_task(f"reading {log.path.name}", total=log.size)
+                    for _ in log.messages(on_position=_mover(progress, task)):
+                        pass  # whether it is damaged is known in the end
+                    if not log.damage:
+                        print(f"{log.path}: complete, nothing to repair")
+                        continue
                 task = progress.add_task(f"repairing {log.path.name}", total=log.size)
                 directory, count = repair(log, _mover(progress, task))
         except OSError as error:

@@ -129,6 +129,8 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
             header = cells
             if "time" not in header:
                 raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; it needs time")
+            if len(set(header)) < len(header):
+                raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; each key only once")
             continue
         if len(cells) > len(header):
             raise ScriptError(f"{file}:{reader.line_num}: {len(cells)} cells given; the header has {len(header)}")

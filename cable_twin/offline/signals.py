@@ -136,9 +136,8 @@ class Signals:
         self._frames += 1
 
     def shapes(self) -> list[Shape]:
-        """At most `SHAPES` ropes from the first to about the last."""
-        count = len(self._shapes)
-        return [self._shapes[index] for index in np.linspace(0, count - 1, min(count, SHAPES)).astype(int)]
+        """At most `SHAPES` ropes from the first to about the last, all as far apart."""
+        return self._shapes[:: -(-len(self._shapes) // SHAPES) or 1]
 
 
 def _shape(snapshot: Snapshot) -> Shape:

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.figure_table import print_figures, table_console
@@ -55,7 +55,8 @@ Names are carriages, or the drive of a moving cable as in {name: haul_rope, spee
 payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
 emergency_stop, release, reset.
 
-exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option
+exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option,
+130 ended by Ctrl-C before the run
 
 examples:
   simulate aerial_tramway --script trip.yaml --duration 300
@@ -155,7 +156,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         log = read_log(options.from_bag) if options.from_bag is not None else None
         script = read_script(options.script) if options.script is not None else []
-        script = script_of_log(log) if log is not None else script
+        if log is not None:
+            script = script_of_log(log)
+            if log.damage:
+                print(f"simulate: {log.path}: {log.condition}: later commands are lost", file=sys.stderr)
         simulation = _simulation(options, log, console)
         ahead = commands_ahead(simulation, script)
         faults = check_script(simulation, ahead)
@@ -176,6 +180,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{simulation.step:g} s: {rate:g} Hz is used",
             file=sys.stderr,
         )
+    if round(duration / simulation.step) == 0:
+        print(f"simulate: --duration {duration:g} s given; a solver step takes {simulation.step:g} s", file=sys.stderr)
+        return UNUSABLE
     epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     try:
         run = _start(simulation, options, epoch_ns, frame_steps)
@@ -203,6 +210,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 run.recorder.close()
         faults = [outcome.fault] if outcome.fault else []
         faults += run.recorder.faults if run is not None else []
+        if argv is None:
+            signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # the log is closed: `simulate | head` ends without a word
         return _report(simulation.scenario, started, outcome, figures, run, faults)
 
 
@@ -213,7 +222,10 @@ def _simulation(options: argparse.Namespace, log: Log | None, console: Console) 
         raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
     if changed and log is not None and log.snapshot is not None:
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
-    with console.status("the cable settles; the first time on a machine the solver is compiled: half a minute"):
+    with (
+        left_at_once("simulate"),
+        console.status("the cable settles; the first time on a machine the solver is compiled: half a minute"),
+    ):
         if options.snapshot is not None:
             return Simulation.load(options.snapshot)
         if log is not None and not changed:
@@ -295,19 +307,23 @@ def _report(
     for fault in faults:
         print(f"simulate: {fault}", file=sys.stderr)
     if outcome.left:
-        print(f"simulate: not given, at or after the end: {outcome.left} commands of the script", file=sys.stderr)
+        print(f"simulate: not given, at or after the end: {_count(outcome.left)}", file=sys.stderr)
     if outcome.past:
-        print(f"simulate: not given, before the snapshot: {outcome.past} commands of the script", file=sys.stderr)
+        print(f"simulate: not given, before the snapshot: {_count(outcome.past)}", file=sys.stderr)
     simulated = outcome.time - start
     factor = simulated / max(outcome.wall_time, 1e-9)
     since = f" from {start:.2f} s on" if start else ""
     print(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
-        f"{outcome.applied} commands" + (f", {len(outcome.refused)} refused" if outcome.refused else "")
+        f"{_count(outcome.applied)}" + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
     if run is not None:
         print(f"log: {run.directory}\nlook at it: review {run.directory}")
     return FAILED if faults or outcome.refused else DONE
+
+
+def _count(commands: int) -> str:
+    return f"{commands} command{'' if commands == 1 else 's'}"
 
 
 if __name__ == "__main__":

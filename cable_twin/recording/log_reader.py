@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
@@ -41,6 +41,7 @@ class Log:
     epoch_ns: int
     complete: bool  # False: the process was killed; everything but about its last second is here
     snapshot: bytes | None = None  # file of the full state from which the run started, if not as its scenario does
+    damage: list[str] = field(default_factory=list, compare=False)  # why a finished file was not read to its end
 
     @cached_property
     def commands(self) -> list[AppliedCommand]:
@@ -73,6 +74,13 @@ class Log:
         return (last - self.epoch_ns) / SECOND
 
     @property
+    def condition(self) -> str:
+        """How much of it there is, as far as it has been read."""
+        if self.damage:
+            return f"damaged, read as far as it goes ({self.damage[0]})"
+        return "complete" if self.complete else "cut short, read as far as it goes"
+
+    @property
     def size(self) -> int:
         """Bytes of the file."""
         return self.path.stat().st_size
@@ -89,8 +97,7 @@ class Log:
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        Raises:
-            LogError: A finished file is damaged. A file cut short just ends.
+        A file cut short just ends, and so does a finished one where it is damaged; `damage` then says so.
         """
         prefix = self.metadata.get("namespace", NAMESPACE).rstrip("/") + "/"
         wanted = None if topics is None else {full_name(topic, prefix) for topic in topics}
@@ -101,8 +108,8 @@ class Log:
                         on_position(stream.tell())
                     yield topic.removeprefix(prefix), message.log_time, message.data
             except UNREADABLE as error:
-                if self.complete:
-                    raise LogError(f"{self.path}: damaged: {one_line(error)}") from error
+                if self.complete and not self.damage:
+                    self.damage.append(one_line(error))
 
 
 def read_log(path: Path | str) -> Log:
@@ -131,6 +138,8 @@ def read_log(path: Path | str) -> Log:
         empty = False
         if topic == SCENARIO:
             return replace(log, scenario=_read_scenario(file, data))
+    if log.damage:
+        raise LogError(f"{file}: damaged: {log.damage[0]}")
     raise LogError(f"{file}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used"))
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, leave_at_once
 
 INSTALL_HINT = (
     "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"
@@ -36,9 +35,7 @@ class Ending:
     def _on_signal(self, *_: object) -> None:
         self._flag.set()
         if self.starting:
-            # no exception: the compiler crashes where one passes through its callbacks
-            os.write(sys.stderr.fileno(), f"{self._command}: ended before it had started\n".encode())
-            os._exit(0)
+            leave_at_once(self._command, 0)
 
 
 def print_hint(command: str, error: ImportError) -> None:

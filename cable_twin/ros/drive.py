@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -137,7 +138,16 @@ class _Driver:
         return None
 
     def run(self) -> str | None:
-        """Send until the end; returns what went wrong."""
+        """Send until the end, and tell the twin to stop however that comes; returns what went wrong."""
+        try:
+            return self._send_until_the_end()
+        except BrokenPipeError:  # nobody reads on: as Ctrl-C
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return None
+        finally:
+            self._stop()
+
+    def _send_until_the_end(self) -> str | None:
         options = self._options
         _, unit, value = self._command
         terminal = sys.stdout.isatty()
@@ -163,7 +173,6 @@ class _Driver:
                     self._print_state(now - started, f"{value * share:+9.2f} {unit}", terminal)
                     next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
             self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
-        self._stop()
         if terminal:
             print()
         return fault

@@ -94,6 +94,27 @@ def test_file_alone_is_repaired_beside_it(cut, tmp_path, capsys):
     assert error.count("\n") == 1
 
 
+def test_damaged_bag_is_read_and_repaired_up_to_there(whole, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    content = bytearray(bag(run).read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 200] = bytes(200)
+    bag(run).write_bytes(content)
+    for arguments in (
+        [str(run), "--no-viewer"],
+        [str(run), "--repair"],
+        [str(tmp_path / "run_repaired"), "--no-viewer"],
+    ):
+        assert main(arguments) == 0
+    output = capsys.readouterr().out
+    assert f"{bag(run)}: damaged, read as far as it goes (" in output
+    assert f"{bag(tmp_path / 'run_repaired')}: complete; scenario" in output
+    intact, rescued = list(read_log(whole).messages()), list(read_log(tmp_path / "run_repaired").messages())
+    assert rescued == intact[: len(rescued)]
+    assert 0.2 < len(rescued) / len(intact) < 0.8
+
+
 def test_complete_bag_needs_no_repair(whole, capsys):
     assert main([str(whole), "--repair"]) == 0
     assert capsys.readouterr().out == f"{bag(whole)}: complete, nothing to repair\n"

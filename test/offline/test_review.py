@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from bags import NO_BAGS, alter, bag
 from matplotlib.image import imread
+from rich.console import Console
 from twin_process import environment, run_module, write_quick_scenario
 
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
-from cable_twin.offline.review import main
+from cable_twin.offline.figure_table import print_figures
+from cable_twin.offline.review import Reading, main
 from cable_twin.offline.signals import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
@@ -153,6 +155,20 @@ def test_a_run_against_itself_has_no_difference(runs, capsys):
     output = capsys.readouterr().out
     assert column(output, "speed/cabin")[:2] == ["0", "0"]
     assert column(output, "tension/highest")[:2] == ["0", "0"]
+
+
+def test_on_a_narrow_terminal_names_are_whole_and_the_rest_is_below_them(runs, capsys):
+    reading = Reading(read_log(runs[0]))
+    for _ in reading.values():
+        pass
+    print_figures(Console(width=80), [reading.figures.figures()])
+    lines = capsys.readouterr().out.splitlines()
+    table = lines[: lines.index("  (1) EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope")]
+    assert max(map(len, table)) <= 80
+    for figure in reading.figures.figures():
+        (index,) = [index for index, line in enumerate(table) if line.startswith(f" {figure.name}"[:40])]
+        assert any(f"{figure.time:.2f} s" in line for line in table[index + 1 : index + 3])
+    assert "…" not in "".join(table)
 
 
 def test_series_keeps_every_extreme_in_a_memory_that_does_not_grow():

@@ -100,6 +100,7 @@ def test_all_faults_are_told_at_once(tmp_path):
     ("name", "text", "said"),
     [
         ("trip.csv", "name,speed\ncabin,1\n", ":1: header 'name,speed' given; it needs time"),
+        ("trip.csv", "time,name,speed,speed\n", ":1: header 'time,name,speed,speed' given; each key only once"),
         ("trip.csv", "time,name,speed\n1,cabin,2,3,4\n", ":2: 5 cells given; the header has 3"),
         ("trip.csv", "time,name,speed\n1,cabin," + 140_000 * "1" + "\n", ":2: not CSV (field larger than"),
         ("trip.yaml", "time: 1\n", ":1: a mapping given; allowed: a list of commands"),

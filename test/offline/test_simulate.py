@@ -92,7 +92,7 @@ def test_commands_of_a_bag_drive_another_scenario(scripted, tmp_path, capsys):
     log = read_log(the_run(tmp_path))
     assert log.scenario["carriages"]["cabin"]["drive"]["limits"]["emergency_deceleration"] == 0.6
     assert log.end == 6.0
-    assert "simulate: not given, at or after the end: 3 commands of the script" in capsys.readouterr().err
+    assert "simulate: not given, at or after the end: 3 commands" in capsys.readouterr().err
     assert replay.main([str(log.path)]) == 0
     assert "from 2 script" in capsys.readouterr().out
 

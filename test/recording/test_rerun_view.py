@@ -412,3 +412,8 @@ def test_renderer_explains_itself(tmp_path):
     run = subprocess.run(missing, capture_output=True, text=True, timeout=60, check=False)
     assert run.returncode == 1
     assert "no such recording" in run.stderr
+    (tmp_path / "notes.rrd").write_text("no recording")
+    other = [sys.executable, RENDERER, tmp_path / "notes.rrd"]
+    run = subprocess.run(other, capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 1
+    assert "notes.rrd: not a rerun recording (.rrd)" in run.stderr

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 
 import pytest
-from twin_process import TwinProcess, run_module, write_quick_scenario
+from twin_process import TwinProcess, environment, run_module, write_quick_scenario
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -78,6 +80,24 @@ def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
     last = twin.received["applied_commands"][-1]
     assert (last.header.frame_id, last.velocity.tolist()) == ("speed:joint_commands", [0.0])  # not by the time-out
     assert "Traceback" not in process.output
+
+
+def test_a_reader_that_leaves_ends_it_with_a_stop(running, twin):
+    command = [sys.executable, "-m", "cable_twin.ros.drive", "cabin", "--speed", "2"]
+    with subprocess.Popen(
+        command,
+        env=environment(running[0].directory, running[0].domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        twin.until(lambda: twin.received["applied_commands"] and twin.speed > 0.3, what="motion")
+        process.stdout.close()
+        twin.until(lambda: process.poll() is not None, what="the end of drive")
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+    twin.until(lambda: twin.speed == 0.0, what="stop")
+    last = twin.received["applied_commands"][-1]
+    assert (last.header.frame_id, last.velocity.tolist()) == ("speed:joint_commands", [0.0])
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def test_commands_do_not_wait_for_the_disk(processes, participants, tmp_path):
     (path,) = sim.run_directory.glob("snapshot_*.npz")
     assert answer.message.startswith(path.stem)
     assert sim.end() == 0
-    assert Simulation.load(path).scenario.name == "aerial_tramway"
+    assert Simulation.load(path).scenario.name == "quick"
 
 
 def test_no_snapshot_replaces_another(processes, participants, tmp_path):

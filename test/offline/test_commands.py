@@ -1,0 +1,77 @@
+"""The installed commands: Ctrl-C at any moment, readers that leave and outputs without room are no tracebacks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from bags import bag
+from twin_process import COMPILING, environment, write_quick_scenario
+
+from cable_twin.offline.simulate import main
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A log of a minute."""
+    directory = tmp_path_factory.mktemp("commands")
+    scenario = str(write_quick_scenario(directory))
+    assert main([scenario, "--duration", "60", "--record", "bag", "--output", str(directory / "logs")]) == 0
+    (log,) = (directory / "logs").iterdir()
+    return log
+
+
+def start(directory, command, *arguments, **options):
+    code = f"import sys; from cable_twin.offline.commands import {command}; sys.exit({command}())"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=directory,
+        env=environment(directory, 0),
+        stderr=subprocess.PIPE,
+        **{"stdout": subprocess.PIPE, **options},
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("pause", [0.3, 1.0, 3.0])  # s: in the imports, at the start, under way
+@pytest.mark.parametrize("command", ["simulate", "review", "replay"])
+def test_an_interrupt_is_one_line_at_any_moment(run, tmp_path, command, pause):
+    arguments = ["quick.yaml", "--duration", "1e6", "--record", "off"] if command == "simulate" else [str(bag(run))]
+    write_quick_scenario(tmp_path)
+    process = start(tmp_path, command, *arguments, *(["--no-viewer"] if command == "review" else []))
+    time.sleep(pause)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=COMPILING)
+    assert "Traceback" not in error
+    if process.returncode != 0:  # it may have been faster
+        assert process.returncode == (1 if "simulate: ended by a signal" in error else 130)
+        assert error.strip() in (f"{command}: ended before it had started", f"{command}: ended by Ctrl-C") or (
+            command == "simulate"
+        )
+
+
+@pytest.mark.parametrize(("command", "code"), [("simulate", 1), ("review", 1), ("replay", 2)])
+def test_an_output_without_room_is_one_line(run, tmp_path, command, code):
+    arguments = ["quick.yaml", "--duration", "1", "--record", "off"] if command == "simulate" else [str(run)]
+    write_quick_scenario(tmp_path)
+    with open("/dev/full", "w") as full:
+        process = start(tmp_path, command, *arguments, *(["--no-viewer"] if command == "review" else []), stdout=full)
+        _, error = process.communicate(timeout=COMPILING)
+    assert error == f"{command}: output: No space left on device\n"
+    assert process.returncode == code
+
+
+def test_simulate_into_a_pipe_that_is_closed_has_its_log(tmp_path):
+    write_quick_scenario(tmp_path)
+    process = start(tmp_path, "simulate", "quick.yaml", "--duration", "1", "--record", "bag")
+    process.stdout.close()
+    process.stdout = None
+    _, error = process.communicate(timeout=COMPILING)
+    assert error == ""
+    assert process.returncode == -signal.SIGPIPE
+    (log,) = (tmp_path / "cable_twin_logs").iterdir()
+    assert os.path.getsize(bag(log)) > 50_000
