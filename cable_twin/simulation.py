@@ -182,9 +182,7 @@ class Simulation:
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        if full.scenario is not self.scenario and full.scenario.resolved() != self.scenario.resolved():
-            raise SnapshotError(f"it is of another scenario than '{self.scenario.name}', or of one with other values")
-        full.copy_to(self._state, self._initial, (*self.carriages, *self.drives))
+        full.copy_to(self._state, self._initial, self.scenario)
         self.system = self._load(self._state.payload)
         self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
         self._at_start = full.at_start

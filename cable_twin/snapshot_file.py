@@ -11,7 +11,7 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -57,12 +57,15 @@ class FullState:
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
     at_start: bool = False  # of the scenario, with nothing done since; never so of a file
 
-    def copy_to(self, state: State, start: State, carriages: Collection[str]) -> None:
-        """Write both states into those of a simulation with these carriages.
+    def copy_to(self, state: State, start: State, scenario: Scenario) -> None:
+        """Write both states into those of a simulation of this scenario.
 
         Raises:
             SnapshotError: They do not fit; nothing is changed then.
         """
+        if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
+            raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
+        driven = [*scenario.vehicles, *scenario.drives]
         pairs = [(part, getattr(self, part), own) for part, own in (("state", state), ("start", start))]
         for part, given, own in pairs:
             for field, array, target in zip(State._fields, given, own, strict=True):
@@ -71,8 +74,8 @@ class FullState:
                         f"{part}/{field} is {array.dtype} of shape {array.shape}; "
                         f"its scenario needs {target.dtype} of shape {target.shape}"
                     )
-        if strange := [name for name in self.commands if name not in carriages]:
-            raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(carriages) or 'none'}")
+        if strange := [name for name in self.commands if name not in driven]:
+            raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
         for _, given, own in pairs:
             for array, target in zip(given, own, strict=True):
                 target[...] = array

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import time
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -159,29 +158,6 @@ def test_truncated_bag_replays_as_far_as_it_goes(recorded, tmp_path, capsys):
     output = capsys.readouterr().out
     assert "cut short" in output
     assert int(re.search(r"joint_states +(\d+) samples", output)[1]) > 1000
-
-
-@pytest.mark.skipif(find_spec("rclpy") is None, reason="needs rclpy")
-def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
-    random = np.random.default_rng(7)
-    for number in range(40):
-        value = {"velocity": [float(random.uniform(-8.0, 8.0))]}
-        if number % 3 == 2:
-            value = {"effort": [float(random.uniform(0.0, 4e4))]}
-        participant.publish(name=["cabin"], **value)
-        participant.spin(float(random.uniform(0.01, 0.2)))
-    participant.spin(1.0)  # the time-out stops it
-    assert sim.end() == 0
-    log = read_log(sim.run_directory)
-    sources = {applied.source for applied in log.commands}
-    assert sources == {"joint_commands", "command_timeout"}
-    assert len(log.commands) >= 41
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "every sample agrees to the last bit" in result.stdout
 
 
 @pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)

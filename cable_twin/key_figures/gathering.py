@@ -1,30 +1,23 @@
-"""Key figures of a run, gathered from snapshot to snapshot: live in the node, or afterwards from a log.
-
-Each has its standard name, value, unit, limit and the source of the limit, and says when and where it was reached.
-Carriers of one kind share their figures, which are those of the worst of them, named in the place. The cost and the
-memory of an update do not grow with the run.
-"""
+"""The gathering: each snapshot goes to what keeps its extremes, and figures are made of those with their limits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
 from cable_twin.clearance import find_clearance
-from cable_twin.extremes import Extremes, Stops
+from cable_twin.key_figures.extremes import Extremes, Stops
+from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
+from cable_twin.key_figures.vehicles import DriveExtremes, Vehicles
 from cable_twin.outlines import body_outlines
-from cable_twin.records import AppliedCommand, CableSamples, FloatArray, Place, Snapshot
+from cable_twin.records import AppliedCommand, CableSamples, Snapshot
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.schema import Limits
 
-Bound = Literal["at most", "at least"]
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
-TOLERANCE = 1e-3  # of a limit
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
 SOURCES = {  # of the default limits
     "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
@@ -37,28 +30,6 @@ SOURCES = {  # of the default limits
 }
 
 
-@dataclass(frozen=True, slots=True)
-class KeyFigure:
-    """One figure with its limit."""
-
-    name: str
-    value: float
-    unit: str
-    time: float  # s, when it was reached
-    place: str = ""  # where, with unit
-    limit: float | None = None
-    bound: Bound = "at most"
-    source: str = ""  # of the limit
-
-    @property
-    def kept(self) -> bool | None:
-        """Whether the limit is kept, to a thousandth of it, as a drive keeps its speed; None without a limit."""
-        if self.limit is None:
-            return None
-        beyond = self.value - self.limit if self.bound == "at most" else self.limit - self.value
-        return beyond <= TOLERANCE * abs(self.limit)
-
-
 class KeyFigures:
     """Gathers the key figures of one run.
 
@@ -68,7 +39,7 @@ class KeyFigures:
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._vehicles = _Vehicles(scenario)
+        self._vehicles = Vehicles(scenario)
         self._tension, self._slackest = Extremes(), Extremes(sign=-1.0)
         self._first_tension = math.nan  # N, highest of the first snapshot
         self._sag = Extremes(len(scenario.towers) + 1)
@@ -78,7 +49,7 @@ class KeyFigures:
         self._margin = Extremes(len(names), -1.0)
         self._farthest, self._nearest = Extremes(len(names)), Extremes(len(names), -1.0)  # of counterweights
         self._drives = list(scenario.drives)
-        self._drive = _DriveExtremes(len(self._drives))
+        self._drive = DriveExtremes(len(self._drives))
         driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
         self._stops = {name: Stops() for name in (*driven, *self._drives)}
         self._terrain = np.array(scenario.terrain, dtype=np.float64)
@@ -184,9 +155,9 @@ class KeyFigures:
         self._vehicles.update_clearance(snapshot.time, found.vehicles)
 
     def _of_rope(self) -> Iterator[KeyFigure]:
-        highest = _figure(self._tension, 0, "rope tension, highest", "N")
+        highest = figure_of(self._tension, 0, "rope tension, highest", "N")
         yield highest
-        yield _figure(self._slackest, 0, "rope tension, lowest", "N")
+        yield figure_of(self._slackest, 0, "rope tension, lowest", "N")
         breaking_force = self._scenario.cable.breaking_force
         if breaking_force is not None and highest.value > 0.0:
             factor = replace(highest, name="rope safety factor", value=breaking_force / highest.value, unit="-")
@@ -200,26 +171,26 @@ class KeyFigures:
         spans = list(pairwise(["start", *self._scenario.towers, "end"]))
         for number, (first, last) in enumerate(spans):
             name = "sag below the chord" if len(spans) == 1 else f"sag below the chord, {first} to {last}"
-            yield self._limited(_figure(self._sag, number, name, "m", "x"), "sag")
-        clearance = _figure(self._rope_clearance, 0, "rope clearance over the terrain", "m", "x")
+            yield self._limited(figure_of(self._sag, number, name, "m", "x"), "sag")
+        clearance = figure_of(self._rope_clearance, 0, "rope clearance over the terrain", "m", "x")
         yield self._limited(clearance, "rope_clearance", "at least")
 
     def _of_supports(self) -> Iterator[KeyFigure]:
         cable = self._scenario.cable
         for name, number in self._supports.items():
-            load = _figure(self._highest_load, number, f"{name}: support load, highest", "N")
+            load = figure_of(self._highest_load, number, f"{name}: support load, highest", "N")
             yield self._limited(load, "support_load")
-            yield _figure(self._lowest_load, number, f"{name}: support load, lowest", "N")
-            margin = _figure(self._margin, number, f"{name}: deropement margin, load over that at rest", "-")
+            yield figure_of(self._lowest_load, number, f"{name}: support load, lowest", "N")
+            margin = figure_of(self._margin, number, f"{name}: deropement margin, load over that at rest", "-")
             yield self._limited(margin, "deropement_margin", "at least")
             low, high = None, None
             if name in ("start", "end"):
                 low, high = getattr(cable, name).travel or (None, None)
             source = f"scenario: cable.{name}.travel"
-            farthest = _figure(self._farthest, number, f"{name}: counterweight travel, highest", "m")
-            yield _with_limit(farthest, high, source)
-            nearest = _figure(self._nearest, number, f"{name}: counterweight travel, lowest", "m")
-            yield _with_limit(nearest, low, source, "at least")
+            farthest = figure_of(self._farthest, number, f"{name}: counterweight travel, highest", "m")
+            yield with_limit(farthest, high, source)
+            nearest = figure_of(self._nearest, number, f"{name}: counterweight travel, lowest", "m")
+            yield with_limit(nearest, low, source, "at least")
 
     def _of_drive(self, name: str) -> Iterator[KeyFigure]:
         """Figures of the drive of a moving cable."""
@@ -272,140 +243,7 @@ class KeyFigures:
         own = limit != type(limits).model_fields[key].default
         if key == "rope_safety_factor" and self._scenario.drives and not own:
             limit = HAUL_ROPE_SAFETY_FACTOR
-        return _with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
+        return with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
 
 
-class _DriveExtremes:
-    """Speed, force and power of several drives."""
-
-    def __init__(self, count: int) -> None:
-        self.speed, self._force = Extremes(count), Extremes(count)
-        self._power, self._braking_power = Extremes(count), Extremes(count, -1.0)
-
-    def update(self, time: float, places: FloatArray, speeds: FloatArray, forces: FloatArray) -> None:
-        power = forces * speeds
-        self.speed.update(np.abs(speeds), time, places)
-        self._force.update(np.abs(forces), time, places)
-        self._power.update(power, time, places)
-        self._braking_power.update(power, time, places)
-
-    def figures(
-        self, name: str, index: int, limits: Limits, source: str, at: str = "arc length"
-    ) -> Iterator[KeyFigure]:
-        speed = _figure(self.speed, index, f"{name}: speed", "m/s", at)
-        yield _with_limit(speed, limits.speed, f"{source}.speed")
-        force = _figure(self._force, index, f"{name}: drive force", "N", at)
-        yield _with_limit(force, limits.force, f"{source}.force")
-        highest = _figure(self._power, index, f"{name}: drive power, highest", "W", at)
-        yield _with_limit(highest, limits.power, f"{source}.power")
-        lowest = _figure(self._braking_power, index, f"{name}: drive power, lowest", "W", at)
-        yield _with_limit(lowest, None if limits.power is None else -limits.power, f"{source}.power", "at least")
-
-
-class _Vehicles:
-    """What is gathered of all vehicles, an entry each; those off the cable do not count.
-
-    Nor do forces and accelerations of a carrier on the first and the last element of a moving cable: the end of the
-    model is a point, and a mass that moves over it a singular load, where a ropeway has the rails of a station.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        cable, self._names = scenario.cable, list(scenario.vehicles)
-        clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()])
-        self._rails = np.where(clamped, cable.unstrained_length / cable.elements, -math.inf)  # m from either end
-        self._length = cable.unstrained_length
-        count = len(self._names)
-        self.drive = _DriveExtremes(count)
-        self.swing, self.acceleration, self.contact_force = Extremes(count), Extremes(count), Extremes(count)
-        self.tension_ratio, self.clearance = Extremes(count, -1.0), Extremes(count, -1.0)
-        self._passed: list[tuple[float, FloatArray]] = []  # time, places of the last bodies (count, 2), two frames
-
-    def forget(self) -> None:
-        """The state was put back to the start: nothing before it is a part of the motion."""
-        self._passed = []
-
-    def update(self, snapshot: Snapshot) -> None:
-        if not self._names:
-            return
-        time, cable = snapshot.time, snapshot.cable
-        states = [snapshot.carriages[name] for name in self._names]
-        bodies = [list(state.bodies.values())[-1] for state in states]
-        rows = np.array(
-            [
-                (
-                    state.arc_length,
-                    state.speed,
-                    state.drive_force,
-                    state.contact_force[0],
-                    state.contact_force[-1],
-                    body.x,
-                    body.z,
-                    body.pitch,
-                )
-                for state, body in zip(states, bodies, strict=True)
-            ]
-        )
-        rows[[not state.attached for state in states]] = math.nan
-        places, speeds, drive_forces, force_x, force_z, body_x, body_z, pitches = rows.T
-        self.drive.update(time, places, speeds, drive_forces)
-        on_rails = np.minimum(places, self._length - places) < self._rails
-        for signal in (force_x, force_z, body_x, body_z):
-            signal[on_rails] = math.nan
-        self.contact_force.update(np.hypot(force_x, force_z), time, places)
-        self.swing.update(np.abs(pitches), time, places)
-        self.tension_ratio.update(_tension_ratios(cable, places, force_x, force_z), time, places)
-        self._accelerate(time, np.column_stack([body_x, body_z]), places)
-
-    def _accelerate(self, time: float, bodies: FloatArray, places: FloatArray) -> None:
-        """Second difference of the places of the last bodies over three frames of equal spacing."""
-        if len(self._passed) == 2:
-            (first_time, first), (middle_time, middle) = self._passed
-            period = time - middle_time
-            if period > 0.0 and abs(middle_time - first_time - period) < 1e-6 * period:
-                across = bodies - 2.0 * middle + first
-                self.acceleration.update(np.hypot(across[:, 0], across[:, 1]) / period**2, middle_time, places)
-        self._passed = [*self._passed[-1:], (time, bodies)]
-
-    def update_clearance(self, time: float, found: Mapping[str, Place]) -> None:
-        places = [found.get(name) for name in self._names]
-        heights = [math.nan if place is None else place.height for place in places]
-        self.clearance.update(heights, time, np.array([math.nan if place is None else place.x for place in places]))
-
-    def figure(
-        self, extremes: Extremes, members: Sequence[int], name: str, unit: str, at: str = "arc length"
-    ) -> KeyFigure:
-        """Figure of the worst of some vehicles, which is named where there are several."""
-        worst = extremes.worst(list(members))
-        figure = _figure(extremes, worst, name, unit, at)
-        return figure if len(members) == 1 else replace(figure, place=f"{self._names[worst]}, {figure.place}")
-
-
-def _tension_ratios(cable: CableSamples, places: FloatArray, force_x: FloatArray, force_z: FloatArray) -> FloatArray:
-    """Tension over the part of a force (N) across the rope, at arc lengths (n,) in m; NaN without any."""
-    x, z, last = cable.positions[:, 0], cable.positions[:, -1], len(cable.arc_lengths) - 1
-    after = np.clip(np.searchsorted(cable.arc_lengths, places), 1, last)
-    # beside the kink at the joint, from the sample before to the one after
-    before, beyond = after - 1, np.minimum(after + 1, last)
-    along_x, along_z = x[beyond] - x[before], z[beyond] - z[before]
-    across = np.abs(along_x * force_z - along_z * force_x) / np.hypot(along_x, along_z)
-    tensions = np.interp(places, cable.arc_lengths, cable.tensions)
-    return np.divide(tensions, across, out=np.full(len(places), math.nan), where=across > 0.0)
-
-
-def _figure(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
-    """The figure without a limit; NaN where there never was a value."""
-    place = extremes.places[index]
-    return KeyFigure(
-        name,
-        extremes.value(index),
-        unit,
-        float(extremes.times[index]),
-        "" if math.isnan(place) else f"{at} {place:.1f} m",
-    )
-
-
-def _with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound = "at most") -> KeyFigure:
-    return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
-
-
-__all__ = ["SOURCES", "KeyFigure", "KeyFigures"]
+__all__ = ["SOURCES", "KeyFigures"]

@@ -1,0 +1,11 @@
+"""Key figures of a run, gathered from snapshot to snapshot: live in the node, or afterwards from a log.
+
+Each has its standard name, value, unit, limit and the source of the limit, and says when and where it was reached.
+Carriers of one kind share their figures, which are those of the worst of them, named in the place. The cost and the
+memory of an update do not grow with the run.
+"""
+
+from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.key_figures.gathering import SOURCES, KeyFigures
+
+__all__ = ["SOURCES", "KeyFigure", "KeyFigures"]

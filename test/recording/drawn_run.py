@@ -1,0 +1,90 @@
+"""A run of a cabin that is not simulated, as snapshots and commands for the view."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from cable_twin.outlines import outline_from_pivots
+from cable_twin.recording.rerun_view import RerunView
+from cable_twin.records import (
+    AppliedCommand,
+    BodyState,
+    CableSamples,
+    CarriageState,
+    Command,
+    Snapshot,
+    SolverReport,
+    SupportState,
+)
+
+SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
+LOAD, HORIZONTAL = 90e3, 420e3  # N of the cabin, N of rope pull
+FRAMES, RATE = 1500, 100.0
+OUTLINES = {
+    "cabin": {
+        "hanger": outline_from_pivots((0.0, 2.4), (0.0, -2.6)),
+        "cabin": outline_from_pivots((0.0, 1.6), gyration_radius=1.3),
+    }
+}
+
+
+def rope_height(x, cabin, pull):
+    """Parabola of a rope between its supports with a point load: the kink is at the load."""
+    chord = RISE * x / SPAN
+    own = WEIGHT * x * (SPAN - x) / (2.0 * pull)
+    point = LOAD / pull * np.where(x < cabin, x * (SPAN - cabin), cabin * (SPAN - x)) / SPAN
+    return chord - own - point
+
+
+def snapshot_at(moment, samples=200):
+    """A cabin that starts at 150 m, accelerates to 12 m/s, and swings in two modes; the pull follows the load."""
+    ramp = min(moment, 6.0)
+    speed = 2.0 * ramp + 0.15 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
+    x = 150.0 + ramp**2 + 12.0 * max(moment - 6.0, 0.0)
+    pull = HORIZONTAL * (1.0 + 0.16 * np.sin(np.pi * x / SPAN)) * (1.0 + 0.004 * np.sin(9.0 * moment))
+    stations = np.linspace(0.0, SPAN, samples)
+    heights = rope_height(stations, x, pull)
+    slope = np.gradient(heights, stations)
+    tensions = pull * np.sqrt(1.0 + slope**2) + 4e3 * (stations < x)
+    arc = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(stations), np.diff(heights)))))
+    joint = np.array([x, rope_height(np.array(x), x, pull)])
+
+    hanger = 0.16 * np.sin(1.1 * moment) * np.exp(-0.04 * moment)
+    cabin = hanger + 0.08 * np.sin(3.4 * moment)
+    down = lambda angle: np.array([-np.sin(angle), -np.cos(angle)])  # noqa: E731
+    hanger_mass = joint + 2.4 * down(hanger)
+    cabin_mass = hanger_mass + 2.6 * down(hanger) + 1.6 * down(cabin)
+    bodies = {
+        "hanger": BodyState(*hanger_mass, hanger, speed, 0.0, 0.0),
+        "cabin": BodyState(*cabin_mass, cabin, speed, 0.0, 0.0),
+    }
+    force = 9.0e3 * (moment < 6.0) + 12e3 + 2e3 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
+    carriage = CarriageState(float(np.interp(x, stations, arc)), speed, force, np.array([0.0, -LOAD]), joint, bodies)
+    supports = {"start": SupportState(np.array([-pull, 4e4])), "end": SupportState(np.array([pull, 4e4]))}
+    cable = CableSamples(arc, np.column_stack([stations, heights]), tensions)
+    return Snapshot(moment, {"cabin": carriage}, supports, cable, SolverReport(10, 20, 0, 1e-12))
+
+
+def commands():
+    drive = AppliedCommand(0.5, Command("speed", {"cabin": 12.0}), "topic")
+    stop = AppliedCommand(13.0, Command("emergency_stop", {}), "service")
+    return {0.3: drive, 12.9: stop}
+
+
+def draw(path, frames=FRAMES, **options):
+    """Write a run and return the snapshots."""
+    snapshots = [snapshot_at(index / RATE) for index in range(frames)]
+    orders = commands()
+    view = RerunView("test ropeway", OUTLINES, path=path, live=False, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # rerun turns mistakes into warnings
+        for index, snapshot in enumerate(snapshots):
+            if (order := orders.get(snapshot.time)) is not None:
+                view.log_command(order)
+            view.log(snapshot)
+            if index % 40 == 0:
+                view.flush()
+        view.close()
+    return snapshots
