@@ -27,7 +27,7 @@ from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
 from cable_twin.recording.mcap_log import run_metadata
 from cable_twin.records import CommandError
 from cable_twin.scenario import ScenarioError
-from cable_twin.simulation import EquilibriumError, SnapshotError, SolverError
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
@@ -82,20 +82,19 @@ class Comparison:
         return not self.differing and bool(self.samples)
 
 
-def replay(log: Log, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
+def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
     """Simulate `log` again and compare each message of the twin's motion with what is logged.
 
     Args:
         log: what to replay.
+        simulation: as it was when the run started, with as many samples of the cable (`start_of`).
         tolerance: greatest difference of two numbers that counts as agreement, relative to the greater of them where
             that is above 1; 0 compares to the last bit.
         progress: shows how far it is.
 
     Raises:
-        LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError: it cannot be simulated.
+        LogError, CommandError, SolverError: it cannot be simulated to its end.
     """
-    with left_at_once("replay"):
-        simulation = start_of(log, samples=int(log.metadata["sample_count"]))
     encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
     types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
     compared = [
@@ -269,7 +268,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if tolerance is None:
             tolerance = 0.0 if made_here(log) else ELSEWHERE
         with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
-            result = replay(log, tolerance=tolerance, progress=progress)
+            with left_at_once("replay"):
+                simulation = start_of(log, samples=int(log.metadata["sample_count"]))
+            result = replay(log, simulation, tolerance=tolerance, progress=progress)
     except (LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError) as error:
         for line in str(error).splitlines():
             named = line if line.startswith(str(options.log)) else f"{options.log}: {line}"
