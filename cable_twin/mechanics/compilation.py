@@ -22,6 +22,8 @@ from typing import Any
 
 import numba
 
+from cable_twin.mechanics.by_reference import pack
+
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
 
@@ -84,7 +86,7 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it, compiled on the first call for these types or loaded from the cache."""
-        return self._from_python(*arguments)
+        return self._from_python(*map(pack, arguments))
 
 
 def _jit(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
