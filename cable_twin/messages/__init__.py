@@ -1,4 +1,4 @@
-"""What goes over topics and into bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`), texts (`texts`)."""
+"""Messages of topics and bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`) and texts (`texts`)."""
 
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, MessageEncoder, clock_message

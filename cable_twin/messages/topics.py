@@ -176,6 +176,7 @@ class Schedule:
             if any(taker[group] for taker in takers):
                 numbers = range(len(names), len(names) + len(own))
                 names += own
-                for one, taker in zip(taken, takers, strict=True):
-                    one += numbers if taker[group] else ()
+                for indexes, taker in zip(taken, takers, strict=True):
+                    if taker[group]:
+                        indexes.extend(numbers)
         return Due(tuple(names), tuple(map(tuple, taken)))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import APPLIED_COMMANDS, MessageEncoder, Schedule, Topic
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
@@ -56,24 +57,30 @@ class Output:
         paced: bool,
     ) -> None:
         self.run: Run | None = None
-        self.figures = FigureWatch(simulation.scenario)
+        self.figures = FigureWatch(KeyFigures(simulation.scenario))
         self._simulation = simulation
         self._publishers = publishers
         self._schedule = Schedule(table, frame_rate, *rates)
         self._encoder = MessageEncoder(simulation.layout, own=own)
         self._frame = 0
         self._paced = paced
+        # what is laid out, or compiled, at the first use
+        self._encoder.frame(simulation.snapshot, self._schedule.due(0, everything=True).names)
+        self.figures.update(simulation.snapshot)
 
     def begin(self, clock: RunClock) -> None:
         """Let the run begin now: with the first file of the log and the frame that the simulation is at."""
         self._encoder.epoch_ns = clock.begin(self._simulation.time)
         if self.run is not None:
             self.run.begin(self._encoder.epoch_ns)
-        self.publish(self.prepare(self._simulation.snapshot))
+        self.publish(self._encode(self._simulation.snapshot))
 
     def prepare(self, snapshot: Snapshot) -> Prepared:
-        """Encode what is due with a frame; the simulation is at its time."""
+        """Take in a new frame and encode what is due with it; the simulation is at its time."""
         self.figures.update(snapshot)
+        return self._encode(snapshot)
+
+    def _encode(self, snapshot: Snapshot) -> Prepared:
         split = None
         if self.run is not None and self.run.recorder.split_due(snapshot.time):
             split = self._simulation.capture()

@@ -46,7 +46,7 @@ class RunClock:
         return (self._time_of_day() - self.stamp_ns(simulated_time)) / SECOND
 
     def take_setting(self) -> float | None:
-        """By how much (s) the time of day was set, forward positive, since this was last asked; None where it was not."""
+        """By how much (s) the time of day was set, forward positive, since this was last asked; None: it was not."""
         apart = self._time_of_day() - self._steady()
         moved = (apart - self._apart) / SECOND
         if self.epoch_ns is None or abs(moved) < SET:
