@@ -116,7 +116,7 @@ class TwinNode(Node):
             own=own,
             paced=self._settings["real_time_factor"] > 0.0,
         )
-        self._clock, self._begun = RunClock(), threading.Lock()
+        self._run_clock, self._begun = RunClock(), threading.Lock()
         self._loop = FrameLoop(
             self._simulation,
             frame_steps=self._frame_steps,
@@ -126,11 +126,11 @@ class TwinNode(Node):
             prepare=self._output.prepare,
             publish=self._output.publish,
             on_applied=self._tell_applied,
-            on_fault=self.get_logger().error,
+            on_fault=self._tell_fault,
             paused=self._settings["start_paused"],
         )
         real_time = self._settings["real_time_factor"] == 1.0
-        self._pace = PaceWatch(self.get_logger(), self._clock, self._loop, real_time=real_time)
+        self._pace = PaceWatch(self.get_logger(), self._run_clock, self._loop, real_time=real_time)
         for name, (kind, _) in INPUTS.items():
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self._offered = Services(self._loop, self._log_directory)
@@ -267,8 +267,11 @@ class TwinNode(Node):
     def _begin(self) -> None:
         """Take the epoch and give the first frame, once."""
         with self._begun:
-            if self._clock.epoch_ns is None:
-                self._output.begin(self._clock)
+            if self._run_clock.epoch_ns is None:
+                self._output.begin(self._run_clock)
+
+    def _tell_fault(self, line: str) -> None:
+        self.get_logger().error(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._commands_applied += 1
@@ -284,7 +287,7 @@ class TwinNode(Node):
         """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
         kind, understand = INPUTS[topic]
         self._begin()  # a twin that waits for its start is not as it was any more
-        self._output.record([(topic, data)], self._clock.stamp_ns(self._loop.simulated_time))
+        self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
         try:
             command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
         except CommandError as error:
@@ -343,7 +346,7 @@ class TwinNode(Node):
         values.update(self._watch.values)
         values.update(self._pace.look())
         level, message = self._judge(statistics)
-        stamp_ns = self._clock.stamp_ns(self._loop.simulated_time)
+        stamp_ns = self._run_clock.stamp_ns(self._loop.simulated_time)
         statuses = self._output.figures.statuses()
         for line in self._output.figures.take_news():
             self.get_logger().warning(line)
