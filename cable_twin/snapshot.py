@@ -279,7 +279,9 @@ class Snapshot:
 
     def _drive(self, index: int) -> DriveState:
         c = self.columns
-        return DriveState(float(c.drive_position[index]), float(c.drive_speed[index]), float(c.moving_cable_force[index]))
+        return DriveState(
+            float(c.drive_position[index]), float(c.drive_speed[index]), float(c.moving_cable_force[index])
+        )
 
 
 __all__ = ["CABLE", "ENDS", "BodyColumns", "Layout", "Snapshot", "VehicleColumns"]
