@@ -36,11 +36,7 @@ def numbers(record):
         parts = record.carriages, record.supports, record.cable, record.drives
         return [record.time, *(number for part in parts for number in numbers(part))]
     if dataclasses.is_dataclass(record):
-        return [
-            number
-            for field in dataclasses.fields(record)
-            for number in numbers(getattr(record, field.name))
-        ]
+        return [number for field in dataclasses.fields(record) for number in numbers(getattr(record, field.name))]
     if isinstance(record, Mapping):
         return [number for value in record.values() for number in numbers(value)]
     return [] if record is None else np.ravel(record).tolist()

@@ -109,7 +109,9 @@ class Packed:
         """
         fields = [Packed(field) if type(field) in _RECORDS else field for field in record]
         self._owners = record, fields
-        kinds, layout, words = [], "@", []  # aligned as C, and LLVM, align a structure
+        kinds: list[types.Type] = []
+        words: list[Any] = []
+        layout = "@"  # aligned as C, and LLVM, align a structure
         for name, field in zip(record._fields, fields, strict=True):
             try:
                 kinds.append(typeof(field))
