@@ -130,6 +130,15 @@ class Simulation:
         return simulation
 
     @property
+    def system(self) -> System:
+        """Parameters, with payloads."""
+        return self._system
+
+    @system.setter
+    def system(self, system: System) -> None:
+        self._system, self._packed_system = system, pack(system)
+
+    @property
     def time(self) -> float:
         """Simulated time (s)."""
         return self._time_at(int(self._state.clock[0]))
@@ -406,7 +415,6 @@ class Simulation:
     def _load(self, masses: FloatArray) -> None:
         """Put payloads (carriages,) in kg into the system."""
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
-        self._packed_system = pack(self.system)
 
     def _change_payload(self, command: Command) -> None:
         before = self.system.carriages.centre_offset
