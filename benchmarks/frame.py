@@ -87,8 +87,9 @@ def _round(count: int) -> dict[str, Timing]:
         if publish is not None:
             stages["publish"] = timed(lambda: [publish(messages) for messages in frames])
     with tempfile.TemporaryDirectory(prefix="frame-") as name:
-        metadata = run_metadata(scenario=SCENARIO, epoch_ns=epoch_ns, frame_period=PERIOD, sample_count=SAMPLES)
+        metadata = run_metadata(scenario=SCENARIO, frame_period=PERIOD, sample_count=SAMPLES)
         log = McapLog(Path(name) / "log", table, metadata)
+        log.begin(epoch_ns)
         stages["MCAP"] = timed(lambda: _write(log, encoder, snapshots, frames))
         view = open_view(simulation.scenario, Path(name) / "log.rrd", live=False)
         stages["rerun"] = timed(lambda: _draw(view, snapshots))

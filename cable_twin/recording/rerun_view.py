@@ -31,7 +31,7 @@ from cable_twin.recording.view_geometry import (
 from cable_twin.recording.view_layout import lay_out
 from cable_twin.recording.view_plots import Plots, describe_command, describe_moment
 from cable_twin.recording.view_rope import COLOR_COUNT, COLOR_TABLE, TensionColors, rope_columns
-from cable_twin.recording.view_stream import LIVE_ADDRESS, flush_stream, open_stream
+from cable_twin.recording.view_stream import flush_stream, live_url, open_stream, split_stream
 from cable_twin.records import AppliedCommand, CarriageState, Command, FloatArray, Snapshot
 
 LABELS = 8  # carriages up to which each has its name beside it
@@ -60,7 +60,6 @@ class RerunView:
         path: Path | None,
         live: bool,
         live_port: int = 9876,
-        footer: bool = True,
         support_positions: Mapping[str, ArrayLike] | None = None,
         ground: ArrayLike | None = None,
         force_unit: str | None = None,
@@ -78,8 +77,6 @@ class RerunView:
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
-            footer: End the file with an index, which rerun's tools want. It is kept in memory until then, 2 kB for
-                each batch of an entity; without it, `rerun rrd optimize` adds one afterwards.
             support_positions: Name -> (2,) m, for supports between the ends; the ends are taken from the cable.
             ground: (n, 2) m, the profile of the ground; by default a line that follows the chord of the track.
             force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
@@ -114,11 +111,12 @@ class RerunView:
         self._batch_frames = batch_frames or (20 if live else 500)
         self.flush_period = 0.5 if live else 5.0
 
-        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port, footer)
+        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port)
         if live:
-            self.url = f"rerun+http://{LIVE_ADDRESS}:{live_port}/proxy"
+            self.url = live_url(live_port)
 
         self._plots: Plots | None = None  # until the first snapshot
+        self._laid_out = False  # in this file
         self._moving_paths: list[str] = []  # of each carriage, then its bodies
         self._force_scale = 1e-3
         self._colors = TensionColors()
@@ -145,8 +143,9 @@ class RerunView:
             RuntimeError: When the view is closed.
         """
         self._open()
-        if self._plots is None:
+        if self._plots is None or not self._laid_out:
             self._plots = self._begin(snapshot)
+            self._laid_out = True
         while self._commands and self._commands[0].time <= snapshot.time:
             self._plots.obey(self._commands.popleft())
         self._times.append(snapshot.time)
@@ -197,6 +196,21 @@ class RerunView:
             self._stream = None
             raise
 
+    def split(self, path: Path) -> None:
+        """Finish the file with what waits and go on in another one, laid out anew; viewers stay connected.
+
+        Raises:
+            RuntimeError: When the view is closed.
+            OSError: When a file cannot be written.
+        """
+        self.flush()
+        split_stream(self._open(), self._title, self._path, path)
+        self._path = path
+        self._laid_out = False
+        self._moving_paths.clear()
+        self._last_commands.clear()  # so that the new file names those that go on
+        self._next_geometry = -np.inf
+
     def close(self) -> None:
         """Send what waits and close the file and the server; a second call does nothing.
 
@@ -225,8 +239,10 @@ class RerunView:
             forces += [np.hypot(*planar(c.contact_force)) for c in snapshot.carriages.values()]
             self._force_unit = "N" if max(np.abs(forces)) < 1e3 else "kN"
         self._force_scale = 1e-3 if self._force_unit == "kN" else 1.0
-        self._colors.start(tensions * self._force_scale)
-        plots = Plots(snapshot, self._force_scale)
+        first = self._plots is None
+        if first:
+            self._colors.start(tensions * self._force_scale)
+        plots = self._plots or Plots(snapshot, self._force_scale)
 
         supports = {name: cable[index] for name, index in (("start", 0), ("end", -1)) if name in snapshot.supports}
         supports.update(self._support_positions)
@@ -259,7 +275,9 @@ class RerunView:
         plots.begin(stream)
         self._log_legend(snapshot.time)
         top = self._legend_place[1]
-        stream.send_blueprint(lay_out(low, high, top, reaches, plots, self._force_unit, self._plot_window))
+        blueprint = lay_out(low, high, top, reaches, plots, self._force_unit, self._plot_window)
+        # somebody who watches keeps the layout that they made
+        stream.send_blueprint(blueprint, make_active=first or self.url is None)
         return plots
 
     def _begin_carriage(self, name: str, state: CarriageState, color: int, labelled: bool) -> float:

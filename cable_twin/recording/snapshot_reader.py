@@ -27,8 +27,9 @@ from cable_twin.messages import (
     pose_topic,
     support_force_topic,
 )
-from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, one_line
-from cable_twin.recording.mcap_log import SNAPSHOT_NAME
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
+from cable_twin.recording.log_reader import Log
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.records import (
     AppliedCommand,
     BodyState,
@@ -70,18 +71,24 @@ def read_snapshots(
         raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
     frame: dict[str, bytes] = {}
     frame_stamp = -1
-    for topic, stamp_ns, data in log.messages([*frames.needed, *frames.forces, APPLIED_COMMANDS], on_position):
-        if (stamp_ns != frame_stamp or topic == APPLIED_COMMANDS) and frame:
-            if snapshot := frames.snapshot(frame_stamp, frame):
-                yield snapshot
-            frame = {}
-        frame_stamp = stamp_ns
-        if topic == APPLIED_COMMANDS:
-            applied = log.command(stamp_ns, data)
-            frames.command(applied)
-            yield applied
-        else:
-            frame[topic] = data
+    topics = [*frames.needed, *frames.forces, APPLIED_COMMANDS]
+    whole = True
+    for file, moved in log.files_in_turn(on_position):
+        if not whole:
+            frames.go_on_from(file)
+        for topic, stamp_ns, data in file.messages(topics, moved):
+            if (stamp_ns != frame_stamp or topic == APPLIED_COMMANDS) and frame:
+                if snapshot := frames.snapshot(frame_stamp, frame):
+                    yield snapshot
+                frame = {}
+            frame_stamp = stamp_ns
+            if topic == APPLIED_COMMANDS:
+                applied = log.command(stamp_ns, data)
+                frames.command(applied)
+                yield applied
+            else:
+                frame[topic] = data
+        whole = file.complete and not file.damage
     if frame and (snapshot := frames.snapshot(frame_stamp, frame)):
         yield snapshot
 
@@ -96,7 +103,7 @@ class _Frames:
         self._rest_loads: dict[str, float] = {}  # N, of towers at rest, else in the first frame
         self._lowest_loads: dict[str, float] = {}  # N, since the start or the last reset
         self._payloads = self._first_payloads()
-        self._full = _full_state(log)
+        self._full = _full_state(log.snapshot)
         if self._full is not None:
             self._rest_loads = dict(zip(scenario.towers, self._full.start.tower_load[:, 0].tolist(), strict=True))
             self._go_to(self._full.state.payload, self._full.state.tower_load)
@@ -120,6 +127,12 @@ class _Frames:
                 return
             self._payloads = self._first_payloads()
             self._lowest_loads = dict(self._rest_loads)
+
+    def go_on_from(self, file: LogFile) -> None:
+        """Take over what was attached to a file, where commands before it are lost."""
+        if (full := _full_state(file.snapshot())) is not None:
+            self._full = full
+            self._go_to(full.state.payload, full.state.tower_load)
 
     def _go_to(self, payloads: FloatArray, tower_loads: FloatArray) -> None:
         """Take over what no frame tells: payloads (vehicles,) in kg, loads (towers, 2) in N, now and least."""
@@ -184,12 +197,12 @@ class _Frames:
         return SupportState(force, travel=float((place - np.array(end.position)) @ direction))
 
 
-def _full_state(log: Log) -> FullState | None:
-    """What the run started from, where that is a snapshot that this version reads."""
-    if log.snapshot is None:
+def _full_state(snapshot: bytes | None) -> FullState | None:
+    """What a log or a file of it starts from, where that is a snapshot that this version reads."""
+    if snapshot is None:
         return None
     try:
-        return read_full_state(BytesIO(log.snapshot), SNAPSHOT_NAME)
+        return read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
     except SnapshotError:
         return None
 

@@ -7,7 +7,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
-from cable_twin.ros.parameters import PARAMETERS, Parameter
+from cable_twin.ros.parameters import PARAMETERS, Parameter, splitting_of
 
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 
@@ -44,6 +44,8 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         values[parameter.name] = value
     if values["snapshot"] and "scenario" in node._parameter_overrides:
         faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
+    if not faults:
+        faults = splitting_of(values).faults("parameter '{}'".format)
     if faults:
         raise ParameterError("\n".join(faults))
     return values

@@ -51,7 +51,7 @@ from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
 from cable_twin.ros.declaration import declare_parameters
 from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.services import Services
 from cable_twin.scenario import load_scenario
@@ -229,10 +229,9 @@ class TwinNode(Node):
                 self._simulation,
                 self._topics,
                 record_directory=directory.expanduser(),
-                epoch_ns=self._epoch_ns,
                 frame_period=self._frame_steps * self._simulation.step,
                 rerun=self._settings["rerun"],
-                open_ended=True,
+                splitting=splitting_of(self._settings),
                 namespace=self.get_fully_qualified_name(),
             )
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
@@ -240,6 +239,7 @@ class TwinNode(Node):
             fault = f"nothing is recorded: record_directory '{directory}': {reason}"
             self._watch = RecordingWatch(self.get_logger(), fault=fault)
             return
+        self._run.begin(self._epoch_ns)
         live = f"; live view: rerun --bind 127.0.0.1 --connect {self._run.live_url}" if self._run.live_url else ""
         self.get_logger().info(f"log: {self._run.directory}{live}")
         factor = self._settings["real_time_factor"]
@@ -270,6 +270,7 @@ class TwinNode(Node):
         for topic, data in messages:
             self._raw_publishers[topic].publish(data)
         if self._run is not None:
+            self._run.split_if_due()
             self._run.recorder.record(messages, stamp_ns, snapshot)
             while self._settings["real_time_factor"] == 0.0 and self._run.recorder.backlog > BACKLOG:
                 time.sleep(0.01)  # as fast as possible is not faster than the disk
