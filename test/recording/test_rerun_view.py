@@ -27,6 +27,7 @@ from cable_twin.records import (  # noqa: E402
     CableSamples,
     CarriageState,
     Command,
+    DriveState,
     SupportState,
     TowerState,
 )
