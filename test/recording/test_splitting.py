@@ -207,7 +207,7 @@ def test_size_asks_for_one_file_at_a_time(tmp_path):
     encoder = MessageEncoder(LAYOUT, EPOCH)
     asked = 0
     for frame in range(1500):
-        snapshot = make_snapshot(frame * 0.01, samples=500)
+        snapshot = make_snapshot(frame * 0.01)
         if recorder.split_due(snapshot.time):
             recorder.split(simulation.capture())
             assert not recorder.split_due(snapshot.time)
