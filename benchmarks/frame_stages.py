@@ -15,7 +15,8 @@ from rich.progress import Progress
 from benchmarks.measure import Effort, Timing, median, timed
 from benchmarks.report import Table, Value
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import LOGGED, NAMESPACE, PUBLISHED, MessageEncoder, Schedule, Topic, topics
+from cable_twin.messages import NAMESPACE, MessageEncoder, Schedule, Topic, topics
+from cable_twin.rates import LOGGED, PUBLISHED
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario

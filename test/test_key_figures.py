@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cable_twin.key_figures import KeyFigures
-from cable_twin.records import (
-    AppliedCommand,
-    BodyState,
-    CableSamples,
-    CarriageState,
-    Command,
-    DriveState,
-    Snapshot,
-    SolverReport,
-    SupportState,
-    TowerState,
-)
+from cable_twin.key_figures import KeyFigure, KeyFigures, figure_from_values, values_of
+from cable_twin.records import AppliedCommand, Command, SolverReport
 from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.snapshot import ENDS, Layout, Snapshot
 
 PERIOD = 0.01  # s
 LENGTH, SAG = 1000.0, 40.0  # m, of a parabola between ends of one height
@@ -59,25 +50,43 @@ def scenario(**overrides):
     return load_scenario(SCENARIO, {key.replace("__", "."): value for key, value in overrides.items()})
 
 
-def snapshot(
-    moment: float, *, place=500.0, speed=0.0, drive_force=0.0, pitch=0.0, body=None, tension=1e6, weight=1e5
-) -> Snapshot:
+@functools.cache
+def layout(vehicles, towers, drives) -> Layout:
     x = np.linspace(0.0, LENGTH, 201)
-    z = -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH)
-    tensions = tension * (1.0 + 0.1 * x / LENGTH)  # highest at the end, lowest at the start
-    where = np.array([place, float(np.interp(place, x, z))])
-    last = body if body is not None else where - np.array([0.0, 5.0])
-    cabin = CarriageState(
-        arc_length=place,
-        speed=speed,
-        drive_force=drive_force,
-        contact_force=np.array([0.0, weight]),
-        position=where,
-        bodies={"cabin": BodyState(last[0], last[1], pitch, 0.0, 0.0, 0.0)},
-    )
-    supports = {name: SupportState(np.zeros(2)) for name in ("start", "end")}
-    cable = CableSamples(x, np.column_stack([x, z]), tensions)
-    return Snapshot(moment, {"cabin": cabin}, supports, cable, SolverReport(1, 1, 0, 0.0))
+    return Layout(dict.fromkeys(vehicles, ("cabin",)), (*ENDS, *towers), drives, x)
+
+
+def frame(moment: float, vehicles=("cabin",), towers=(), drives=(), *, tension=1e6) -> Snapshot:
+    """The rope and nothing else: what is not filled in is NaN, which is no value."""
+    shape = layout(vehicles, towers, drives)
+    one = Snapshot(shape, np.full(shape.size, math.nan), SolverReport(1, 1, 0, 0.0))
+    columns, x = one.columns, shape.arc_lengths
+    columns.time[0] = moment
+    columns.rope_position[:] = np.column_stack([x, 0.0 * x, height(x)])
+    columns.rope_tension[:] = tension * (1.0 + 0.1 * x / LENGTH)  # highest at the end, lowest at the start
+    return one
+
+
+def height(x):
+    return -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH)
+
+
+def put(
+    one: Snapshot, row=0, *, place=500.0, speed=0.0, drive_force=0.0, pitch=0.0, body=None, weight=1e5, attached=1.0
+) -> None:
+    """Hang a vehicle into a frame."""
+    c = one.columns
+    c.arc_length[row], c.speed[row], c.drive_force[row] = place, speed, drive_force
+    c.contact_force[row] = 0.0, 0.0, weight
+    c.attached[row] = attached
+    c.body_position[row] = (place, 0.0, height(min(place, LENGTH)) - 5.0) if body is None else (body[0], 0.0, body[1])
+    c.body_angles[row] = 0.0, pitch, 0.0
+
+
+def snapshot(moment: float, *, tension=1e6, **vehicle) -> Snapshot:
+    one = frame(moment, tension=tension)
+    put(one, **vehicle)
+    return one
 
 
 def gathered(figures: KeyFigures) -> dict[str, object]:
@@ -222,7 +231,7 @@ def test_sag_of_each_span_is_below_its_own_chord():
     heights = {x: -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH) for x in (0.0, 250.0, 600.0, LENGTH)}
     towers = {name: {"position": [x, heights[x]]} for name, x in (("lower", 250.0), ("upper", 600.0))}
     figures = KeyFigures(scenario(towers=towers))
-    figures.update(with_supports(snapshot(3.0)))
+    figures.update(supported(3.0))
     found = gathered(figures)
     for name, low, high in (("start to lower", 0, 250), ("lower to upper", 250, 600), ("upper to end", 600, 1000)):
         sag = found[f"sag below the chord, {name}"]
@@ -230,20 +239,20 @@ def test_sag_of_each_span_is_below_its_own_chord():
         assert sag.place == f"x {(low + high) / 2:.1f} m"
 
 
-def with_supports(one: Snapshot, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=None) -> Snapshot:
-    towers = {
-        name: SupportState(np.array([0.0, load]), TowerState(load, least, 2e5, load == 0.0))
-        for name, load, least in zip(("lower", "upper"), loads, lowest, strict=True)
-    }
-    end = SupportState(np.array([9e5, 1e5]), travel=travel)
-    return replace(one, supports={"start": SupportState(np.array([-9e5, 1e5])), "end": end, **towers})
+def supported(moment: float, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=math.nan) -> Snapshot:
+    one = frame(moment, towers=("lower", "upper"))
+    columns = one.columns
+    columns.support_force[:] = [(-9e5, 0.0, 1e5), (9e5, 0.0, 1e5), *((0.0, 0.0, load) for load in loads)]
+    columns.support_travel[1] = travel
+    columns.tower_load[2:], columns.tower_lowest_load[2:], columns.tower_rest_load[2:] = loads, lowest, 2e5
+    return one
 
 
 def test_support_loads_margins_and_travel_against_their_limits():
     figures = KeyFigures(scenario(towers=TOWERS, cable__end={"position": [1000.0, 0.0], **WEIGHT}))
-    figures.update(with_supports(snapshot(0.0), travel=0.5))
-    figures.update(with_supports(snapshot(1.0), loads=(3e5, 1e5), lowest=(2e5, 0.9e5), travel=3.1))
-    figures.update(with_supports(snapshot(2.0), loads=(2e5, 0.0), lowest=(2e5, 0.0), travel=-1.0))
+    figures.update(supported(0.0, travel=0.5))
+    figures.update(supported(1.0, loads=(3e5, 1e5), lowest=(2e5, 0.9e5), travel=3.1))
+    figures.update(supported(2.0, loads=(2e5, 0.0), lowest=(2e5, 0.0), travel=-1.0))
     found = gathered(figures)
     assert (found["lower: support load, highest"].value, found["lower: support load, highest"].time) == (3e5, 1.0)
     assert (found["upper: support load, lowest"].value, found["upper: support load, lowest"].time) == (0.0, 2.0)
@@ -271,18 +280,15 @@ def test_clearance_of_rope_and_vehicle_with_place():
     assert (rope.value, rope.place, rope.kept) == (pytest.approx(12.0), "x 500.0 m", True)
 
 
-def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ...]) -> Snapshot:
+def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ...], gone=None) -> Snapshot:
     """Chairs at 100, 300 and, off the cable, at its end."""
-    one = snapshot(moment)
-    states = {
-        f"chair_{number}": replace(
-            snapshot(moment, place=place, speed=speed, pitch=swing).carriages["cabin"], attached=attached
-        )
-        for number, place, swing, attached in zip(
-            (1, 2, 3), (100.0, 300.0, 1003.0), swings, (True, True, False), strict=True
-        )
-    }
-    return replace(one, carriages=states, drives={"haul_rope": DriveState(moment * speed, speed, force)})
+    one = frame(moment, ("chair_1", "chair_2", "chair_3"), drives=("haul_rope",))
+    for row, place, swing in zip(range(3), (100.0, 300.0, 1003.0), swings, strict=True):
+        put(one, row, place=place, speed=speed, pitch=swing, attached=float(row < 2))
+    columns = one.columns
+    columns.drive_position[0], columns.drive_speed[0] = moment * speed if gone is None else gone, speed
+    columns.moving_cable_force[0] = force
+    return one
 
 
 def test_carriers_share_the_figures_of_the_worst_and_those_off_the_cable_do_not_count():
@@ -304,8 +310,7 @@ def test_the_stop_of_a_moving_cable():
     figures = KeyFigures(load_scenario(LIFT))
     figures.update(chairs(1.0, speed=5.0, force=0.0, swings=(0.0, 0.0, 0.0)))
     figures.command(AppliedCommand(1.0, Command("emergency_stop", {}), "test"))
-    standing = chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0))
-    figures.update(replace(standing, drives={"haul_rope": DriveState(15.0, 0.0, 0.0)}))
+    figures.update(chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0), gone=15.0))
     found = gathered(figures)
     assert (found["haul_rope: stopping distance"].value, found["haul_rope: stopping time"].value) == (10.0, 4.0)
 
@@ -319,13 +324,79 @@ def test_a_payload_does_not_end_a_stop():
     assert gathered(figures)["cabin: stopping distance"].value == pytest.approx(1.0)
 
 
+def test_what_a_log_does_not_hold_is_no_value():
+    """Nothing of NaN passes into figures, or takes the place of one."""
+    figures = KeyFigures(scenario(terrain=[[0.0, -60.0], [1000.0, -60.0]]))
+    figures.update(frame(0.0, tension=math.nan))
+    names = set(gathered(figures))
+    assert names == {"sag below the chord", "rope clearance over the terrain"}
+    figures.command(AppliedCommand(0.0, Command("emergency_stop", {}), "test"))  # from nobody knows where
+    figures.update(snapshot(1.0, speed=3.0, pitch=0.1))
+    before = gathered(figures)
+    assert before["dynamic amplification, tension over that at the start"].value == 1.0
+    assert before["cabin: clearance over the terrain"].value == pytest.approx(60.0 - 40.0 - 5.0 - 1.5, abs=0.3)
+    for moment in (2.0, 3.0):
+        nothing = frame(moment)
+        nothing.numbers[1:] = math.nan
+        figures.update(nothing)
+    assert gathered(figures) == before
+
+
+def test_frames_of_another_scenario_are_refused():
+    with pytest.raises(ValueError, match="another scenario"):
+        KeyFigures(scenario()).update(supported(0.0))
+
+
+def test_a_span_without_a_point_takes_the_next_one():
+    """Two towers between two points of the rope, and one beyond a point to the digit."""
+    places = {"a": 251.0, "b": 253.0, "c": 600.0}
+    towers = {name: {"position": [x, height(x)]} for name, x in places.items()}
+    figures = KeyFigures(scenario(towers=towers))
+    figures.update(frame(0.0, towers=tuple(places)))
+    found = gathered(figures)
+    assert found["sag below the chord, a to b"].place == "x 255.0 m"
+    assert found["sag below the chord, b to c"].value == pytest.approx(SAG * (347.0 / LENGTH) ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("limit", [None, 0.1 + 0.2])
+def test_a_figure_comes_back_from_what_is_told_to_the_last_bit(limit):
+    figure = KeyFigure("cabin: swing", 1.0 / 3.0, "rad", 0.1 + 0.7, "arc length 1.0 m", limit, "at least", "scenario")
+    figure = figure if limit is not None else KeyFigure("cabin: swing", -1.0 / 3.0, "rad", 2.0)
+    values = values_of(figure)
+    assert all(isinstance(value, str) for value in values.values())
+    assert figure_from_values("cabin: swing", values) == figure
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"value": "much"}, "could not convert"), ({"bound": "about"}, "bound 'about'"), ({"unit": None}, "unit is miss")],
+)
+def test_values_that_are_no_figure_are_refused(change, message):
+    values = values_of(KeyFigure("swing", 0.1, "rad", 1.0, limit=0.2)) | change
+    with pytest.raises(ValueError, match=f"key figure 'swing': {message}"):
+        figure_from_values("swing", {key: value for key, value in values.items() if value is not None})
+
+
 def test_an_update_costs_little_and_keeps_nothing():
-    """Live use: well under a tenth of a frame of 10 ms, on a machine that others use too."""
+    """Live use: well under a hundredth of a frame of 10 ms, on a machine that others use too."""
     figures = KeyFigures(scenario())
-    frames = [snapshot(frame * PERIOD, place=100.0 + frame) for frame in range(200)]
+    frames = [snapshot(number * PERIOD, place=100.0 + number) for number in range(200)]
     costs = []
-    for frame in frames:
+    for one in frames:
         started = time.perf_counter()
-        figures.update(frame)
+        figures.update(one)
         costs.append(time.perf_counter() - started)
-    assert np.median(costs) < 1e-3
+    assert np.median(costs) < 1e-4
+
+
+def test_the_clearance_of_the_figures_is_that_of_the_simulation():
+    """On a turned outline over a ground with corners; the figures see the rope at fewer points."""
+    ground = [[-10.0, -70.0], [55.0, -10.0], [60.0, -11.0], [300.0, -60.0], [1000.0, -60.0]]
+    tilted = scenario(terrain=ground, carriages__cabin__arc_length=57.0)
+    simulation, figures = Simulation(tilted), KeyFigures(tilted)
+    simulation.wind(12.0)
+    lowest = math.inf
+    for number in range(10):
+        figures.update(simulation.advance_to(0.1 * number))
+        lowest = min(lowest, simulation.clearance().vehicles["cabin"].height)
+    assert gathered(figures)["cabin: clearance over the terrain"].value == pytest.approx(lowest, abs=1e-12)

@@ -6,13 +6,13 @@ that the number of topics does not grow with them. A few carriers may be asked f
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.rates import EVERY_FRAME, frames_between
 from cable_twin.snapshot import Layout
 
 String = ros2_jazzy.std_msgs__msg__String
@@ -44,9 +44,6 @@ CLOCK = "/clock"
 TF = "/tf"
 
 Group = Literal["joints", "poses", "forces", "rope", "path", "clock", ""]
-EVERY_FRAME = 0.0  # Hz, of a group that is due at every frame
-PUBLISHED: Mapping[str, float] = {"path": 10.0}  # Hz, of groups that are not published every frame
-LOGGED: Mapping[str, float] = {"poses": 20.0, "forces": 20.0, "rope": 10.0, "path": 1.0}  # Hz, the same of logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,18 +120,6 @@ def support_force_topic(support: str) -> str:
 def full_name(name: str, namespace: str = NAMESPACE) -> str:
     """Give the absolute name of a topic of the node whose full name is `namespace`."""
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
-
-
-def frames_between(frame_rate: float, rate: float) -> int:
-    """Frames from one that is due to the next, as often as a rate (Hz) allows; 1 for every frame."""
-    if rate == EVERY_FRAME or rate >= frame_rate:
-        return 1
-    return math.ceil(frame_rate / rate * (1.0 - 1e-9))
-
-
-def divides(frame_rate: float, rate: float) -> bool:
-    """Whether a rate (Hz) can be kept to: every frame, or one in a whole number of frames."""
-    return rate == EVERY_FRAME or math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=1e-9)
 
 
 class Due(NamedTuple):

@@ -36,7 +36,7 @@ class _RootedStream:
     def send_columns(self, path: str, *columns: Any, **options: Any) -> None:
         self._stream.send_columns(f"{self._root}/{path}", *columns, **options)
 
-    def send_blueprint(self, *_: Any) -> None:
+    def send_blueprint(self, *_: Any, **__: Any) -> None:
         """Leave it to the comparison."""
 
     def flush(self, *, timeout_sec: float) -> None:

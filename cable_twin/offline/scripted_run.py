@@ -54,7 +54,7 @@ def simulate(
         script: Commands in the order of time.
         duration: s, from the present time on.
         frame_steps: Solver steps in a frame.
-        epoch_ns: ns since 1970 of simulated time zero, as given to `start_run`.
+        epoch_ns: ns since 1970 of simulated time zero, as given to `Run.begin`.
         run: Where it is recorded, or None.
         figures: Take in what is seen, or None.
         on_frame: Called with the simulated time (s) of each frame.
@@ -83,6 +83,7 @@ def simulate(
             if figures is not None:
                 figures.update(snapshot)
             if run is not None:
+                run.split_if_due()
                 run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
                 while run.recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
                     time.sleep(0.002)

@@ -34,12 +34,19 @@ from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
+from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
 DONE, FAILED, UNUSABLE = 0, 1, 2  # exit codes
 DEFAULT_SCENARIO = "aerial_tramway"
 DURATION = 60.0  # s, after the last command of a script
+SPLITTING = (
+    ("split-duration", "S", "simulated seconds after which the logs go on in new files, 0 for never"),
+    ("split-size", "MB", "size of the bag's file from which on they do so as well, 0 for any"),
+    ("keep-age", "S", "remove files at a split that ended so many seconds ago, 0 for none"),
+    ("keep-size", "MB", "remove the oldest files at a split until the run has this size, 0 for none"),
+)
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
@@ -113,6 +120,14 @@ def parser() -> OneLineParser:
         metavar="HZ",
         help="frames recorded in a second of simulated time; default: 100",
     )
+    for name, metavar, text in SPLITTING:
+        result.add_argument(
+            f"--{name}",
+            type=_limit,
+            default=getattr(HOURLY, name.replace("-", "_")),
+            metavar=metavar,
+            help=f"{text}; default: %(default)g",
+        )
     result.add_argument(
         "--record",
         choices=("all", "bag", "off"),
@@ -149,17 +164,31 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
     return convert
 
 
+def _limit(text: str) -> float:
+    """Number; whether it is allowed depends on the other options."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} given, a number is needed") from None
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a scenario and report; see the exit codes above."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
+    splitting = Splitting(options.split_duration, options.split_size, options.keep_age, options.keep_size)
+    if faults := splitting.faults(lambda name: f"--{name.replace('_', '-')}"):
+        for line in faults:
+            print(f"simulate: {line}", file=sys.stderr)
+        return UNUSABLE
     try:
         log = read_log(options.from_bag) if options.from_bag is not None else None
         script = read_script(options.script) if options.script is not None else []
         if log is not None:
             script = script_of_log(log)
             if log.damage:
-                print(f"simulate: {log.path}: {log.condition}: later commands are lost", file=sys.stderr)
+                which = "later commands" if len(log.files) == 1 else "commands"
+                print(f"simulate: {log.path}: {log.condition}: {which} are lost", file=sys.stderr)
         simulation = _simulation(options, log, console)
         ahead = commands_ahead(simulation, script)
         faults = check_script(simulation, ahead)
@@ -183,12 +212,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if round(duration / simulation.step) == 0:
         print(f"simulate: --duration {duration:g} s given; a solver step takes {simulation.step:g} s", file=sys.stderr)
         return UNUSABLE
-    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     try:
-        run = _start(simulation, options, epoch_ns, frame_steps)
+        run = _start(simulation, options, splitting, frame_steps)
     except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
         print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return FAILED
+    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
+    if run is not None:
+        run.begin(epoch_ns)
     started = simulation.time
     figures = KeyFigures(simulation.scenario)
     with _signals() as ended:  # to the end: a second Ctrl-C spares the logs that are being closed, too
@@ -247,16 +278,16 @@ def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log |
     return max(script[-1].time - start, 0.0) + DURATION if script else DURATION
 
 
-def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, frame_steps: int) -> Run | None:
+def _start(simulation: Simulation, options: argparse.Namespace, splitting: Splitting, frame_steps: int) -> Run | None:
     if options.record == "off":
         return None
     return start_run(
         simulation,
         topics(simulation.carriages, supports=simulation.supports),
         record_directory=options.output.expanduser(),
-        epoch_ns=epoch_ns,
         frame_period=frame_steps * simulation.step,
         rerun="file" if options.record == "all" else "off",
+        splitting=splitting,
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
-from cable_twin.messages import divides
-from cable_twin.ros.parameters import PARAMETERS, Parameter
+from cable_twin.rates import fault
+from cable_twin.ros.parameters import PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
@@ -56,6 +56,8 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         values[parameter.name] = value
     if values["snapshot"] and "scenario" in node._parameter_overrides:
         faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
+    if not faults:
+        faults = splitting_of(values).faults("parameter '{}'".format)
     if faults:
         raise ParameterError("\n".join(faults))
     return values
@@ -67,12 +69,8 @@ def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tup
     Raises:
         ParameterError: one that was given does not divide the frame rate (Hz); a default is lowered to one that does.
     """
-    faults = [
-        f"parameter '{name}' is {values[name]:g} Hz; allowed are whole fractions of the frame rate, as {frame_rate:g}, "
-        f"{frame_rate / 2:g} or {frame_rate / 5:g} Hz, and 0 for every frame"
-        for name in RATES
-        if name in node._parameter_overrides and not divides(frame_rate, values[name])
-    ]
+    given = [(f"parameter '{name}'", values[name]) for name in RATES if name in node._parameter_overrides]
+    faults = [line for name, rate in given if (line := fault(name, rate, frame_rate)) is not None]
     if faults:
         raise ParameterError("\n".join(faults))
     rates: tuple[dict[str, float], dict[str, float]] = ({}, {})

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures import KeyFigure, KeyFigures, values_of
 from cable_twin.messages import Status
-from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.records import AppliedCommand
+from cable_twin.snapshot import Snapshot
 
 OK, WARNING = 0, 1  # levels of diagnostics
 
@@ -43,7 +44,7 @@ class FigureWatch:
                 self._passed[figure.name] = figure
                 self._news.append(f"limit passed: {figure.name}: {describe(figure)}")
         return [
-            Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), _values(figure))
+            Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
             for figure in figures
         ]
 
@@ -69,12 +70,3 @@ def describe(figure: KeyFigure) -> str:
     if figure.limit is not None:
         parts.append(f"allowed: {figure.bound} {figure.limit:.4g}{unit} ({figure.source})")
     return ", ".join(parts)
-
-
-def _values(figure: KeyFigure) -> dict[str, str]:
-    """The same for programs."""
-    values = {"value": f"{figure.value:.9g}", "unit": figure.unit, "time_s": f"{figure.time:.3f}"}
-    values["place"] = figure.place
-    if figure.limit is not None:
-        values |= {"limit": f"{figure.limit:.9g}", "bound": figure.bound, "source": figure.source}
-    return values

@@ -42,7 +42,7 @@ from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rat
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
 from cable_twin.ros.pace_watch import PaceWatch
-from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
@@ -230,6 +230,7 @@ class TwinNode(Node):
                 record_directory=directory.expanduser(),
                 frame_period=self._frame_steps * self._simulation.step,
                 rerun=self._settings["rerun"],
+                splitting=splitting_of(self._settings),
                 namespace=self.get_fully_qualified_name(),
             )
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home

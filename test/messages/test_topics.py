@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.messages import LOGGED, PUBLISHED, Schedule, divides, full_name, topics
+from cable_twin.messages import Schedule, full_name, topics
+from cable_twin.rates import LOGGED, PUBLISHED, divides
 from cable_twin.snapshot import Layout
 
 BODIES = ("hanger", "cabin")

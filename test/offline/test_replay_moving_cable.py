@@ -27,7 +27,8 @@ def record(directory):
     """30 s of commands of all kinds, with a view."""
     simulation = short_lift()
     table = topics(simulation.carriages)
-    run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=0.02)
+    run = start_run(simulation, table, record_directory=directory, frame_period=0.02)
+    run.begin(EPOCH)
     encoder = MessageEncoder(simulation.carriages, EPOCH, simulation.drives)
     off_and_on = 0
     for frame in range(1501):

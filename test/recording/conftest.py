@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from logged_run import CARRIAGES, METADATA, write_run
+from logged_run import CARRIAGES, open_log, write_run
 
 from cable_twin.messages import topics
-from cable_twin.recording.mcap_log import McapLog
 
 
 @pytest.fixture
@@ -17,7 +16,7 @@ def directory(tmp_path):
 @pytest.fixture
 def finished(directory):
     with_clock = topics(CARRIAGES, clock=True)  # a channel without messages
-    log = McapLog(directory, with_clock, METADATA)
+    log = open_log(directory, with_clock)
     messages = write_run(log, 40)
     log.close()
     return log, messages

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.records import (
     AppliedCommand,
@@ -20,13 +22,20 @@ from cable_twin.records import (
 CARRIAGES = {"cabin": ("hanger",)}
 EPOCH = 1_700_000_000_123_456_789
 SCENARIO_VALUES = {"description": "Prüfstand", "cable": {"elements": 24}}
-METADATA = run_metadata(scenario="bench", epoch_ns=EPOCH, frame_period=0.01, sample_count=50)
+METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=50)
 
 COMMANDS = [
     AppliedCommand(0.0, Command("speed", {"cabin": 1.5}), "joint_commands"),
     AppliedCommand(0.123456, Command("force", {"cabin": -20.0}), "script"),
     AppliedCommand(0.25, Command("emergency_stop", {}), "service"),
 ]
+
+
+def open_log(directory: Path, table=None, metadata=METADATA, **options) -> McapLog:
+    """A log that has begun."""
+    log = McapLog(directory, topics(CARRIAGES) if table is None else table, metadata, **options)
+    log.begin(EPOCH)
+    return log
 
 
 def make_snapshot(time: float, samples: int = 50) -> Snapshot:
