@@ -18,6 +18,7 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 BELOW_RECORDING = (
     "messages",
     "command_messages",
+    "rates",
     "records",
     "simulation",
     "snapshot",
@@ -29,6 +30,7 @@ BELOW_RECORDING = (
 )
 ALLOWED = {
     "mechanics": (),
+    "rates": (),
     "records": (),
     "scenario": ("mechanics.parameters",),
     "first_compilation": ("mechanics", "scenario"),
@@ -51,7 +53,7 @@ ALLOWED = {
         "snapshot_file",
         "scenario",
     ),
-    "messages": ("records", "snapshot"),
+    "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
     "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
