@@ -27,6 +27,6 @@ def fault(called: str, rate: float, frame_rate: float) -> str | None:
     if divides(frame_rate, rate):
         return None
     return (
-        f"{called} is {rate:g} Hz; allowed are whole fractions of the frame rate, as {frame_rate:g}, {frame_rate / 2:g} or "
-        f"{frame_rate / 5:g} Hz, and 0 for every frame"
+        f"{called} is {rate:g} Hz; allowed are whole fractions of the frame rate, as {frame_rate:g}, "
+        f"{frame_rate / 2:g} or {frame_rate / 5:g} Hz, and 0 for every frame"
     )

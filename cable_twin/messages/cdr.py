@@ -113,7 +113,7 @@ class Template:
         """The message with a stamp (ns) and what the sources hold now."""
         second, nanosecond = divmod(stamp_ns, SECOND)
         if self._stamps.size == 1:
-            _PAIR.pack_into(self._data, ENCAPSULATION + 4 * int(self._stamps[0]), second, nanosecond)
+            _PAIR.pack_into(self._data.data, ENCAPSULATION + 4 * int(self._stamps[0]), second, nanosecond)
         else:
             self._words[self._stamps], self._words[self._stamps + 1] = second, nanosecond
         for target, source in self._copies:

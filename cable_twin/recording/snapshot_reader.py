@@ -133,8 +133,8 @@ class _Frames:
                 readers[pose_topic(name, body_name)] = _reader(POSE, targets)
         if layout.carriers:
             first = len(layout.carriages)
-            bodies = slice(layout.first_body[first], None)
-            readers[CARRIER_POSES] = _table_reader([c.body_position[bodies], c.body_orientation[bodies]])
+            hung = slice(layout.first_body[first], None)
+            readers[CARRIER_POSES] = _table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: _fill(_points(data, len(joints), FORCE_FIELDS), [joints, forces])
         for row, name in enumerate(layout.supports):

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from cable_twin.recording.splitting import Splitting
-
 from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
+from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("off", "file", "live")
 

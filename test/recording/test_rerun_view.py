@@ -16,24 +16,20 @@ rr = pytest.importorskip("rerun")
 psutil = pytest.importorskip("psutil")  # rerun brings it
 
 from drawn_run import FRAMES, HORIZONTAL, OUTLINES, RATE, SPAN, draw, rope_height, snapshot_at  # noqa: E402
-from rerun.chunk import RrdReader  # noqa: E402
-
 from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
+from rerun.chunk import RrdReader  # noqa: E402
 
 from cable_twin.outlines import outline_from_pivots  # noqa: E402
 from cable_twin.recording.rerun_view import RerunView  # noqa: E402
 from cable_twin.recording.view_readout import describe_command  # noqa: E402
-from cable_twin.recording.view_stream import open_stream  # noqa: E402
 from cable_twin.records import (  # noqa: E402
     AppliedCommand,
     CableSamples,
     CarriageState,
     Command,
-    DriveState,
     SupportState,
     TowerState,
 )
-from cable_twin.snapshot import Snapshot  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 
