@@ -55,6 +55,7 @@ ALLOWED = {
     ),
     "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
+    "figure_messages": ("key_figures", "messages", "records"),
     "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
     "recording": (
@@ -67,8 +68,8 @@ ALLOWED = {
         "snapshot",
         "snapshot_file",
     ),
-    "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", "command_checks", *BELOW_RECORDING),
 }
 
 
