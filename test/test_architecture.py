@@ -55,7 +55,7 @@ ALLOWED = {
     ),
     "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
-    "figure_messages": ("key_figures", "messages", "records"),
+    "figure_messages": ("key_figures", "messages"),
     "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
     "recording": (
