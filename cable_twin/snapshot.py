@@ -6,7 +6,7 @@ when somebody asks. All is in space: position (3,) x, y, z, orientation (4,) x, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import isnan, prod
 from typing import Generic, NamedTuple, TypeVar
@@ -72,6 +72,8 @@ class Layout:
         arc_lengths: (samples,) m, unstrained, where the cable is shown.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
+        vehicle_rows, support_rows, drive_rows: number by name.
+        body_rows: the same of the bodies of each vehicle, from its first one on.
         size: numbers of a frame.
     """
 
@@ -104,6 +106,9 @@ class Layout:
         ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]  # type: ignore[arg-type]
         self._places = [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)]
         self.size: int = ends[-1]
+        self.vehicle_rows, self.support_rows = numbered(self.vehicles), numbered(self.supports)
+        self.drive_rows = numbered(self.drives)
+        self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -120,6 +125,11 @@ class Layout:
         """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""
         leading = numbers.shape[:-1]
         return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))
+
+
+def numbered(names: Iterable[str]) -> dict[str, int]:
+    """Number of each name."""
+    return {name: number for number, name in enumerate(names)}
 
 
 class VehicleColumns(NamedTuple):
@@ -165,11 +175,6 @@ class Named(Mapping[str, T], Generic[T]):
 
     def __repr__(self) -> str:
         return repr(dict(self))
-
-
-def numbered(names: Sequence[str]) -> dict[str, int]:
-    """Number of each name."""
-    return {name: number for number, name in enumerate(names)}
 
 
 class Snapshot:
@@ -224,17 +229,17 @@ class Snapshot:
     @property
     def carriages(self) -> Mapping[str, CarriageState]:
         """Carriages and carriers by name."""
-        return Named(numbered([*self.layout.vehicles]), self._carriage)
+        return Named(self.layout.vehicle_rows, self._carriage)
 
     @property
     def supports(self) -> Mapping[str, SupportState]:
         """What holds the cable, by name: start, end, towers."""
-        return Named(numbered(self.layout.supports), self._support)
+        return Named(self.layout.support_rows, self._support)
 
     @property
     def drives(self) -> Mapping[str, DriveState]:
         """Drives that move a cable, by name."""
-        return Named(numbered(self.layout.drives), self._drive)
+        return Named(self.layout.drive_rows, self._drive)
 
     @property
     def cable(self) -> CableSamples:
@@ -248,10 +253,8 @@ class Snapshot:
 
     def _carriage(self, index: int) -> CarriageState:
         c = self.columns
-        name = [*self.layout.vehicles][index]
         travel = float(c.haul_travel[index])
         haul_rope = HaulRopeState(travel, float(c.haul_speed[index]), float(c.haul_force[index]))
-        bodies = self.layout.vehicles[name]
         first = self.layout.first_body[index]
         return CarriageState(
             arc_length=float(c.arc_length[index]),
@@ -259,7 +262,7 @@ class Snapshot:
             drive_force=float(c.drive_force[index]),
             contact_force=c.contact_force[index],
             position=c.joint_position[index],
-            bodies=Named(numbered(bodies), lambda number: self._body(first + number)),
+            bodies=Named(self.layout.body_rows[index], lambda number: self._body(first + number)),
             attached=bool(c.attached[index]),
             payload=float(c.payload[index]),
             haul_rope=None if isnan(travel) else haul_rope,

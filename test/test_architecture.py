@@ -18,6 +18,7 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 BELOW_RECORDING = (
     "messages",
     "command_messages",
+    "rates",
     "records",
     "simulation",
     "snapshot",
@@ -29,6 +30,7 @@ BELOW_RECORDING = (
 )
 ALLOWED = {
     "mechanics": (),
+    "rates": (),
     "records": (),
     "scenario": ("mechanics.parameters",),
     "first_compilation": ("mechanics", "scenario"),
@@ -51,8 +53,9 @@ ALLOWED = {
         "snapshot_file",
         "scenario",
     ),
-    "messages": ("records", "snapshot"),
+    "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
+    "figure_messages": ("key_figures", "messages"),
     "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
     "recording": (
@@ -65,8 +68,8 @@ ALLOWED = {
         "snapshot",
         "snapshot_file",
     ),
-    "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", "command_checks", *BELOW_RECORDING),
 }
 
 
