@@ -143,9 +143,8 @@ def _view(scenario: Scenario, path: Path) -> RerunView:
 
     outlines = body_outlines(scenario)
     title = f"Seo et al. (2004), a declared reconstruction: {scenario.cable.elastic_model}, "
-    return RerunView(
-        f"{title}{scenario.cable.elements} elements", outlines, path=path, live=False, geometry_rate=1.0 / FRAME
-    )
+    name, rate = f"{title}{scenario.cable.elements} elements", 1.0 / FRAME
+    return RerunView(name, outlines, path=path, live=False, geometry_rate=rate, rope_rate=rate)
 
 
 def draw_behaviour(runs: list[Run], path: Path) -> None:

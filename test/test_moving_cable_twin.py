@@ -288,7 +288,7 @@ def test_joint_states_list_the_drive_after_the_carriages():
     simulation = short_lift()
     simulation.command("haul_rope", speed=1.0)
     snapshot = simulation.advance_to(1.0)
-    encoder = MessageEncoder(simulation.carriages, 0, simulation.drives)
+    encoder = MessageEncoder(simulation.layout, 0)
     message = decode(dict(encoder.frame(snapshot))["joint_states"], "sensor_msgs/msg/JointState")
     assert message.name[:8] == [*simulation.carriages, "haul_rope", "chair_1/chair"]
     drive = snapshot.drives["haul_rope"]

@@ -70,6 +70,7 @@ def lay_out(
                 rrb.TextLogView(
                     name="Commands", origin="commands", columns=rrb.TextLogColumns(text_log_columns=["Body"])
                 ),
+                row_shares=[3, 2],
             ),
             column_shares=[5, 1],
         )

@@ -74,7 +74,7 @@ class Picture:
         width = float(max(high - low))
         top = float(high[1] + 0.06 * width)
         self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
-        self._vehicles.begin(stream, first)
+        self._vehicles.begin(stream, first, 0.045 * width)
         self._plots.begin(stream)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
         close_ups = self._vehicles.close_ups

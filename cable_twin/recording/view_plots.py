@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from itertools import cycle, islice, pairwise
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -17,7 +18,7 @@ from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.snapshot import ENDS, Columns, Layout
 
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
-PLOT_COLORS = (0x2F8FE3FF, 0xD98A0DFF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
+PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 Values = Callable[[Columns, FloatArray], FloatArray]
 
 
@@ -37,8 +38,8 @@ class Plot:
         self.names = list(names)
         self.values = values
         self.colors = list(islice(cycle(PLOT_COLORS), color, color + len(self.names)))
-        # Wider below narrower: lines that coincide stay visible.
-        self.widths = np.linspace(3.0, 1.5, len(names)) if len(names) > 1 else np.array([1.5])
+        # Wider below narrower: a few lines that coincide stay visible.
+        self.widths = np.linspace(3.0, 1.5, len(names)) if 1 < len(names) <= 3 else np.full(len(names), 1.5)
 
 
 class Plots:
@@ -147,34 +148,49 @@ def _force(layout: Layout, index: int, scale: float, c: Columns, _: FloatArray) 
 def _swings(layout: Layout, carriers: Collection[str]) -> Iterator[Plot]:
     """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one."""
     color = 0
-    spans = dict(zip(layout.vehicles, pairwise(layout.first_body), strict=True))
-    for index, (name, bodies) in enumerate(layout.vehicles.items()):
-        if bodies and name not in carriers:
-            titles = bodies if len(layout.vehicles) == 1 else [f"{name} {body}" for body in bodies]
-            rows = [*range(*spans[name])]
-            yield Plot(entity_path("plots/swing", name), titles, partial(_swing, rows, [index] * len(rows)), color)
-            color += len(rows)
-    together = [index for index, name in enumerate(layout.vehicles) if name in carriers]
-    if together and layout.vehicles[next(iter(carriers))]:
-        first = [*layout.vehicles][together[0]]
-        bodies = layout.vehicles[first]
-        titles = [
-            f"{which} {body}" if len(bodies) > 1 else which for body in bodies for which in ("least", "most", first)
-        ]
-        yield Plot("plots/swing/carriers", titles, partial(_spread, layout, together), color)
+    together: list[_Bodies] = []
+    for index, (name, (first, last)) in enumerate(zip(layout.vehicles, pairwise(layout.first_body), strict=True)):
+        bodies = _Bodies(range(first, last), [index] * (last - first), _titles(layout, name))
+        if name in carriers:
+            together.append(bodies)
+        elif bodies.rows:
+            yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, bodies), color)
+            color += len(bodies.rows)
+    if together:
+        every = _Bodies(
+            [row for bodies in together for row in bodies.rows],
+            [vehicle for bodies in together for vehicle in bodies.vehicles],
+            [title for bodies in together for title in bodies.titles],
+        )
+        if every.rows:
+            titles = ["least", "most", *together[0].titles]
+            yield Plot("plots/swing/carriers", titles, partial(_spread, every, len(together[0].rows)), color)
 
 
-def _swing(rows: list[int], owners: list[int], c: Columns, _: FloatArray) -> FloatArray:
-    """Swing (frames, rows) in degrees of bodies on the rope, NaN of those that hang in a station."""
-    swings = np.rad2deg(c.body_angles[:, rows, 1])
-    swings[c.attached[:, owners] == 0.0] = np.nan
+class _Bodies(NamedTuple):
+    """Bodies whose swing is plotted."""
+
+    rows: Sequence[int]
+    vehicles: Sequence[int]  # that each belongs to
+    titles: Sequence[str]
+
+
+def _titles(layout: Layout, name: str) -> list[str]:
+    """Return the titles of a vehicle's bodies, no longer than they must be."""
+    bodies = layout.vehicles[name]
+    if len(layout.vehicles) == 1:
+        return list(bodies)
+    return [name] if len(bodies) == 1 else [f"{name} {body}" for body in bodies]
+
+
+def _swing(bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
+    """Swing (frames, bodies) in degrees of bodies on the rope, NaN of those that hang in a station."""
+    swings = np.rad2deg(c.body_angles[:, bodies.rows, 1])
+    swings[c.attached[:, bodies.vehicles] == 0.0] = np.nan
     return swings
 
 
-def _spread(layout: Layout, carriers: list[int], c: Columns, commanded: FloatArray) -> FloatArray:
-    """Least, most and first swing (frames, 3 bodies) in degrees of carriers with bodies of the same names."""
-    lines = []
-    for body in range(layout.first_body[carriers[0] + 1] - layout.first_body[carriers[0]]):
-        swings = _swing([layout.first_body[index] + body for index in carriers], carriers, c, commanded)
-        lines += [np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, 0]]
-    return np.column_stack(lines)
+def _spread(bodies: _Bodies, first: int, c: Columns, commanded: FloatArray) -> FloatArray:
+    """Least and most swing (frames, 2 + first) in degrees of all bodies, and that of the `first` ones."""
+    swings = _swing(bodies, c, commanded)
+    return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])

@@ -11,6 +11,7 @@ import socket
 from pathlib import Path
 
 import rerun as rr
+import rerun_bindings as bindings
 
 from cable_twin.recording.mcap_file import sync
 
@@ -25,6 +26,8 @@ class _Stream(rr.RecordingStream):
 
     server: _Stream | None = None  # to whose viewers it is sent
     url = ""  # of the server
+    _layouts: rr.RecordingStream | None = None
+    _layout_count = 0
 
     def __del__(self) -> None:
         """Do nothing."""
@@ -45,6 +48,23 @@ class _Stream(rr.RecordingStream):
         except RuntimeError as error:
             raise OSError(str(error)) from error
         self.send_recording_name(title)
+
+    def send_blueprint(
+        self, blueprint: rr.BlueprintLike, *, make_active: bool = True, make_default: bool = True
+    ) -> None:
+        """Send a layout, one for each file.
+
+        rerun's own makes a stream for each that never ends, with two threads and 1.5 MB; this one is made once.
+        """
+        if self._layouts is None:
+            self._layouts = rr.RecordingStream._from_native(
+                bindings.new_blueprint(APPLICATION, make_default=False, make_thread_default=False)
+            )
+        self._layout_count += 1
+        self._layouts.set_time("blueprint", sequence=self._layout_count)
+        blueprint.to_blueprint()._log_to_stream(self._layouts)
+        layout = self._layouts.memory_recording().storage
+        bindings.send_blueprint(layout, make_active, make_default, recording=self.to_native())
 
     def disconnect(self) -> None:
         """Close the file, then the server."""

@@ -17,8 +17,8 @@ from cable_twin.snapshot import Columns, Layout
 
 LABELS = 8  # vehicles up to which each has its name beside it
 CLOSE_UPS = 6  # of vehicles, where there are more than that
-CARRIAGE_COLORS = (0x8C96A8FF, 0x2F8FE3FF, 0x2FA06AFF, 0xD9730DFF, 0x9A6EE0FF, 0xE0525AFF)
-BODY_COLORS = (0xD9930DFF, 0x2F8FE3FF, 0x2FA06AFF, 0xE0525AFF, 0x9A6EE0FF)
+CARRIAGE_COLORS = (0xD05AA0FF, 0x2F8FE3FF, 0x2FA06AFF, 0xD9730DFF, 0x9A6EE0FF, 0xE0525AFF)
+BODY_COLORS = (0xC77C00FF, 0x2F8FE3FF, 0x2FA06AFF, 0xE0525AFF, 0x9A6EE0FF)
 CARRIERS = "track/carriers"
 
 
@@ -104,23 +104,25 @@ class Vehicles:
         ]
         return [group[~np.isnan(group).any(axis=1)] for group in groups]
 
-    def begin(self, stream: rr.RecordingStream, c: Columns) -> None:
-        """Log what never changes about the vehicles of a first frame."""
+    def begin(self, stream: rr.RecordingStream, c: Columns, label_height: float) -> None:
+        """Log what never changes about the vehicles of a first frame; names stand so high (m) above the joints."""
         labelled = len(self._names) <= LABELS
         reaches = [_reach(points) for points in self.points(c)]
         self.close_ups = {}
         for index in self._alone:
             color = CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)]
             path = entity_path("track/carriages", self._names[index])
-            dot = rr.Points2D(
-                [(0.0, 0.0)],
-                colors=[color],
-                radii=pixels(4.5),
-                labels=[self._names[index]],
-                show_labels=labelled,
-                draw_order=40.0,
-            )
+            dot = rr.Points2D([(0.0, 0.0)], colors=[color], radii=pixels(4.5), draw_order=40.0)
             stream.log(path, dot, static=True)
+            if labelled:  # not beside the joint, where it would hide the bodies
+                name = rr.Points2D(
+                    [(0.0, -label_height)],
+                    colors=[color],
+                    radii=[0.0],
+                    labels=[self._names[index]],
+                    show_labels=True,
+                )
+                stream.log(entity_path(path, "(name)"), name, static=True)
             for number, row in enumerate(self._spans[index]):
                 tint = BODY_COLORS[number % len(BODY_COLORS)]
                 line = self._lines[row]
@@ -138,7 +140,7 @@ class Vehicles:
                 CARRIERS,
                 rr.LineStrips2D.from_fields(colors=tints, radii=pixels(2.0)),
                 rr.Points2D.from_fields(
-                    colors=[CARRIAGE_COLORS[0]],
+                    colors=[CARRIAGE_COLORS[number % len(CARRIAGE_COLORS)] for number in range(len(self._together))],
                     radii=pixels(3.5),
                     labels=[self._names[index] for index in self._together],
                     show_labels=labelled,

@@ -226,6 +226,12 @@ def test_interrupt_ends_the_compilation(processes, tmp_path):
         (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
         (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
         (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
+        (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
+        (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
+        (
+            ["--keep-age", "600"],
+            "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
+        ),
         (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
         (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
     ],
