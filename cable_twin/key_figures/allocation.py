@@ -19,7 +19,7 @@ def allocate(scenario: Scenario) -> Memory:
     tops = [(tower.position[0], tower.position[-1]) for tower in scenario.towers.values()]
     return Memory(
         length=float(cable.unstrained_length),
-        tops=np.array(tops, dtype=np.float64).reshape(-1, 2),
+        corners=np.array([(nan, nan), *tops, (nan, nan)], dtype=np.float64),
         rails=np.where(clamped, cable.unstrained_length / cable.elements, -inf),
         ground=ground_of(scenario),
         tension=highest(),

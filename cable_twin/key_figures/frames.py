@@ -34,7 +34,7 @@ class Memory(NamedTuple):
     """
 
     length: float  # m, of the cable, unstrained
-    tops: FloatArray  # (towers, 2) m
+    corners: FloatArray  # (spans + 1, 2) m, ends of the chords: tops of the towers, and the ends of the rope now
     rails: FloatArray  # (vehicles,) m from either end in which forces do not count
     ground: Ground
     tension: Extremes  # N
@@ -90,24 +90,20 @@ def take_sag(memory, time, rope):
 
     A span without a point takes the next one, so that no span goes without.
     """
-    tops, last, first_x = memory.tops, rope[rope.shape[0] - 1], rope[0, 0]
-    way = 1.0 if last[0] > first_x else -1.0
-    x, z, rise = first_x, rope[0, 2], nan  # where the chord of the span begins, and its slope
-    span, seen = -1, 0  # spans with a point so far
-    for point in range(rope.shape[0] if abs(last[0] - first_x) > 0.0 else 0):
-        here, before = rope[point, 0], span
-        while span < 0 or (span < tops.shape[0] and way * here >= way * tops[span, 0]):
+    corners, last, span, seen = memory.corners, rope.shape[0] - 1, 0, 0  # `seen`: spans with a point so far
+    spans = corners.shape[0] - 1
+    corners[0, 0], corners[0, 1] = rope[0, 0], rope[0, 2]
+    corners[spans, 0], corners[spans, 1] = rope[last, 0], rope[last, 2]
+    way = corners[spans, 0] - corners[0, 0]
+    for point in range(rope.shape[0] if abs(way) > 0.0 else 0):
+        x = rope[point, 0]
+        while span + 1 < spans and way * (x - corners[span + 1, 0]) >= 0.0:
             span += 1
-        if span != before:
-            if span > 0:
-                x, z = tops[span - 1, 0], tops[span - 1, 1]
-            end_x, end_z = (tops[span, 0], tops[span, 1]) if span < tops.shape[0] else (last[0], last[2])
-            rise = (end_z - z) / (end_x - x)
-        depth = z + rise * (here - x) - rope[point, 2]
-        while seen <= span:
-            take(memory.sag, seen, depth, time, here)
-            seen += 1
-        take(memory.sag, span, depth, time, here)
+        rise = (corners[span + 1, 1] - corners[span, 1]) / (corners[span + 1, 0] - corners[span, 0])
+        depth = corners[span, 1] + rise * (x - corners[span, 0]) - rope[point, 2]
+        for above in range(min(seen, span), span + 1):
+            take(memory.sag, above, depth, time, x)
+        seen = span + 1
 
 
 @kernel
