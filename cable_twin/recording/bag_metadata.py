@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from textwrap import indent
 from typing import Any
 
 from cable_twin.messages import TYPESTORE, Topic, full_name
@@ -32,38 +33,67 @@ class BagFile:
         return _span([self])
 
 
-def bag_information(topics: Iterable[Topic], namespace: str, files: Sequence[BagFile]) -> dict[str, Any]:
-    """Return the information of a bag as rosbag2 keeps it.
+@dataclass(frozen=True, slots=True)
+class BagChannel:
+    """What a file says of a topic before its first message."""
 
-    Args:
-        topics: Everything that may be written.
-        namespace: Full name of the node, in front of relative topic names.
-        files: In their order.
+    topic: str  # relative or absolute, as it is written to
+    name: str
+    type: str
+    definition: bytes
+    metadata: dict[str, str]
+
+
+class BagTopics:
+    """All that may be written to a bag, described once: each file of a run needs it, beside a frame loop.
+
+    Attributes:
+        channels: In the order of the topics.
     """
-    return {
-        "version": 9,
-        "storage_identifier": "mcap",
-        **_span(files),
-        "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": full_name(topic.name, namespace),
-                    "type": topic.type,
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": [qos_profile(topic)],
-                    "type_description_hash": TYPESTORE.hash_rihs01(topic.type),
-                },
-                "message_count": sum(file.counts[index] for file in files),
+
+    def __init__(self, topics: Sequence[Topic], namespace: str) -> None:
+        """Describe them.
+
+        Args:
+            topics: Everything that may be written.
+            namespace: Full name of the node, in front of relative topic names.
+        """
+        self.channels = [_channel(topic, namespace) for topic in topics]
+        self._texts = []
+        for channel, topic in zip(self.channels, topics, strict=True):
+            described = {
+                "name": channel.name,
+                "type": topic.type,
+                "serialization_format": "cdr",
+                "offered_qos_profiles": [qos_profile(topic)],
+                "type_description_hash": channel.metadata["topic_type_hash"],
             }
-            for index, topic in enumerate(topics)
-        ],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **file.span} for file in files],
-        "custom_data": None,
-        "ros_distro": os.environ.get("ROS_DISTRO", "unknown"),
+            self._texts.append(as_yaml([{"topic_metadata": described}]))
+
+    def information(self, files: Sequence[BagFile]) -> str:
+        """Return the information of a bag as rosbag2 keeps it, as YAML; files in their order."""
+        head = {"version": 9, "storage_identifier": "mcap", **_span(files)}
+        counts = (sum(counts) for counts in zip(*(file.counts for file in files), strict=True))
+        topics = [f"{text}  message_count: {count}\n" for text, count in zip(self._texts, counts, strict=False)]
+        rest = {
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file.name for file in files],
+            "files": [{"path": file.name, **file.span} for file in files],
+            "custom_data": None,
+            "ros_distro": os.environ.get("ROS_DISTRO", "unknown"),
+        }
+        listed = "\n" + indent("".join(topics), "  ") if topics else " []\n"
+        return f"{as_yaml(head)}topics_with_message_count:{listed}{as_yaml(rest)}"
+
+
+def _channel(topic: Topic, namespace: str) -> BagChannel:
+    definition, _ = TYPESTORE.generate_msgdef(topic.type, ros_version=2)
+    metadata = {
+        "offered_qos_profiles": as_yaml([qos_profile(topic)]).strip(),
+        "topic_type_hash": TYPESTORE.hash_rihs01(topic.type),
     }
+    return BagChannel(topic.name, full_name(topic.name, namespace), topic.type, definition.encode(), metadata)
 
 
 def _span(files: Sequence[BagFile]) -> dict[str, Any]:

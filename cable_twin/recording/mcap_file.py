@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,8 +15,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
-from cable_twin.messages import TYPESTORE, Topic, full_name
-from cable_twin.recording.bag_metadata import BagFile, as_yaml, bag_information, qos_profile
+from cable_twin.recording.bag_metadata import BagFile, BagTopics
 
 METADATA_NAME = "cable_twin"
 SNAPSHOT_NAME = "snapshot.npz"
@@ -62,13 +61,12 @@ class McapFile:
         safe_ns: Stamp (ns since 1970) up to which nothing can be lost any more; 0 where nothing is written.
     """
 
-    def __init__(self, path: Path, topics: Sequence[Topic], namespace: str) -> None:
+    def __init__(self, path: Path, topics: BagTopics) -> None:
         """Create the file with all its channels.
 
         Args:
             path: Where no file is yet.
             topics: Everything that may be written.
-            namespace: Full name of the node, in front of relative topic names.
 
         Raises:
             OSError: The disk refuses, or the file exists.
@@ -77,8 +75,7 @@ class McapFile:
         self.size = 0
         self.safe_ns = 0
         self._topics = topics
-        self._namespace = namespace
-        self._counts = dict.fromkeys((topic.name for topic in topics), 0)
+        self._counts = dict.fromkeys((channel.topic for channel in topics.channels), 0)
         self._first_ns = 2**63 - 1
         self._last_ns = 0
         self._readable_size = 0  # bytes; where the last complete flush ended
@@ -171,8 +168,7 @@ class McapFile:
         try:
             self._writer.flush()
             self._readable_size = self._stream.tell()
-            information = bag_information(self._topics, self._namespace, [self.contents])
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": as_yaml(information)})
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": self._topics.information([self.contents])})
             self._writer.finish()
             self._stream.flush()
             os.fdatasync(self._stream.fileno())
@@ -196,18 +192,13 @@ class McapFile:
 
     def _register(self) -> dict[str, int]:
         schemas: dict[str, int] = {}
-        channels = {}
-        for topic in self._topics:
-            if topic.type not in schemas:
-                definition, _ = TYPESTORE.generate_msgdef(topic.type, ros_version=2)
-                schemas[topic.type] = self._writer.register_schema(topic.type, "ros2msg", definition.encode())
-            metadata = {
-                "offered_qos_profiles": as_yaml([qos_profile(topic)]).strip(),
-                "topic_type_hash": TYPESTORE.hash_rihs01(topic.type),
-            }
-            name = full_name(topic.name, self._namespace)
-            channels[topic.name] = self._writer.register_channel(name, "cdr", schemas[topic.type], metadata)
-        return channels
+        numbers = {}
+        for channel in self._topics.channels:
+            if channel.type not in schemas:
+                schemas[channel.type] = self._writer.register_schema(channel.type, "ros2msg", channel.definition)
+            schema = schemas[channel.type]
+            numbers[channel.topic] = self._writer.register_channel(channel.name, "cdr", schema, channel.metadata)
+        return numbers
 
 
 def sync(path: Path) -> None:

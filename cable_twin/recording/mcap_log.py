@@ -14,11 +14,12 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import indent
 
 from llvmlite.binding import get_host_cpu_name
 
 from cable_twin.messages import NAMESPACE, SECOND, Topic
-from cable_twin.recording.bag_metadata import BagFile, as_yaml, bag_information
+from cable_twin.recording.bag_metadata import BagFile, BagTopics
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
 from cable_twin.recording.splitting import ClosedSize, Splitting
 
@@ -82,14 +83,14 @@ class McapLog:
         """
         self.directory = directory
         self._namespace = namespace
-        self._topics = tuple(topics)
+        self._topics = BagTopics(tuple(topics), namespace)
         self._metadata = dict(metadata)
         self._epoch_ns: int | None = None  # until it begins
         self._closed: list[_Closed] = []
         self._ended = False
         directory.mkdir(parents=True, exist_ok=True)
         self._number = number
-        self._file = McapFile(self.path_of(number), self._topics, namespace)
+        self._file = McapFile(self.path_of(number), self._topics)
         try:
             self._write_bag_metadata(running=True)
             sync(directory.resolve().parent)
@@ -177,7 +178,7 @@ class McapLog:
         self._close_file()
         number = self._number + 1 if number is None else number
         try:
-            self._file = McapFile(self.path_of(number), self._topics, self._namespace)
+            self._file = McapFile(self.path_of(number), self._topics)
         except OSError:
             self._ended = True
             raise
@@ -262,10 +263,10 @@ class McapLog:
         files = [closed.contents for closed in self._closed]
         if running:
             files.append(self._file.contents)
-        information = bag_information(self._topics, self._namespace, files)
+        text = f"rosbag2_bagfile_information:\n{indent(self._topics.information(files), '  ')}"
         new = self.directory / "metadata.yaml.new"
         try:
-            new.write_text(as_yaml({"rosbag2_bagfile_information": information}), encoding="utf-8")
+            new.write_text(text, encoding="utf-8")
             sync(new)  # or a power cut leaves an empty one under the final name
             new.replace(self.directory / "metadata.yaml")
             sync(self.directory)
