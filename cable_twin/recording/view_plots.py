@@ -157,7 +157,8 @@ def _swings(layout: Layout, carriers: Collection[str]) -> Iterator[Plot]:
             yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, bodies), color)
             color += len(bodies.rows)
     if together:
-        every = _Bodies(*([item for bodies in together for item in bodies[part]] for part in range(3)))
+        rows = [row for bodies in together for row in bodies.rows]
+        every = _Bodies(rows, [index for bodies in together for index in bodies.vehicles], ())
         if every.rows:
             titles = ["least", "most", *together[0].titles]
             yield Plot("plots/swing/carriers", titles, partial(_spread, every, len(together[0].rows)), color)
