@@ -1,7 +1,7 @@
 """What goes into a simulation and what comes out of it: frozen records, SI units, no behaviour of solver or ROS.
 
-Frame: x along the track, y lateral, z up (REP-103); a planar system has y = 0. Pitch is the right-handed angle about the
-lateral axis, so a positive pitch turns x towards -z.
+Frame: x along the track, y lateral, z up (REP-103); a planar system has y = 0. Pitch is the right-handed angle about
+the lateral axis, so a positive pitch turns x towards -z.
 """
 
 from __future__ import annotations

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
-from cable_twin.clearance import find_clearance
+from cable_twin.clearance import clearance_seen, ground_of
 from cable_twin.command_checks import check_drive, check_payload, check_wind
 from cable_twin.driving import brake, drive, drive_mode, hang_in_ropes
 from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
@@ -19,6 +20,7 @@ from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import Outcome, set_drive_mode
+from cable_twin.mechanics.ground import Ground, look_at_ground
 from cable_twin.mechanics.moving_cable import park
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.payload import load_bodies, shift_centres
@@ -26,7 +28,6 @@ from cable_twin.mechanics.readout import energies, groups, sample_positions, sam
 from cable_twin.mechanics.runge_kutta import stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.observer import Observer
-from cable_twin.outlines import body_outlines
 from cable_twin.records import (
     AppliedCommand,
     Clearance,
@@ -127,6 +128,15 @@ class Simulation:
         except SnapshotError as error:
             raise SnapshotError(f"{name}: {error}") from None
         return simulation
+
+    @property
+    def system(self) -> System:
+        """Parameters, with payloads."""
+        return self._system
+
+    @system.setter
+    def system(self, system: System) -> None:
+        self._system, self._packed_system = system, pack(system)
 
     @property
     def time(self) -> float:
@@ -357,9 +367,15 @@ class Simulation:
             raise ValueError("clearance: the scenario has no terrain")
         cable = self.system.cable
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        rope = self.cable_positions(points)[:, [0, -1]]
-        terrain = np.array(self.scenario.terrain, dtype=np.float64)
-        return find_clearance(terrain, rope, self._snapshot.carriages, body_outlines(self.scenario))
+        seen = self._snapshot.columns
+        rope = self.cable_positions(points)
+        look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
+        return clearance_seen(self._ground, self.carriages, seen.attached)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        """The ground, made when somebody asks for the clearance."""
+        return ground_of(self.scenario)
 
     def energy(self) -> Energy:
         """Mechanical energy now (J)."""
@@ -399,7 +415,6 @@ class Simulation:
     def _load(self, masses: FloatArray) -> None:
         """Put payloads (carriages,) in kg into the system."""
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
-        self._packed_system = pack(self.system)
 
     def _change_payload(self, command: Command) -> None:
         before = self.system.carriages.centre_offset

@@ -64,7 +64,9 @@ class Layout:
     """Which number of a frame is what, for one scenario.
 
     Attributes:
-        vehicles: names of the bodies by name of their vehicle, in the order of the scenario.
+        vehicles: names of the bodies by name of their vehicle, in the order of the scenario: carriages, then carriers.
+        carriages: names of the vehicles that are named one by one.
+        carriers: names of those of which there are many of one kind.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
         arc_lengths: (samples,) m, unstrained, where the cable is shown.
@@ -79,8 +81,13 @@ class Layout:
         supports: Sequence[str],
         drives: Sequence[str],
         arc_lengths: FloatArray,
+        *,
+        carriers: int = 0,
     ) -> None:
+        """Lay out frames; the last so many of the vehicles are carriers."""
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
+        names = tuple(self.vehicles)
+        self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
         self.supports, self.drives = tuple(supports), tuple(drives)
         self.arc_lengths = np.array(arc_lengths, dtype=np.float64)
         self.arc_lengths.setflags(write=False)
@@ -106,6 +113,7 @@ class Layout:
             (*ENDS, *scenario.towers),
             tuple(scenario.drives),
             np.linspace(0.0, scenario.cable.unstrained_length, samples, dtype=np.float64),
+            carriers=0 if scenario.carriers is None else scenario.carriers.count,
         )
 
     def columns(self, numbers: FloatArray) -> Columns:
@@ -195,7 +203,7 @@ class Snapshot:
     def vehicles(self) -> VehicleColumns:
         """All vehicles as columns."""
         c = self.columns
-        names = tuple(self.layout.vehicles)
+        names = (*self.layout.carriages, *self.layout.carriers)
         return VehicleColumns(
             names, c.arc_length, c.speed, c.drive_force, c.joint_position, c.contact_force, c.attached, c.payload
         )
@@ -279,7 +287,9 @@ class Snapshot:
 
     def _drive(self, index: int) -> DriveState:
         c = self.columns
-        return DriveState(float(c.drive_position[index]), float(c.drive_speed[index]), float(c.moving_cable_force[index]))
+        return DriveState(
+            float(c.drive_position[index]), float(c.drive_speed[index]), float(c.moving_cable_force[index])
+        )
 
 
 __all__ = ["CABLE", "ENDS", "BodyColumns", "Layout", "Snapshot", "VehicleColumns"]

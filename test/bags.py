@@ -38,6 +38,16 @@ def alter(source: Path, target: Path, change, *, metadata=None) -> Path:
     return target
 
 
+def damage_middle(file: Path) -> None:
+    """Spoil the chunk in the middle of a finished bag."""
+    with file.open("rb") as stream:
+        chunks = sorted(index.chunk_start_offset for index in make_reader(stream).get_summary().chunk_indexes)
+    content = bytearray(file.read_bytes())
+    middle = chunks[len(chunks) // 2] + 100
+    content[middle : middle + 200] = bytes(200)
+    file.write_bytes(content)
+
+
 def unchanged(_topic: str, _stamp_ns: int, data: bytes) -> bytes:
     return data
 
@@ -72,5 +82,5 @@ NO_BAGS = {
     "foreign": (foreign_bag, "not a bag made by cable_twin"),
     "text": (text_file, "not a bag"),
     "empty": (empty_file, "not a bag"),
-    "directory": (empty_directory, "not a log: 0 .mcap files in it, one is expected"),
+    "directory": (empty_directory, "not a log: 0 .mcap files in it, those of one run are expected"),
 }

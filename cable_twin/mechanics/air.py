@@ -86,7 +86,8 @@ def drag_on_end(cable, rope_drag, wind, state, end):
     blowing = load(wind, cable.gravity)
     total = scale(0.0, blowing)
     for point in range(POINTS):
-        shape, shape_x = shape_functions(PLACES[point] * length, length), shape_functions_x(PLACES[point] * length, length)
+        x = PLACES[point] * length
+        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
         _, _, _, across = blow(state.nodal_coordinates, state.nodal_velocities, element, shape, shape_x, blowing)
         force = rope_drag * WEIGHTS[point] * length * sqrt(dot(across, across))
         total = add_scaled(shape[row] * force, across, total)

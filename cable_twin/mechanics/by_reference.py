@@ -8,6 +8,7 @@ matter), which the loads say, so that they leave a loop. To hand a packed state 
 from __future__ import annotations
 
 import struct
+from collections import OrderedDict
 from collections.abc import Set
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from llvmlite import ir
 from numba import typeof
 from numba.core import cgutils, types
+from numba.core.errors import NumbaError
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.core.typing.typeof import typeof_impl
 from numba.extending import NativeValue, lower_getattr_generic, models, register_model, unbox
@@ -103,20 +105,35 @@ class Packed:
         """Write the words of a record of a `by_reference` class, and of the records in it.
 
         Raises:
-            TypeError: A field is nothing that a record holds.
+            TypeError: one line: a field is nothing that a record holds.
         """
-        self._numba_type_ = typeof(record)
         fields = [Packed(field) if type(field) in _RECORDS else field for field in record]
         self._owners = record, fields
-        words = [_words(field, kind) for field, kind in zip(fields, self._numba_type_.kinds, strict=True)]
-        layout = "@" + "".join(form for form, _ in words)  # aligned as C, and LLVM, align a structure
-        self._words = np.frombuffer(struct.pack(layout, *(value for _, values in words for value in values)), np.uint8)
+        kinds: list[types.Type] = []
+        words: list[Any] = []
+        layout = "@"  # aligned as C, and LLVM, align a structure
+        for name, field in zip(record._fields, fields, strict=True):
+            try:
+                kinds.append(typeof(field))
+                form, values = _words(field, kinds[-1])
+            except (TypeError, ValueError, NumbaError):
+                raise TypeError(
+                    f"{type(record).__name__}.{name}: {type(field).__name__} given; "
+                    "a record holds arrays, int, float, bool, tuples of floats and records"
+                ) from None
+            layout += form
+            words += values
+        self._numba_type_ = RecordType(type(record), tuple(kinds))
+        self._words = np.frombuffer(struct.pack(layout, *words), np.uint8)
         self.address = self._words.ctypes.data
 
 
 @typeof_impl.register(Packed)
 def _typeof_packed(value: Packed, context: Any) -> RecordType:
     return value._numba_type_
+
+
+_FORMS = {types.boolean: "?", types.int64: "q", types.float64: "d"}
 
 
 def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
@@ -126,38 +143,44 @@ def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
         return f"PPqqP{len(sizes)}q", (0, 0, field.size, field.itemsize, field.__array_interface__["data"][0], *sizes)
     if isinstance(field, Packed):
         return "P", (field.address,)
-    if isinstance(kind, types.UniTuple) and isinstance(kind.dtype, types.Float):
+    if isinstance(kind, types.UniTuple) and kind.dtype == types.float64:
         return f"{len(field)}d", tuple(field)
-    if isinstance(kind, types.Boolean | types.Integer | types.Float):
-        return {types.Boolean: "?", types.Integer: "q", types.Float: "d"}[type(kind)], (field,)
-    raise TypeError(f"a record holds arrays, numbers, tuples of floats and records; {field!r} is none of them")
+    if kind in _FORMS:
+        return _FORMS[kind], (field,)
+    raise TypeError
 
 
 def pack(record: Any) -> Any:
     """What kernels take for a record, to be kept where they are called often; the record itself with the JIT off.
 
     What its arrays hold may change, which arrays they are may not. Anything that is no record stays as it is.
+
+    Raises:
+        TypeError: one line: a field is nothing that a record holds.
     """
     config: Any = numba.config
     if type(record) not in _RECORDS or config.DISABLE_JIT:
         return record
-    if id(record) not in _PACKED:
-        while len(_PACKED) >= REMEMBERED:
-            del _PACKED[next(iter(_PACKED))]
-        _PACKED[id(record)] = record, Packed(record)  # with the record, whose id is its own while it lives
-    return _PACKED[id(record)][1]
+    known = _PACKED.pop(id(record), None) or (record, Packed(record))  # with the record: its id is its own till then
+    _PACKED[id(record)] = known
+    if len(_PACKED) > REMEMBERED:
+        _PACKED.popitem(last=False)
+    return known[1]
 
 
-REMEMBERED = 16  # records that were packed last: the same ones are handed over again and again
-_PACKED: dict[int, tuple[Any, Packed]] = {}
+REMEMBERED = 16  # records that were handed over last: mostly it is the same ones again
+_PACKED: OrderedDict[int, tuple[Any, Packed]] = OrderedDict()  # each step above is whole, also between threads
 
 
 @unbox(RecordType)
 def _unbox_record(kind: RecordType, value: ir.Value, c: Any) -> NativeValue:
     number = c.pyapi.object_getattr_string(value, "address")
-    address = c.pyapi.long_as_voidptr(number)
-    c.pyapi.decref(number)
-    place = c.builder.bitcast(address, c.context.get_value_type(kind))
+    unpacked = cgutils.is_null(c.builder, number)  # an AttributeError then
+    address = cgutils.alloca_once_value(c.builder, cgutils.get_null_value(cgutils.voidptr_t))
+    with cgutils.if_likely(c.builder, c.builder.not_(unpacked)):
+        c.builder.store(c.pyapi.long_as_voidptr(number), address)
+        c.pyapi.decref(number)
+    place = c.builder.bitcast(c.builder.load(address), c.context.get_value_type(kind))
     # Nothing happens here, but LLVM may not know: a load that "does not change" must not move before the words above.
     same = ir.FunctionType(place.type, [place.type])
-    return NativeValue(c.builder.asm(same, "", "=r,0,~{memory}", [place], side_effect=True))
+    return NativeValue(c.builder.asm(same, "", "=r,0,~{memory}", [place], side_effect=True), is_error=unpacked)

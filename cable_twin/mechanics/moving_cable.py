@@ -116,7 +116,9 @@ def flow_integrals(cable, state):
     lanes = 0.0 * gather(e, 0, like)[0][0]
     sums = lanes, lanes, lanes, lanes
     for first in range(0, grouped, WIDTH):
-        products = flow_products(length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like))
+        products = flow_products(
+            length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like)
+        )
         sums = (sums[0] + products[0], sums[1] + products[1], sums[2] + products[2], sums[3] + products[3])
     by_velocity, squared = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
     by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])

@@ -197,8 +197,8 @@ def end_force(system, state, end):
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             share = share_of_node(cable, state.sliding_coordinate[carriage], element, row)
-            contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-            total = add_scaled(-share, contact, total)
+            force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+            total = add_scaled(-share, force, total)
     for contact in range(system.supports.stiffness.size):
         share = share_of_node(cable, state.support_arc_length[contact], element, row)
         if share != 0.0:

@@ -1,4 +1,4 @@
-"""A bag that was cut short, copied to one with an index, for tools that open no other."""
+"""A bag that was cut short or damaged, copied to one with an index in each file, for tools that open no other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from mcap.stream_reader import StreamReader
 from ruamel.yaml import YAML
 
 from cable_twin.messages import NAMESPACE, Topic
-from cable_twin.recording.log_reader import RECORD_LIMIT, UNREADABLE, Log, LogError, one_line
+from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogError, one_line
+from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_log import McapLog
 
 
@@ -22,34 +23,50 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
         on_position: Called with the bytes of the file read so far, to show progress.
 
     Returns:
-        Directory of the new bag, a rosbag2 directory named BAG_repaired, and the number of messages in it.
+        Directory of the new bag, a rosbag2 directory named BAG_repaired with as many files, and the number of messages
+        in it.
 
     Raises:
         OSError: The new bag exists, or the disk refuses.
         LogError: The channels of the old one are damaged.
     """
-    parent = log.path.resolve().parent
-    source = parent if (parent / "metadata.yaml").exists() else log.path.resolve().with_suffix("")
-    directory = source.with_name(f"{source.name}_repaired")
+    directory = log.source.with_name(f"{log.source.name}_repaired")
     namespace = log.metadata.get("namespace", NAMESPACE)
-    new = McapLog(directory, _topics(log, namespace), log.metadata, namespace=namespace, snapshot=log.snapshot)
+    first = log.files[0]
+    new = McapLog(directory, _topics(log, namespace), log.metadata, namespace=namespace, number=first.number)
     count = 0
     try:
-        for topic, stamp_ns, data in log.messages(on_position=on_position):
-            new.write(topic, stamp_ns, data)
-            count += 1
+        new.begin(log.epoch_ns, log.snapshot)
+        for file, moved in log.files_in_turn(on_position):
+            if file is not first:
+                new.split(file.snapshot(), file.number)
+            for topic, stamp_ns, data in file.messages(on_position=moved):
+                new.write(topic, stamp_ns, data)
+                count += 1
     finally:
         new.close()
     return directory, count
 
 
 def _topics(log: Log, namespace: str) -> list[Topic]:
-    """Topics of a bag with their QoS, from its channels; they stand before the first message."""
+    """Topics of a bag with their QoS, from the first file whose channels can be read: all have the same."""
+    faults = []
+    for file in log.files:
+        try:
+            if topics := _topics_of(file.path, namespace):
+                return topics
+        except LogError as error:  # noqa: PERF203 - every file has them
+            faults.append(error)
+    raise faults[0] if faults else LogError(f"{log.path}: no channel in it")
+
+
+def _topics_of(path: Path, namespace: str) -> list[Topic]:
+    """Topics of a file; they stand before the first message."""
     schemas: dict[int, str] = {}
     topics = []
     yaml = YAML(typ="safe", pure=True)
     try:
-        with log.path.open("rb") as stream:
+        with path.open("rb") as stream:
             for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record.name
@@ -67,5 +84,5 @@ def _topics(log: Log, namespace: str) -> list[Topic]:
                 elif isinstance(record, Message):
                     break
     except UNREADABLE as error:
-        raise LogError(f"{log.path}: channels are damaged: {one_line(error)}") from error
+        raise LogError(f"{path}: channels are damaged: {one_line(error)}") from error
     return topics

@@ -8,9 +8,8 @@ import json
 import math
 import signal
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -20,14 +19,23 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.command_line import OneLineParser, left_at_once
-from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import CABLE, CABLE_PATH, JOINT_STATES, SECOND, TF, MessageEncoder, decode, topics
+from cable_twin.messages import (
+    APPLIED_COMMANDS,
+    SECOND,
+    MessageEncoder,
+    decode,
+    topics,
+)
+from cable_twin.offline.file_joint import join
+from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
 from cable_twin.offline.start import start_of
-from cable_twin.recording.log_reader import UNREADABLE, Log, LogError, read_log
+from cable_twin.recording.log_file import UNREADABLE, LogError
+from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.mcap_log import run_metadata
-from cable_twin.records import CommandError
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
+from cable_twin.snapshot import Snapshot
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
@@ -51,39 +59,11 @@ examples:
 """
 
 
-@dataclass(slots=True)
-class Difference:
-    """Where log and replay part."""
-
-    time: float  # s
-    topic: str
-    place: str
-    logged: Any
-    replayed: Any
-
-    def __str__(self) -> str:
-        return f"at {self.time:.6f} s on {self.topic}, {self.place}: logged {self.logged!r}, replayed {self.replayed!r}"
-
-
-@dataclass(slots=True)
-class Comparison:
-    """What a replay found."""
-
-    samples: Counter[str] = field(default_factory=Counter)
-    differing: Counter[str] = field(default_factory=Counter)
-    first: Difference | None = None
-    largest: float = 0.0  # greatest difference of two numbers found, relative where they are above 1
-    commands: int = 0
-    end: float = 0.0  # s
-
-    @property
-    def agrees(self) -> bool:
-        """Whether every sample agreed, and there was one."""
-        return not self.differing and bool(self.samples)
-
-
 def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
     """Simulate `log` again and compare each message of the twin's motion with what is logged.
+
+    All files are simulated in one go; to the last bit, the state attached to each of them is compared too. Where
+    something is lost before a file, it goes on from that state.
 
     Args:
         log: what to replay.
@@ -95,15 +75,13 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     Raises:
         LogError, CommandError, SolverError: it cannot be simulated to its end.
     """
-    encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
-    types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
-    compared = [
-        name
-        for name in types
-        if name in (JOINT_STATES, CABLE, CABLE_PATH, TF) or name.startswith(("carriages/", "supports/"))
-    ]
-    waiting = deque(log.commands)
-    result = Comparison(commands=len(waiting))
+    # carriers with topics of their own: those that were asked for, and all in logs of format 1
+    layout = simulation.layout
+    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers)
+    table = topics(layout, own=layout.carriers, tf=True)
+    types = {topic.name: topic.type for topic in table if topic.group}
+    waiting: deque[AppliedCommand] = deque()
+    result = Comparison()
     task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None
     position = 0
 
@@ -111,25 +89,36 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         nonlocal position
         position = value
 
+    def advance(time: float) -> Snapshot:
+        while waiting and waiting[0].time < time:
+            simulation.advance_to(waiting[0].time)
+            simulation.apply(waiting.popleft().command, "replay")
+        return simulation.advance_to(time)
+
+    def stream() -> Iterator[tuple[str, int, bytes]]:
+        whole = True
+        for index, (file, moved) in enumerate(log.files_in_turn(note_position)):
+            if index and not join(file, simulation, advance, result, whole=whole, exactly=tolerance == 0.0):
+                waiting.clear()
+            yield from file.messages([*types, APPLIED_COMMANDS], moved)
+            whole = file.complete and not file.damage
+
     stamp = -1
-    expected: dict[str, bytes] = {}
-    for topic, stamp_ns, data in log.messages(compared, note_position):
+    snapshot = simulation.snapshot
+    for topic, stamp_ns, data in stream():
+        if topic == APPLIED_COMMANDS:
+            waiting.append(log.command(stamp_ns, data))
+            result.commands.add(waiting[-1])
+            continue
         if stamp_ns != stamp:
             stamp = stamp_ns
             time = (stamp_ns - log.epoch_ns) / SECOND
-            while waiting and waiting[0].time < time:
-                simulation.advance_to(waiting[0].time)
-                simulation.apply(waiting.popleft().command, "replay")
-            snapshot = simulation.advance_to(time)
-            expected = dict(encoder.frame(snapshot))
-            expected[TF] = b""
+            snapshot = advance(time)
             result.end = time
             if progress is not None and task is not None:
                 progress.update(task, completed=position, simulated=f"{time:.1f} s")
-        if topic == TF:
-            expected[TF] = encoder.transforms(simulation.snapshot)
         result.samples[topic] += 1
-        replayed = expected.get(topic)
+        ((_, replayed),) = encoder.frame(snapshot, [topic])
         if replayed == data:
             continue
         for difference in _differences(topic, types[topic], stamp_ns - log.epoch_ns, data, replayed):
@@ -192,36 +181,25 @@ def _points(cloud: Any) -> Iterator[tuple[str, float]]:
         yield f"point {row}, {cloud.fields[column].name}", float(number)
 
 
-def origin(log: Log) -> list[str]:
+def origin(log: Log, commands: CommandStream) -> list[str]:
     """Say in a few lines which version, scenario and command stream made a log, and what is different here."""
-    here = run_metadata(scenario="", epoch_ns=0, frame_period=0.0, sample_count=0)
+    here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
     made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
     other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
-    kinds = Counter(applied.command.kind for applied in log.commands)
-    sources = Counter(applied.source for applied in log.commands)
-    stream = sha256()
-    for applied in log.commands:
-        stream.update(applied_command_message(applied, 0))
     scenario = json.dumps(log.scenario, sort_keys=True).encode()
     return [
         f"made by: {made}, format {log.metadata['format_version']}",
         *([f"here:    {', '.join(other)}"] if other else []),
         f"scenario: {log.scenario.get('name')}, sha256 {sha256(scenario).hexdigest()[:12]}",
         *([f"starts from: a snapshot, sha256 {sha256(log.snapshot).hexdigest()[:12]}"] if log.snapshot else []),
-        f"commands: {_counted(kinds)}{' from ' if sources else ''}{_counted(sources) if sources else ''}, "
-        f"sha256 {stream.hexdigest()[:12]}",
+        f"commands: {commands}",
     ]
 
 
 def made_here(log: Log) -> bool:
     """Whether the same bits can be expected: same versions, numba, numpy and kind of CPU."""
-    here = run_metadata(scenario="", epoch_ns=0, frame_period=0.0, sample_count=0)
+    here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
     return all(log.metadata.get(key) == here[key] for key in MADE_BY)
-
-
-def _counted(counts: Counter[Any]) -> str:
-    """Words with their numbers."""
-    return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"
 
 
 def parser() -> OneLineParser:
@@ -281,9 +259,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return CANNOT
     print(
         f"{log.path}: {log.condition}, cable_twin {log.metadata.get('package_version')}, "
-        f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {result.commands} commands"
+        f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {result.commands.kinds.total()} commands"
     )
-    for line in origin(log):
+    for line in (*origin(log, result.commands), *result.restarts):
         print(f"  {line}")
     for topic, count in sorted(result.samples.items()):
         print(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")

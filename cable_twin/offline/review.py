@@ -29,15 +29,17 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.command_line import OneLineParser
-from cable_twin.key_figures import KeyFigures
+from cable_twin.figure_messages import figures_of_statuses
+from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
 from cable_twin.offline.repair import repair
 from cable_twin.offline.signals import Comparison, Difference, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
+from cable_twin.records import AppliedCommand
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.schema import Carriers
+from cable_twin.snapshot import Snapshot
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
@@ -74,19 +76,19 @@ class Reading:
             self.scenario = load_scenario(log.scenario)
         except ScenarioError as error:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
-        self.figures = KeyFigures(self.scenario)
+        self._gathered = KeyFigures(self.scenario)
+        self._recorded: RecordedFigures | None = None
         self.signals = Signals()
         self.view: _View | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
         self._items = read_snapshots(log, on_position=on_position)
-        self._early: list[AppliedCommand] = []
+        self._early: list[AppliedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
     @property
     def name(self) -> str:
         """What names the run: its directory, or its file where that is alone."""
-        parent = self.log.path.resolve().parent
-        return parent.name if (parent / "metadata.yaml").exists() else self.log.path.stem
+        return self.log.source.name
 
     def _find_first(self) -> Snapshot:
         for item in self._items:
@@ -100,15 +102,25 @@ class Reading:
         for item in chain(self._early, [self.first], self._items):
             yield from self._take(item)
 
-    def _take(self, item: Snapshot | AppliedCommand) -> Iterator[tuple[float, Mapping[str, float]]]:
+    @property
+    def figures(self) -> list[KeyFigure]:
+        """Key figures as the run had them from all its frames; where none were recorded, those of the frames here."""
+        if self._recorded is None:
+            return self._gathered.figures()
+        return figures_of_statuses(self._recorded.statuses)
+
+    def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
         if isinstance(item, AppliedCommand):
             self.commands += 1
-            self.figures.command(item)
+            self._gathered.command(item)
             if self.view is not None:
                 self.view.log_command(item)
             return
+        if isinstance(item, RecordedFigures):
+            self._recorded = item
+            return
         values = signal_values(item)
-        self.figures.update(item)
+        self._gathered.update(item)
         self.signals.update(item, values)
         if self.view is not None:
             self.view.log(item)
@@ -199,7 +211,7 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
     """Read, print, draw and open."""
     code = SHOWN
     comparison: Comparison | None = None
-    recording: Path | None = None
+    recordings: list[Path] = []
     with _progress(console) as progress:
         readings = []
         for log in logs:
@@ -207,8 +219,8 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
             readings.append(Reading(log, _mover(progress, task)))
         made: _Recording | None = None
         if not no_viewer:
-            recording = _existing_recording(logs[0]) if len(logs) == 1 else None
-            if recording is None:
+            recordings = _existing_recordings(logs[0]) if len(logs) == 1 else []
+            if not recordings:
                 try:
                     made = _Recording(readings)
                 except OSError as error:
@@ -221,7 +233,7 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
                 for _ in readings[0].values():
                     pass
             if made is not None:
-                recording = made.finish()
+                recordings = [made.finish()]
         except OSError as error:
             print(f"review: the rerun recording cannot be written: {error}", file=sys.stderr)
             code = NOT_WRITTEN
@@ -231,8 +243,8 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
     _print(readings, comparison)
     if plots is not None and not _write_plots(readings, plots, console):
         code = NOT_WRITTEN
-    if recording is not None:
-        _show(recording)
+    if recordings:
+        _show(recordings)
     return code
 
 
@@ -249,15 +261,23 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
     return move
 
 
-def _existing_recording(log: Log) -> Path | None:
-    """The .rrd beside the bag: one that was made from it, else the twin's own, which after a kill lacks its end."""
-    directory = log.path.resolve().parent
-    own = [directory / f"{directory.name}.rrd"] if log.complete else []
-    for file in (*own, log.path.with_suffix(".rrd")):
+def _existing_recordings(log: Log) -> list[Path]:
+    """The .rrd beside each file: the twin's own, which after a kill lacks its end, else the one made from the bag."""
+    directory = log.files[0].path.resolve().parent
+    choices = [[directory / _made_name([log])]]
+    if log.complete:
+        own = [directory / file.path.with_suffix(".rrd").name for file in log.files]
+        choices = [own, [directory / f"{directory.name}.rrd"], *choices]  # the second of format 1, one for the run
+    for files in choices:
         with suppress(OSError):
-            if file.stat().st_size > 0:
-                return file
-    return None
+            if all(file.stat().st_size > 0 for file in files):
+                return files
+    return []
+
+
+def _made_name(logs: Sequence[Log]) -> str:
+    """Name of a recording made from bags: never that of one of the twin's own."""
+    return f"{'_and_'.join(log.source.name for log in logs)}{'_review' if len(logs) == 1 else ''}.rrd"
 
 
 class _Recording:
@@ -271,10 +291,11 @@ class _Recording:
         from cable_twin.offline.comparison_view import ComparisonView  # noqa: PLC0415 - half a second
         from cable_twin.recording.run import open_view  # noqa: PLC0415
 
-        first = readings[0].log.path
         names = [reading.name for reading in readings]
-        name = f"{names[0]}_and_{names[1]}.rrd" if len(readings) == 2 else f"{first.stem}.rrd"
-        directory = first.parent if os.access(first.parent, os.W_OK) else Path(tempfile.mkdtemp(prefix="review_"))
+        name = _made_name([reading.log for reading in readings])
+        directory = readings[0].log.files[0].path.parent
+        if not os.access(directory, os.W_OK):
+            directory = Path(tempfile.mkdtemp(prefix="review_"))
         self._target = directory / name
         self._partial = directory / f"{name}.part"
         self._view: Any
@@ -302,7 +323,7 @@ def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
     console = table_console()
     for label, reading in zip("ab", readings, strict=False):
         print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
-    print_figures(console, [reading.figures.figures() for reading in readings])
+    print_figures(console, [reading.figures for reading in readings])
     if comparison is not None:
         _print_differences(console, readings, comparison)
 
@@ -362,18 +383,19 @@ def _write_plots(readings: Sequence[Reading], directory: Path, console: Console)
     return True
 
 
-def _show(recording: Path) -> None:
+def _show(recordings: Sequence[Path]) -> None:
     """Open the viewer where there is a screen, on the local interface only; else say how."""
+    files = [str(recording) for recording in recordings]
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        print(f"no display here; look at it with: rerun {recording}")
+        print(f"no display here; look at it with: rerun {' '.join(files)}")
         return
     subprocess.Popen(
-        [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", str(recording)],
+        [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *files],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    print(f"opened in rerun: {recording}")
+    print(f"opened in rerun: {' '.join(files)}")
 
 
 if __name__ == "__main__":

@@ -32,14 +32,30 @@ from cable_twin.offline.script import (
 )
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.start import start_of
+from cable_twin.rates import EVERY_FRAME, LOGGED
+from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
+from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
 DONE, FAILED, UNUSABLE = 0, 1, 2  # exit codes
 DEFAULT_SCENARIO = "aerial_tramway"
 DURATION = 60.0  # s, after the last command of a script
+SPLITTING = (
+    ("split-duration", "S", "simulated seconds after which the logs go on in new files, 0 for never"),
+    ("split-size", "MB", "size of the bag's file from which on they do so as well, 0 for any"),
+    ("keep-age", "S", "remove files at a split that ended so many seconds ago, 0 for none"),
+    ("keep-size", "MB", "remove the oldest files at a split until the run has this size, 0 for none"),
+)
+LOG_RATES = {  # group of topics: what they are
+    "joints": "joint states are",
+    "poses": "poses are",
+    "forces": "forces are",
+    "rope": "the shape of the rope is",
+    "path": "the same as a path for RViz is",
+}
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
@@ -113,6 +129,23 @@ def parser() -> OneLineParser:
         metavar="HZ",
         help="frames recorded in a second of simulated time; default: 100",
     )
+    for group, text in LOG_RATES.items():
+        rate = LOGGED.get(group, EVERY_FRAME)
+        result.add_argument(
+            f"--log-{group.removesuffix('s')}-rate",
+            dest=f"rate_{group}",
+            type=_rate,
+            metavar="HZ",
+            help=f"how often {text} recorded, 0 for every frame; default: {rate:g}",
+        )
+    for name, metavar, text in SPLITTING:
+        result.add_argument(
+            f"--{name}",
+            type=_limit,
+            default=getattr(HOURLY, name.replace("-", "_")),
+            metavar=metavar,
+            help=f"{text}; default: %(default)g",
+        )
     result.add_argument(
         "--record",
         choices=("all", "bag", "off"),
@@ -149,17 +182,49 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
     return convert
 
 
+def _rate(text: str) -> float:
+    """Rate in Hz; whether it divides the frame rate depends on that."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text!r} given, 0 to 1000 Hz are allowed")
+    return value
+
+
+def _rates(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
+    """Rates (Hz) by group of topics, and a line for each that is asked for and does not divide the frame rate (Hz)."""
+    given = {group: rate for group in LOG_RATES if (rate := getattr(options, f"rate_{group}")) is not None}
+    faults = [rate_fault(f"--log-{group.removesuffix('s')}-rate", rate, frame_rate) for group, rate in given.items()]
+    return {**LOGGED, **given}, [line for line in faults if line is not None]
+
+
+def _limit(text: str) -> float:
+    """Number; whether it is allowed depends on the other options."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} given, a number is needed") from None
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a scenario and report; see the exit codes above."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
+    splitting = Splitting(options.split_duration, options.split_size, options.keep_age, options.keep_size)
+    if faults := splitting.faults(lambda name: f"--{name.replace('_', '-')}"):
+        for line in faults:
+            print(f"simulate: {line}", file=sys.stderr)
+        return UNUSABLE
     try:
         log = read_log(options.from_bag) if options.from_bag is not None else None
         script = read_script(options.script) if options.script is not None else []
         if log is not None:
             script = script_of_log(log)
             if log.damage:
-                print(f"simulate: {log.path}: {log.condition}: later commands are lost", file=sys.stderr)
+                which = "later commands" if len(log.files) == 1 else "commands"
+                print(f"simulate: {log.path}: {log.condition}: {which} are lost", file=sys.stderr)
         simulation = _simulation(options, log, console)
         ahead = commands_ahead(simulation, script)
         faults = check_script(simulation, ahead)
@@ -180,15 +245,22 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{simulation.step:g} s: {rate:g} Hz is used",
             file=sys.stderr,
         )
+    rates, faults = _rates(options, rate)
+    for line in faults:
+        print(f"simulate: {line}", file=sys.stderr)
+    if faults:
+        return UNUSABLE
     if round(duration / simulation.step) == 0:
         print(f"simulate: --duration {duration:g} s given; a solver step takes {simulation.step:g} s", file=sys.stderr)
         return UNUSABLE
-    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     try:
-        run = _start(simulation, options, epoch_ns, frame_steps)
+        run = _start(simulation, options, splitting, frame_steps)
     except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
         print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return FAILED
+    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
+    if run is not None:
+        run.begin(epoch_ns)
     started = simulation.time
     figures = KeyFigures(simulation.scenario)
     with _signals() as ended:  # to the end: a second Ctrl-C spares the logs that are being closed, too
@@ -204,6 +276,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     figures=figures,
                     on_frame=on_frame,
                     ended=ended.is_set,
+                    rates=rates,
                 )
         finally:
             if run is not None:
@@ -247,16 +320,16 @@ def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log |
     return max(script[-1].time - start, 0.0) + DURATION if script else DURATION
 
 
-def _start(simulation: Simulation, options: argparse.Namespace, epoch_ns: int, frame_steps: int) -> Run | None:
+def _start(simulation: Simulation, options: argparse.Namespace, splitting: Splitting, frame_steps: int) -> Run | None:
     if options.record == "off":
         return None
     return start_run(
         simulation,
-        topics(simulation.carriages, supports=simulation.supports),
+        topics(simulation.layout),
         record_directory=options.output.expanduser(),
-        epoch_ns=epoch_ns,
         frame_period=frame_steps * simulation.step,
         rerun="file" if options.record == "all" else "off",
+        splitting=splitting,
     )
 
 

@@ -1,55 +1,71 @@
-"""Reading a log of `mcap_log` back, finished or cut short by a kill."""
+"""Reading a log of `mcap_log` back: one file or all of a run, finished, cut short by a kill, or damaged."""
 
 from __future__ import annotations
 
-import os
-import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
-from typing import IO, Any
-
-import zstandard
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC
-from rosbags.serde.errors import SerdeError
+from typing import Any
 
 from cable_twin.command_messages import applied_command_from_message
-from cable_twin.messages import APPLIED_COMMANDS, NAMESPACE, SCENARIO, SECOND, full_name, scenario_from_message
-from cable_twin.recording.mcap_log import FORMAT_VERSION, METADATA_NAME, SNAPSHOT_NAME
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
+from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogError, LogFile, file_number, one_line, open_file
 from cable_twin.records import AppliedCommand
-
-RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
-UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
-
-
-class LogError(ValueError):
-    """A file that is no readable log of this package: one line with the file and what is wrong."""
 
 
 @dataclass(frozen=True)
 class Log:
-    """A log to read, finished or cut short; every pass over its messages opens the file anew."""
+    """A log to read, finished or cut short; every pass over its messages opens its files anew."""
 
-    path: Path  # of the .mcap
-    metadata: Mapping[str, str]
+    path: Path  # of the .mcap, or of the directory where there are several
+    files: tuple[LogFile, ...]  # that can be read, in their order
     scenario: Mapping[str, Any]
-    epoch_ns: int
-    complete: bool  # False: the process was killed; everything but about its last second is here
-    snapshot: bytes | None = None  # file of the full state from which the run started, if not as its scenario does
-    damage: list[str] = field(default_factory=list, compare=False)  # why a finished file was not read to its end
+    lost: tuple[str, ...] = field(default=(), compare=False)  # files that cannot be read at all, a line each
+
+    @property
+    def source(self) -> Path:
+        """What a copy of it is named after: the run's directory, or one of several files in it without its suffix."""
+        path = self.path.resolve()
+        if path.is_dir():
+            return path
+        parent = path.parent
+        alone = (parent / "metadata.yaml").exists() and len(list(parent.glob("*.mcap"))) == 1
+        return parent if alone else path.with_suffix("")
+
+    @property
+    def metadata(self) -> Mapping[str, str]:
+        """Where the run comes from."""
+        return self.files[0].metadata
+
+    @property
+    def epoch_ns(self) -> int:
+        """Wall time (ns since 1970) of simulated time zero."""
+        return self.files[0].epoch_ns
+
+    @cached_property
+    def snapshot(self) -> bytes | None:
+        """File of the full state from which it starts, if not as its scenario does."""
+        return self.files[0].snapshot()
+
+    @property
+    def complete(self) -> bool:
+        """Whether every file was closed; else the process was killed, or something is lost."""
+        return not self.lost and all(file.complete for file in self.files)
+
+    @property
+    def damage(self) -> list[str]:
+        """Why not everything was read, as far as it has been; a file cut short at the end of the log is no damage."""
+        several = len(self.files) + len(self.lost) > 1
+        named = "{0.path.name}: {1}".format if several else "{1}".format
+        damage = [named(file, line) for file in self.files for line in file.damage]
+        damage += [f"{file.path.name}: cut short" for file in self.files[:-1] if not file.complete]
+        return [*damage, *self.lost]
 
     @cached_property
     def commands(self) -> list[AppliedCommand]:
         """All commands in the order in which they took effect; found with the index, or in one pass without."""
-        commands = []
-        for _, stamp_ns, data in self.messages([APPLIED_COMMANDS]):
-            commands.append(self.command(stamp_ns, data))
-        return commands
+        return [self.command(stamp_ns, data) for _, stamp_ns, data in self.messages([APPLIED_COMMANDS])]
 
     def command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
         """Read a message of applied_commands; raises LogError where it is unreadable."""
@@ -62,28 +78,22 @@ class Log:
     @cached_property
     def end(self) -> float:
         """Simulated time (s) of the last message; from the index, or in one pass without."""
-        last = self.epoch_ns
-        if self.complete:
-            with _open(self.path) as stream:
-                summary = SeekingReader(stream).get_summary()
-                chunks = summary.chunk_indexes if summary is not None else ()
-                last = max((chunk.message_end_time for chunk in chunks), default=last)
-        else:
-            for _, stamp_ns, _ in self.messages():
-                last = max(last, stamp_ns)
-        return (last - self.epoch_ns) / SECOND
+        ends = (file.end_ns() for file in reversed(self.files))
+        return (next((end for end in ends if end > self.epoch_ns), self.epoch_ns) - self.epoch_ns) / SECOND
 
     @property
     def condition(self) -> str:
         """How much of it there is, as far as it has been read."""
-        if self.damage:
-            return f"damaged, read as far as it goes ({self.damage[0]})"
-        return "complete" if self.complete else "cut short, read as far as it goes"
+        numbers = [file.number for file in self.files]
+        which = f"files {numbers[0]} to {numbers[-1]}, " if len(self.files) > 1 else ""
+        if damage := self.damage:
+            return f"{which}damaged, read as far as it goes ({'; '.join(damage)})"
+        return f"{which}{'complete' if self.complete else 'cut short, read as far as it goes'}"
 
     @property
     def size(self) -> int:
-        """Bytes of the file."""
-        return self.path.stat().st_size
+        """Bytes of all files."""
+        return sum(file.size for file in self.files)
 
     def messages(
         self, topics: Collection[str] | None = None, on_position: Callable[[int], None] | None = None
@@ -92,161 +102,98 @@ class Log:
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
-            on_position: Called before each message with the bytes of the file read so far, to show progress.
+            on_position: Called before each message with the bytes read so far, to show progress.
 
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        A file cut short just ends, and so does a finished one where it is damaged; `damage` then says so.
+        A file that is cut short or damaged ends there, and the next one follows; `damage` then says so.
         """
-        prefix = self.metadata.get("namespace", NAMESPACE).rstrip("/") + "/"
-        wanted = None if topics is None else {full_name(topic, prefix) for topic in topics}
-        with _open(self.path) as stream:
-            try:
-                for topic, message in _indexed(stream, wanted) if self.complete else _streamed(stream, wanted):
-                    if on_position is not None:
-                        on_position(stream.tell())
-                    yield topic.removeprefix(prefix), message.log_time, message.data
-            except UNREADABLE as error:
-                if self.complete and not self.damage:
-                    self.damage.append(one_line(error))
+        for file, moved in self.files_in_turn(on_position):
+            yield from file.messages(topics, moved)
+
+    def files_in_turn(
+        self, on_position: Callable[[int], None] | None = None
+    ) -> Iterator[tuple[LogFile, Callable[[int], None] | None]]:
+        """Pass over the files one by one; yields each with what tells `on_position` the bytes of the whole log."""
+        before = 0
+        for file in self.files:
+            yield file, None if on_position is None else partial(_add_and_tell, on_position, before)
+            before += file.size
+
+
+def _add_and_tell(on_position: Callable[[int], None], before: int, position: int) -> None:
+    on_position(before + position)
 
 
 def read_log(path: Path | str) -> Log:
-    """Open a log: its directory or its .mcap, finished or cut short by a kill.
+    """Open a log: the directory of a run or one .mcap, finished or cut short by a kill.
 
     Args:
-        path: Directory with one .mcap, or the .mcap itself.
+        path: Directory with the .mcap files of one run, or one of them.
 
     Returns:
-        The log, with metadata and scenario read.
+        The log, with metadata and scenario read. It begins with the first file that can be read.
 
     Raises:
         LogError: There is no such file, it is no bag, not one of this package, or it holds nothing.
     """
-    file = _find(Path(path))
-    with _open(file) as stream:
-        metadata, snapshot = _read_origin(file, stream)
-        complete = _has_index(stream)
-    _check_format(file, metadata)
-    for key, unit in (("epoch_ns", "of nanoseconds"), ("sample_count", "of points")):
-        if not metadata.get(key, "").isdecimal():
-            raise LogError(f"{file}: {key} is {metadata.get(key)!r}, a whole number {unit} is expected")
-    log = Log(file, metadata, {}, int(metadata["epoch_ns"]), complete, snapshot)
-    empty = True
-    for topic, _, data in log.messages():
-        empty = False
-        if topic == SCENARIO:
-            return replace(log, scenario=_read_scenario(file, data))
-    if log.damage:
-        raise LogError(f"{file}: damaged: {log.damage[0]}")
-    raise LogError(f"{file}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used"))
+    path = Path(path)
+    found = _find(path)
+    files: list[LogFile] = []
+    lost: list[str] = []
+    faults: list[LogError] = []
+    for before, file in zip([None, *found], found, strict=False):
+        if before is not None and file_number(file) > file_number(before) + 1:
+            lost.append(f"nothing between {before.name} and {file.name}")
+        try:
+            opened = open_file(file)
+        except LogError as error:
+            faults.append(error)
+            lost.append(str(error).removeprefix(f"{file.parent}/"))
+            continue
+        if files and opened.epoch_ns != files[0].epoch_ns:
+            raise LogError(f"{file}: of another run than {files[0].path.name} beside it")
+        files.append(opened)
+    for opened in files:
+        try:
+            scenario = _read_scenario(opened)
+        except LogError as error:  # noqa: PERF203 - every file has it
+            faults.append(error)
+        else:
+            return Log(path if len(found) > 1 else found[0], tuple(files), scenario, tuple(lost))
+    raise faults[0]
 
 
-def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse a format that this version does not know; a newer one says what to do."""
-    given = metadata.get("format_version", "")
-    if given == FORMAT_VERSION:
-        return
-    if given.isdecimal() and int(given) > int(FORMAT_VERSION):
-        raise LogError(
-            f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
-            f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
-        )
-    raise LogError(f"{file}: format version {given!r}, this package reads {FORMAT_VERSION!r}")
-
-
-def _read_scenario(file: Path, data: bytes) -> dict[str, Any]:
-    try:
-        return scenario_from_message(data)
-    except UNREADABLE as error:
-        raise LogError(f"{file}: scenario is unreadable: {one_line(error)}") from error
-
-
-def _find(path: Path) -> Path:
+def _find(path: Path) -> list[Path]:
+    """Files of a log in the order of their numbers."""
     if not path.exists():
         raise LogError(f"{path}: no such file or directory")
     if path.is_file():
-        return path
-    files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        raise LogError(f"{path}: not a log: {len(files)} .mcap files in it, one is expected")
-    return files[0]
+        return [path]
+    files = sorted(path.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
+    if not files:
+        raise LogError(f"{path}: not a log: 0 .mcap files in it, those of one run are expected")
+    runs = sorted({file.stem.rpartition("_")[0] if len(files) > 1 else "" for file in files})
+    if len(runs) > 1:
+        raise LogError(f"{path}: not a log: .mcap files of several runs in it: {', '.join(runs)}; give one file")
+    return files
 
 
-def _open(file: Path) -> IO[bytes]:
-    try:
-        return file.open("rb")
-    except OSError as error:
-        raise LogError(f"{file}: {error.strerror}") from error
+def _read_scenario(file: LogFile) -> dict[str, Any]:
+    empty = True
+    for topic, _, data in file.messages():
+        empty = False
+        if topic == SCENARIO:
+            try:
+                return scenario_from_message(data)
+            except UNREADABLE as error:
+                raise LogError(f"{file.path}: scenario is unreadable: {one_line(error)}") from error
+    if file.damage:
+        raise LogError(f"{file.path}: damaged: {file.damage[0]}")
+    raise LogError(
+        f"{file.path}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used")
+    )
 
 
-def _read_origin(file: Path, stream: IO[bytes]) -> tuple[dict[str, str], bytes | None]:
-    """Find where the run comes from, and the state it starts from if that is attached: before the first message."""
-    metadata: dict[str, str] | None = None
-    try:
-        for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
-            if isinstance(record, Metadata) and record.name == METADATA_NAME:
-                metadata = record.metadata
-                if metadata.get("starts_from") != SNAPSHOT_NAME:
-                    return metadata, None
-            elif metadata is not None and isinstance(record, Attachment) and record.name == SNAPSHOT_NAME:
-                return metadata, record.data
-            elif isinstance(record, Message):
-                break
-    except InvalidMagic as error:
-        raise LogError(f"{file}: not a bag: no MCAP file") from error
-    except UNREADABLE as error:
-        raise LogError(f"{file}: not a bag, or empty: {one_line(error)}") from error
-    if metadata is not None:
-        raise LogError(f"{file}: the run started from a snapshot, and {SNAPSHOT_NAME} is not attached any more")
-    raise LogError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
-
-
-def _has_index(stream: IO[bytes]) -> bool:
-    stream.seek(0, os.SEEK_END)
-    if stream.tell() < 2 * len(MCAP0_MAGIC):
-        return False
-    stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-    if stream.read() != MCAP0_MAGIC:
-        return False
-    stream.seek(0)
-    try:
-        summary = SeekingReader(stream).get_summary()
-    except UNREADABLE:
-        return False
-    return summary is not None and bool(summary.chunk_indexes)
-
-
-def _indexed(stream: IO[bytes], topics: Collection[str] | None) -> Iterator[tuple[str, Message]]:
-    """Read only the chunks that hold the topics; mcap's own reader in this order would load all of them at once."""
-    summary = SeekingReader(stream).get_summary()
-    if summary is None:
-        return
-    names = {
-        id_: channel.topic for id_, channel in summary.channels.items() if topics is None or channel.topic in topics
-    }
-    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
-        if names.keys().isdisjoint(index.message_index_offsets):
-            continue
-        stream.seek(index.chunk_start_offset)
-        chunk = next(StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=RECORD_LIMIT).records)
-        if not isinstance(chunk, Chunk):
-            raise McapError(f"no chunk at byte {index.chunk_start_offset}")
-        for record in breakup_chunk(chunk, validate_crc=True):
-            if isinstance(record, Message) and record.channel_id in names:
-                yield names[record.channel_id], record
-
-
-def _streamed(stream: IO[bytes], topics: Collection[str] | None) -> Iterator[tuple[str, Message]]:
-    names: dict[int, str] = {}
-    for record in StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_LIMIT).records:
-        if isinstance(record, Channel):
-            names[record.id] = record.topic
-        elif isinstance(record, Message) and (topics is None or names[record.channel_id] in topics):
-            yield names[record.channel_id], record
-
-
-def one_line(error: BaseException) -> str:
-    """Text of an error without line breaks, or the name of its class."""
-    return " ".join(str(error).split()) or type(error).__name__
+__all__ = ["RECORD_LIMIT", "UNREADABLE", "Log", "LogError", "one_line", "read_log"]

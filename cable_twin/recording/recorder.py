@@ -1,25 +1,38 @@
 """The thread between the frame loop and the disk: takes what is handed to it and writes log and view in its own time.
 
 The frame loop never waits: `record` only appends to a queue. The thread sleeps, takes all that has come, and gives way
-after each frame, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes and
-closes them. There is no lock anywhere, so a signal handler may do anything at any time.
+after each frame, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes,
+splits and closes them. There is no lock anywhere, so a signal handler may do anything at any time.
+
+Whoever makes frames asks before each whether a new file is due, and then hands over the full state of that moment:
+
+    if recorder.split_due(simulation.time):
+        recorder.split(simulation.capture())
+    recorder.record(...)
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from cable_twin.messages import APPLIED_COMMANDS
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, nanoseconds
 from cable_twin.recording.mcap_log import McapLog
-from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
+from cable_twin.records import AppliedCommand
+from cable_twin.snapshot import Snapshot
+from cable_twin.snapshot_file import FullState
 
 SLEEP = 0.05  # s between looks into the queue
 CAPACITY = 6000  # frames, a minute at 100 Hz
+TICK = 1e-9  # s, what two times may differ by that mean the same
 
 
 class View(Protocol):
@@ -36,8 +49,21 @@ class View(Protocol):
     def flush(self) -> None:
         """Send what is still waiting, onto the disk."""
 
+    def split(self, path: Path) -> None:
+        """Close the file and go on in another one."""
+
     def close(self) -> None:
         """Finish."""
+
+
+class _Beginning(NamedTuple):
+    """Where a file begins: the first one, or the next one."""
+
+    epoch_ns: int
+    stamp_ns: int
+    scenario: bytes
+    full_state: FullState | None  # none where the run starts as its scenario does
+    first: bool
 
 
 class _Item(NamedTuple):
@@ -64,13 +90,26 @@ class _LogSink:
         for topic, data in item.messages:
             self._log.write(topic, item.stamp_ns, data)
 
+    def begin(self, beginning: _Beginning, number: int) -> None:
+        snapshot = None
+        if beginning.full_state is not None:
+            stream = BytesIO()
+            beginning.full_state.write(stream)
+            snapshot = stream.getvalue()
+        if beginning.first:
+            self._log.begin(beginning.epoch_ns, snapshot)
+        else:
+            self._log.split(snapshot, number)
+        self._log.write(SCENARIO, beginning.stamp_ns, beginning.scenario)
+
 
 class _ViewSink:
     name = "view"
     left = ""
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, log: McapLog | None) -> None:
         self._view = view
+        self._log = log
         self._flushed = time.monotonic()
         self.close = view.close
 
@@ -79,6 +118,10 @@ class _ViewSink:
             self._view.log(item.snapshot)
         if item.applied is not None:
             self._view.log_command(item.applied)
+
+    def begin(self, beginning: _Beginning, number: int) -> None:
+        if self._log is not None and not beginning.first:
+            self._view.split(self._log.path_of(number).with_suffix(".rrd"))
 
     def flush_if_due(self) -> None:
         if time.monotonic() - self._flushed >= self._view.flush_period:
@@ -96,12 +139,20 @@ class Recorder:
         dropped: Frames that were not recorded: the queue was full, or the recorder closed.
     """
 
-    def __init__(self, log: McapLog | None, view: View | None = None, *, capacity: int = CAPACITY) -> None:
+    def __init__(
+        self,
+        log: McapLog | None,
+        view: View | None = None,
+        *,
+        splitting: Splitting = UNSPLIT,
+        capacity: int = CAPACITY,
+    ) -> None:
         """Start the thread.
 
         Args:
             log: Where messages go; the recorder closes it.
             view: Where snapshots and commands go; the recorder closes it.
+            splitting: When log and view go on in new files, and how long old ones are kept.
             capacity: Frames that may wait before new ones are dropped.
         """
         self.faults: list[str] = []
@@ -110,9 +161,15 @@ class Recorder:
         if log is not None:
             self._sinks.append(_LogSink(log))
         if view is not None:
-            self._sinks.append(_ViewSink(view))
+            self._sinks.append(_ViewSink(view, log))
+        self._log = log
+        self._splitting = splitting
+        self._split_time = math.inf  # s of simulated time at which the running file has lasted long enough
+        self._split_size = splitting.split_size * MEGABYTE or math.inf  # bytes
+        self._first: _Beginning | None = None
+        self._asked = self._number = 0 if log is None else log.number  # of the newest file asked for, and opened
         self._capacity = capacity
-        self._queue: deque[_Item] = deque()
+        self._queue: deque[_Item | _Beginning] = deque()
         self._closing = False
         self._writing = False
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -132,6 +189,41 @@ class Recorder:
     def recording(self) -> bool:
         """Whether any sink is still alive."""
         return bool(self._sinks)
+
+    def begin(self, epoch_ns: int, simulated_time: float, scenario: bytes, full_state: FullState | None = None) -> None:
+        """Say when the run begins and what it starts from; before the first frame; returns at once.
+
+        Args:
+            epoch_ns: Wall time (ns since 1970) of simulated time zero.
+            simulated_time: s, at which the run begins.
+            scenario: Its message, written at the start of each file.
+            full_state: What the run starts from; none where it starts as its scenario does.
+        """
+        stamp_ns = epoch_ns + nanoseconds(simulated_time)
+        self._first = _Beginning(epoch_ns, stamp_ns, scenario, None, first=True)
+        self._queue.append(self._first._replace(full_state=full_state))
+        self._split_time = self._next_split(simulated_time)
+
+    def split_due(self, simulated_time: float) -> bool:
+        """Whether a new file is to begin with the frame of this simulated time (s); costs next to nothing."""
+        if simulated_time >= self._split_time:
+            return True
+        return self._asked == self._number and self._log is not None and self._log.size >= self._split_size
+
+    def split(self, full_state: FullState) -> None:
+        """Begin a new file with what is handed over from now on; returns at once.
+
+        Args:
+            full_state: The simulation at the time of the next frame, which is handed over afterwards.
+        """
+        if self._first is None or self._closing or not self.recording or self._log is None:
+            self._split_time = math.inf
+            return
+        first = self._first
+        self._split_time = self._next_split(full_state.time)
+        self._asked += 1
+        stamp_ns = first.epoch_ns + nanoseconds(full_state.time)
+        self._queue.append(_Beginning(first.epoch_ns, stamp_ns, first.scenario, full_state, first=False))
 
     def record(self, messages: Sequence[tuple[str, bytes]], stamp_ns: int, snapshot: Snapshot | None = None) -> None:
         """Hand over one frame; returns at once.
@@ -179,10 +271,31 @@ class Recorder:
         self._writing = True  # before the queue gets empty
         while self._queue:
             item = self._queue.popleft()
-            for sink in tuple(self._sinks):
-                self._attempt(sink, sink.write, item)
+            if isinstance(item, _Beginning):
+                self._begin_files(item)
+            else:
+                for sink in tuple(self._sinks):
+                    self._attempt(sink, sink.write, item)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
         self._writing = False
+
+    def _begin_files(self, beginning: _Beginning) -> None:
+        """Let every sink begin its file, then remove the files that have had their time."""
+        number = self._number + (not beginning.first)
+        for sink in tuple(self._sinks):
+            self._attempt(sink, sink.begin, beginning, number)
+        self._number = number
+        if self._log is None or beginning.first or not any(isinstance(sink, _LogSink) for sink in self._sinks):
+            return
+        try:
+            self._log.remove_oldest(self._splitting, beginning.stamp_ns)
+        except OSError as error:
+            self.faults.append(f"recording: old files cannot be removed: {' '.join(str(error).split())}")
+
+    def _next_split(self, simulated_time: float) -> float:
+        """Simulated time (s) at which a file that begins now has lasted long enough."""
+        duration = self._splitting.split_duration
+        return simulated_time + duration - TICK if duration and self._log is not None else math.inf
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
         """Do it; where it fails, keep the fault and give the sink up."""
@@ -191,6 +304,8 @@ class Recorder:
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__
             self._sinks.remove(sink)
+            if isinstance(sink, _LogSink):
+                self._split_size = math.inf  # its file grows no more, nor does it get smaller
             with suppress(Exception):
                 sink.close()
             self.faults.append(f"recording: {sink.name} stopped: {text}{sink.left}")

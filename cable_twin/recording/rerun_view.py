@@ -21,7 +21,7 @@ from cable_twin.recording.view_geometry import plane, time_column
 from cable_twin.recording.view_picture import Look, Picture
 from cable_twin.recording.view_plots import CommandedSpeeds
 from cable_twin.recording.view_readout import describe_command
-from cable_twin.recording.view_stream import LIVE_ADDRESS, flush_stream, open_stream
+from cable_twin.recording.view_stream import flush_stream, live_url, open_stream, split_stream
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.snapshot import Layout, Snapshot
 
@@ -46,7 +46,6 @@ class RerunView:
         path: Path | None,
         live: bool,
         live_port: int = 9876,
-        footer: bool = True,
         support_positions: Mapping[str, ArrayLike] | None = None,
         ground: ArrayLike | None = None,
         force_unit: str | None = None,
@@ -66,8 +65,6 @@ class RerunView:
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.
-            footer: End the file with an index, which rerun's tools want. It is kept in memory until then, 2 kB for
-                each batch of an entity; without it, `rerun rrd optimize` adds one afterwards.
             support_positions: Name -> (2,) m, for supports between the ends; the ends are taken from the cable.
             ground: (n, 2) m, the profile of the ground; by default a line that follows the chord of the track.
             force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
@@ -108,9 +105,9 @@ class RerunView:
         )
         self.flush_period = 0.5 if live else 5.0
 
-        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port, footer)
+        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port)
         if live:
-            self.url = f"rerun+http://{LIVE_ADDRESS}:{live_port}/proxy"
+            self.url = live_url(live_port)
 
         self._batch = Batch(batch_frames or (20 if live else 500))
         self._layout: Layout | None = None  # until the first snapshot
@@ -119,6 +116,19 @@ class RerunView:
         self._commanded = CommandedSpeeds()
         self._last_commands: dict[tuple[str, ...], Command] = {}  # that were listed, by kind and names
         self._commands: list[tuple[float, str, str]] = []  # s, text and level of those not sent yet
+
+    def lay_out(self, snapshot: Snapshot) -> None:
+        """Make the picture around a snapshot now, not with the first batch: it takes many frames' time.
+
+        Raises:
+            RuntimeError: When the view is closed.
+        """
+        stream = self._open()
+        self._layout = snapshot.layout
+        columns = snapshot.layout.columns(snapshot.numbers[None])
+        self._picture = Picture(self._look, snapshot.layout, columns)
+        self._picture.begin(stream, columns)
+        self._laid_out = True
 
     def log(self, snapshot: Snapshot) -> None:
         """Draw one snapshot.
@@ -168,6 +178,19 @@ class RerunView:
         except OSError:
             self._stream = None
             raise
+
+    def split(self, path: Path) -> None:
+        """Finish the file with what waits and go on in another one, laid out anew; viewers stay connected.
+
+        Raises:
+            RuntimeError: When the view is closed.
+            OSError: When a file cannot be written.
+        """
+        self.flush()
+        split_stream(self._open(), self._look.title, self._path, path)
+        self._path = path
+        self._laid_out = False
+        self._last_commands.clear()  # so that the new file names those that go on
 
     def close(self) -> None:
         """Send what waits and close the file and the server; a second call does nothing.

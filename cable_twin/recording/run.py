@@ -6,14 +6,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cable_twin.messages import NAMESPACE, SCENARIO, Topic, nanoseconds, scenario_message
+from cable_twin.messages import NAMESPACE, Topic, scenario_message
 from cable_twin.outlines import body_outlines
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
+from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
 
@@ -23,11 +23,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run that is being recorded."""
+    """A run that is being recorded, as soon as it has begun."""
 
+    simulation: Simulation
     directory: Path
     recorder: Recorder
     live_url: str | None  # where a rerun viewer finds the live view
+
+    def begin(self, epoch_ns: int) -> None:
+        """Say when the run begins: before its first frame is recorded, and before the simulation goes on.
+
+        The scenario is the first message of each bag; where the simulation is not at its start, the full state is
+        attached.
+
+        Args:
+            epoch_ns: Wall time (ns since 1970) of simulated time zero.
+        """
+        simulation = self.simulation
+        scenario = scenario_message(simulation.scenario.resolved())
+        full_state = None if simulation.at_start else simulation.capture()
+        self.recorder.begin(epoch_ns, simulation.time, scenario, full_state)
+
+    def split_if_due(self) -> None:
+        """Let new files begin with the next frame where the running ones have had their time; costs next to nothing.
+
+        Call it in the thread of the simulation, before the frame of its present time is recorded.
+        """
+        if self.recorder.split_due(self.simulation.time):
+            self.recorder.split(self.simulation.capture())
 
 
 def start_run(
@@ -35,23 +58,20 @@ def start_run(
     topics: Sequence[Topic],
     *,
     record_directory: Path,
-    epoch_ns: int,
     frame_period: float,
     rerun: str = "file",
-    open_ended: bool = False,
+    splitting: Splitting = HOURLY,
     namespace: str = NAMESPACE,
 ) -> Run:
-    """Open the logs of a run in a new directory named after the time.
+    """Open the logs of a run in a new directory named after the time; `Run.begin` then says when it begins.
 
     Args:
-        simulation: what is recorded; its scenario is the first message of the bag, and where it is not at its start
-            its full state is attached.
+        simulation: what is recorded.
         topics: what the bag will hold.
         record_directory: parent of the new directory.
-        epoch_ns: ns since 1970 of simulated time zero.
         frame_period: s.
         rerun: "off", "file", or "live" (a file, and a server on 127.0.0.1).
-        open_ended: it may run for days: the rerun recording gets no index, which would wait in memory.
+        splitting: when the logs go on in new files, and how long old ones are kept.
         namespace: full name of the node in the bag.
 
     Raises:
@@ -60,20 +80,20 @@ def start_run(
     """
     directory = _new_directory(record_directory)
     scenario = simulation.scenario
-    metadata = run_metadata(scenario=scenario.name, epoch_ns=epoch_ns, frame_period=frame_period, sample_count=SAMPLES)
-    log = McapLog(directory, topics, metadata, namespace=namespace, snapshot=_snapshot(simulation))
+    metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES)
+    log = McapLog(directory, topics, metadata, namespace=namespace)
     view, faults = None, []
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
-            view = open_view(scenario, directory / f"{directory.name}.rrd", live=live, footer=not open_ended)
+            view = open_view(scenario, log.path.with_suffix(".rrd"), live=live)
+            view.lay_out(simulation.snapshot)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
             faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
-    recorder = Recorder(log, view)
+    recorder = Recorder(log, view, splitting=splitting)
     recorder.faults += faults
-    recorder.record([(SCENARIO, scenario_message(scenario.resolved()))], epoch_ns + nanoseconds(simulation.time))
-    return Run(directory, recorder, view.url if view is not None else None)
+    return Run(simulation, directory, recorder, view.url if view is not None else None)
 
 
 def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
@@ -100,15 +120,6 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
         **options,
     )
-
-
-def _snapshot(simulation: Simulation) -> bytes | None:
-    """What a replay has to start from, where that is not the start of the scenario."""
-    if simulation.at_start:
-        return None
-    stream = BytesIO()
-    simulation.capture().write(stream)
-    return stream.getvalue()
 
 
 def _new_directory(parent: Path) -> Path:

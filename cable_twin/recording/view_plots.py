@@ -157,8 +157,11 @@ def _swings(layout: Layout, carriers: Collection[str]) -> Iterator[Plot]:
             yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, bodies), color)
             color += len(bodies.rows)
     if together:
-        rows = [row for bodies in together for row in bodies.rows]
-        every = _Bodies(rows, [index for bodies in together for index in bodies.vehicles], ())
+        every = _Bodies(
+            [row for bodies in together for row in bodies.rows],
+            [vehicle for bodies in together for vehicle in bodies.vehicles],
+            [title for bodies in together for title in bodies.titles],
+        )
         if every.rows:
             titles = ["least", "most", *together[0].titles]
             yield Plot("plots/swing/carriers", titles, partial(_spread, every, len(together[0].rows)), color)

@@ -1,4 +1,8 @@
-"""A stream to rerun: into a file, to live viewers or both, that never waits for good."""
+"""A stream to rerun: into one file after the other, to live viewers or both, that never waits for good.
+
+Another file needs another set of sinks, and rerun ends a server that is a sink when the set changes. So the server
+belongs to a stream of its own, which nothing is drawn into, and the drawing reaches it as any other program's would.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,9 @@ import socket
 from pathlib import Path
 
 import rerun as rr
+import rerun_bindings as bindings
 
-from cable_twin.recording.mcap_log import sync
+from cable_twin.recording.mcap_file import sync
 
 APPLICATION = "cable_twin"
 LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
@@ -19,36 +24,111 @@ LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 class _Stream(rr.RecordingStream):
     """A stream that ends when it is disconnected, and does not wait for its writer when it is deleted."""
 
+    server: _Stream | None = None  # to whose viewers it is sent
+    url = ""  # of the server
+    _layouts: rr.RecordingStream | None = None
+    _layout_count = 0
+
     def __del__(self) -> None:
         """Do nothing."""
 
+    def go_to(self, title: str, path: Path | None) -> None:
+        """Close the file, with its index, and go on in another one, and to the server.
 
-def open_stream(
-    title: str, path: Path | None, live: bool = False, live_port: int = 9876, footer: bool = True
-) -> rr.RecordingStream:
-    """Return a stream of its own into a file, a server on the local interface, or both."""
+        Raises:
+            OSError: The new file cannot be created.
+        """
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if path is not None:
+            sinks.append(rr.FileSink(path, write_footer=True))
+        if self.server is not None:
+            sinks.append(rr.GrpcSink(self.url))
+        try:
+            self.set_sinks(*sinks)
+        except RuntimeError as error:
+            raise OSError(str(error)) from error
+        self.send_recording_name(title)
+
+    def send_blueprint(
+        self, blueprint: rr.BlueprintLike, *, make_active: bool = True, make_default: bool = True
+    ) -> None:
+        """Send a layout, one for each file.
+
+        rerun's own makes a stream for each that never ends, with two threads and 1.5 MB; this one is made once.
+        """
+        if self._layouts is None:
+            self._layouts = rr.RecordingStream._from_native(
+                bindings.new_blueprint(APPLICATION, make_default=False, make_thread_default=False)
+            )
+        self._layout_count += 1
+        self._layouts.set_time("blueprint", sequence=self._layout_count)
+        blueprint.to_blueprint()._log_to_stream(self._layouts)
+        layout = self._layouts.memory_recording().storage
+        bindings.send_blueprint(layout, make_active, make_default, recording=self.to_native())
+
+    def disconnect(self) -> None:
+        """Close the file, then the server."""
+        super().disconnect()
+        if self.server is not None:
+            self.server.disconnect()
+
+
+def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = 9876) -> rr.RecordingStream:
+    """Return a stream of its own into a file, to a server on the local interface, or both.
+
+    Raises:
+        OSError: The file cannot be created, or the port is in use.
+    """
     stream = _Stream(APPLICATION)
     # One timeline only: wall-clock times would be those of the batches.
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    sinks: list[rr.FileSink | rr.GrpcServerSink] = []
-    if path is not None:
-        sinks.append(rr.FileSink(path, write_footer=footer))
     if live:
-        # rerun finds a port in use only later, in a thread, and then every flush fails.
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((LIVE_ADDRESS, live_port))
-            except OSError as error:
-                raise OSError(f"the live view cannot use port {live_port} of {LIVE_ADDRESS}: {error}") from error
-        sinks.append(rr.GrpcServerSink(LIVE_ADDRESS, live_port, server_memory_limit=LIVE_MEMORY))
+        stream.server, stream.url = _serve(stream, live_port), live_url(live_port)
     try:
-        stream.set_sinks(*sinks)
-    except RuntimeError as error:
-        raise OSError(str(error)) from error
-    stream.send_recording_name(title)
+        stream.go_to(title, path)
+    except OSError:
+        if stream.server is not None:
+            stream.server.disconnect()
+        raise
     return stream
+
+
+def live_url(port: int) -> str:
+    """Where viewers find a live view (`rerun --connect URL`)."""
+    return f"rerun+http://{LIVE_ADDRESS}:{port}/proxy"
+
+
+def _serve(stream: rr.RecordingStream, port: int) -> _Stream:
+    """Serve a recording; raises OSError where the port is in use."""
+    # rerun finds a port in use only later, in a thread, and then every flush fails.
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LIVE_ADDRESS, port))
+        except OSError as error:
+            raise OSError(f"the live view cannot use port {port} of {LIVE_ADDRESS}: {error}") from error
+    server = _Stream(APPLICATION, recording_id=stream.get_recording_id(), send_properties=False)
+    server.set_sinks(rr.GrpcServerSink(LIVE_ADDRESS, port, server_memory_limit=LIVE_MEMORY))
+    return server
+
+
+def split_stream(stream: rr.RecordingStream, title: str, old: Path | None, new: Path) -> None:
+    """Close the file of a stream of `open_stream` and go on in another one; viewers stay connected.
+
+    Args:
+        stream: All that was sent to it is flushed.
+        title: Name of the recording.
+        old: The file it writes, or None.
+        new: The file to write.
+
+    Raises:
+        OSError: The new file cannot be created, or the old one not be finished.
+    """
+    assert isinstance(stream, _Stream)
+    stream.go_to(title, new)
+    if old is not None:
+        sync(old)
 
 
 def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from bags import bag
+from bags import bag, damage_middle
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -27,9 +27,10 @@ def whole(tmp_path_factory):
     """A finished run of two seconds of a node with a name of its own, in many chunks."""
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
-    metadata = run_metadata(scenario="single_span", epoch_ns=EPOCH, frame_period=0.01, sample_count=SAMPLES)
-    log = McapLog(directory, topics(simulation.carriages), metadata, namespace="/valley/twin")
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES)
+    log = McapLog(directory, topics(simulation.layout), metadata, namespace="/valley/twin")
+    log.begin(EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))
     applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")
     log.write(APPLIED_COMMANDS, EPOCH, applied_command_message(applied, EPOCH))
@@ -97,10 +98,7 @@ def test_file_alone_is_repaired_beside_it(cut, tmp_path, capsys):
 def test_damaged_bag_is_read_and_repaired_up_to_there(whole, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(whole, run)
-    content = bytearray(bag(run).read_bytes())
-    middle = len(content) // 2
-    content[middle : middle + 200] = bytes(200)
-    bag(run).write_bytes(content)
+    damage_middle(bag(run))
     for arguments in (
         [str(run), "--no-viewer"],
         [str(run), "--repair"],

@@ -46,10 +46,11 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
     """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
     drive = {f"carriages.cabin.drive.{key}": value for key, value in DRIVE.items()}
     simulation = Simulation(load_scenario(write_quick_scenario(directory), drive))
-    table = topics(simulation.carriages)
+    table = topics(simulation.layout)
     period = FRAME_STEPS * simulation.step
-    run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=period, rerun="off")
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    run = start_run(simulation, table, record_directory=directory, frame_period=period, rerun="off")
+    run.begin(EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     random = np.random.default_rng(seed)
 
     def put_frame() -> None:
@@ -206,7 +207,7 @@ def test_it_says_what_made_the_log(recorded, capsys):
     metadata = read_log(recorded).metadata
     assert (
         f"made by: cable_twin {metadata['package_version']}, numba {metadata['numba_version']}, numpy "
-        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 1"
+        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 2"
     ) in output
     assert "here:" not in output
     assert re.search(r"scenario: quick, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
@@ -243,10 +244,10 @@ def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tm
 
 
 def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
-    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "2"})
+    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "3"})
     assert main([str(target)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "format version 2 is newer than this cable_twin reads (1); update cable_twin" in line
+    assert "format version 3 is newer than this cable_twin reads (2); update cable_twin" in line
 
 
 @pytest.mark.parametrize("golden", sorted(Path(__file__).parent.glob("golden_*.mcap")), ids=lambda path: path.stem)
@@ -256,5 +257,5 @@ def test_logs_of_earlier_versions_keep_replaying(golden):
 
 
 def test_there_is_a_golden_log_for_every_format():
-    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1"}
-    assert FORMAT_VERSION == "1"
+    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1", "golden_2"}
+    assert FORMAT_VERSION == "2"

@@ -108,7 +108,7 @@ def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, caps
         monkeypatch.delenv(name, raising=False)
     before = sorted(runs[0].iterdir())
     assert main([str(runs[0])]) == 0
-    assert f"look at it with: rerun {runs[0] / runs[0].name}.rrd" in capsys.readouterr().out
+    assert f"look at it with: rerun {runs[0] / runs[0].name}_0.rrd" in capsys.readouterr().out
     assert sorted(runs[0].iterdir()) == before
 
 
@@ -117,10 +117,10 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monk
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     alone = shutil.copy(bag(runs[0]), tmp_path / "alone.mcap")
     assert main([str(alone)]) == 0
-    assert f"rerun {tmp_path / 'alone.rrd'}" in capsys.readouterr().out
-    assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone.rrd"}
-    verify(tmp_path / "alone.rrd")
-    made, original = entities(tmp_path / "alone.rrd"), entities(runs[0] / f"{runs[0].name}.rrd")
+    assert f"rerun {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone_review.rrd"}
+    verify(tmp_path / "alone_review.rrd")
+    made, original = entities(tmp_path / "alone_review.rrd"), entities(runs[0] / f"{runs[0].name}_0.rrd")
     paths = [set(re.findall(r"/?(?:track|plots|readout|commands)[\w/]*", text)) for text in (made, original)]
     assert paths[0] == paths[1]
     assert len(paths[0]) > 8
@@ -292,7 +292,7 @@ def test_viewer_is_opened_where_there_is_a_display(runs, monkeypatch, capsys):
     assert main([str(runs[0])]) == 0
     ((arguments, options),) = started
     assert arguments[1:5] == ["-m", "rerun", "--bind", "127.0.0.1"]  # rerun has no access control
-    assert os.path.samefile(arguments[-1], runs[0] / f"{runs[0].name}.rrd")
+    assert os.path.samefile(arguments[-1], runs[0] / f"{runs[0].name}_0.rrd")
     assert options["start_new_session"]
     assert "opened in rerun" in capsys.readouterr().out
 

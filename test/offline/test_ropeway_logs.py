@@ -42,8 +42,9 @@ def record(directory, scenario, commands, duration):
     simulation = Simulation(load_scenario(scenario))
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(simulation, script) == []
-    table = topics(simulation.carriages, supports=simulation.supports)
-    run = start_run(simulation, table, record_directory=directory, epoch_ns=EPOCH, frame_period=0.02, rerun="off")
+    table = topics(simulation.layout)
+    run = start_run(simulation, table, record_directory=directory, frame_period=0.02, rerun="off")
+    run.begin(EPOCH)
     frames = []
     outcome = simulate(
         simulation,

@@ -52,7 +52,7 @@ def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     run = the_run(directory / "cable_twin_logs")
     assert log == f"log: cable_twin_logs/{run.name}"
     assert hint == f"look at it: review cable_twin_logs/{run.name}"
-    assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}.rrd", "metadata.yaml"}
+    assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}_0.rrd", "metadata.yaml"}
 
 
 def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(scripted, capsys):
@@ -170,7 +170,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     output = capsys.readouterr().out
     assert "cut short, read as far as it goes" in output
     # the twin's own .rrd ends before the bag
-    assert f"look at it with: rerun {bag(run).with_suffix('.rrd')}" in output
+    assert f"look at it with: rerun {run / f'{run.name}_review.rrd'}" in output
     assert len([*(tmp_path / "plots").glob("*.png")]) == 6
     assert replay.main([str(run)]) == 0
     assert "every sample agrees to the last bit" in capsys.readouterr().out

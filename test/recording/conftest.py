@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from logged_run import CARRIAGES, METADATA, write_run
+from logged_run import LAYOUT, open_log, write_run
 
 from cable_twin.messages import topics
-from cable_twin.recording.mcap_log import McapLog
 
 
 @pytest.fixture
@@ -16,8 +15,8 @@ def directory(tmp_path):
 
 @pytest.fixture
 def finished(directory):
-    with_clock = topics(CARRIAGES, clock=True)  # a channel without messages
-    log = McapLog(directory, with_clock, METADATA)
+    with_clock = topics(LAYOUT, clock=True)  # a channel without messages
+    log = open_log(directory, with_clock)
     messages = write_run(log, 40)
     log.close()
     return log, messages

@@ -11,18 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged_run import CARRIAGES, COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, run_messages, write_run
+from logged_run import COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, open_log, run_messages, write_run
 from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import cable_twin
-from cable_twin.messages import TYPESTORE, decode, scenario_message, topics
+from cable_twin.messages import TYPESTORE, decode, scenario_message
 from cable_twin.recording.log_reader import LogError, read_log
-from cable_twin.recording.mcap_log import McapLog
 
 
 def test_every_cut_is_read_up_to_the_last_whole_chunk(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    log = open_log(directory)
     messages = []
     ends = []  # size of the file after a flush, messages so far
     for message in run_messages(20):
@@ -85,11 +84,11 @@ def test_what_is_no_log_is_said_in_one_line(tmp_path, finished):
 
 
 def test_a_log_without_messages_or_scenario_is_said(tmp_path):
-    log = McapLog(tmp_path / "empty", topics(CARRIAGES), METADATA)
+    log = open_log(tmp_path / "empty")
     assert "empty: no message" in complaint(log.path)  # while it is written
     log.close()
     assert "empty: no message" in complaint(log.path)
-    log = McapLog(tmp_path / "bare", topics(CARRIAGES), METADATA)
+    log = open_log(tmp_path / "bare")
     log.write(*run_messages(1)[1])
     log.close()
     assert "no scenario" in complaint(log.path)
@@ -101,12 +100,12 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         writer.write(connection, 1, scenario_message({}))
     assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
     for name, metadata, words in [
-        ("later", {**METADATA, "format_version": "2"}, "format version 2 is newer than this cable_twin reads (1)"),
-        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads '1'"),
+        ("later", {**METADATA, "format_version": "3"}, "format version 3 is newer than this cable_twin reads (2)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads 1 and 2"),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
         ("pointless", {**METADATA, "sample_count": "many"}, "sample_count is 'many', a whole number of points is"),
     ]:
-        log = McapLog(tmp_path / name, topics(CARRIAGES), metadata)
+        log = open_log(tmp_path / name, metadata=metadata)
         write_run(log, 1)
         log.close()
         assert words in complaint(log.path)
@@ -118,12 +117,12 @@ from pathlib import Path
 from logged_run import *
 from test_recorder import *
 
-log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
 recorder = Recorder(log)
-recorder.record([(SCENARIO, scenario_message(SCENARIO_VALUES))], EPOCH)
+recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
 for applied in COMMANDS[:1]:
     recorder.record_command(applied, applied_command_message(applied, EPOCH), EPOCH)
-encoder = MessageEncoder(CARRIAGES, EPOCH)
+encoder = MessageEncoder(LAYOUT, EPOCH)
 start = time.monotonic()
 for frame in range(10_000):
     snapshot = make_snapshot(frame / 100)
@@ -165,11 +164,11 @@ from logged_run import *
 from test_recorder import *
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
 view = FakeView()
 recorder = Recorder(log, view)
-recorder.record([(SCENARIO, scenario_message(SCENARIO_VALUES))], EPOCH)
-encoder = MessageEncoder(CARRIAGES, EPOCH)
+recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
+encoder = MessageEncoder(LAYOUT, EPOCH)
 for frame in range(300):
     snapshot = make_snapshot(frame / 100)
     recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)

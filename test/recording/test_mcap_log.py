@@ -7,15 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from logged_run import CARRIAGES, COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, run_messages, write_run
+from logged_run import COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, open_log, run_messages, write_run
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from ruamel.yaml import YAML
 
-from cable_twin.messages import TYPESTORE, topics
+from cable_twin.messages import TYPESTORE
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.mcap_log import McapLog
 
 
 def test_a_finished_log_is_read_back(finished):
@@ -24,7 +23,7 @@ def test_a_finished_log_is_read_back(finished):
         read = read_log(path)
         assert read.complete
         assert read.metadata.items() >= METADATA.items()
-        assert (read.metadata["format_version"], read.metadata["namespace"]) == ("1", "/cable_twin")
+        assert (read.metadata["format_version"], read.metadata["namespace"]) == ("2", "/cable_twin")
         assert read.epoch_ns == EPOCH
         assert read.scenario == SCENARIO_VALUES
         assert read.commands == COMMANDS
@@ -33,7 +32,7 @@ def test_a_finished_log_is_read_back(finished):
 
 
 def test_order_and_commands_are_the_same_over_many_chunks_with_and_without_index(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    log = open_log(directory)
     messages = run_messages(60)
     for count, message in enumerate(messages):
         log.write(*message)
@@ -99,7 +98,7 @@ def test_mcap_is_as_rosbag2_writes_it(finished):
 
 
 def test_metadata_yaml_is_there_from_the_start_and_final_in_the_end(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    log = open_log(directory)
     yaml = YAML(typ="safe")
     preliminary = yaml.load(directory / "metadata.yaml")["rosbag2_bagfile_information"]
     assert (preliminary["version"], preliminary["message_count"]) == (9, 0)
@@ -120,7 +119,7 @@ def test_metadata_yaml_is_there_from_the_start_and_final_in_the_end(directory):
 
 
 def test_another_node_name_changes_topics_in_the_file_only(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA, namespace="/valley/twin")
+    log = open_log(directory, namespace="/valley/twin")
     messages = write_run(log, 5)
     log.close()
     assert list(read_log(directory).messages()) == messages
@@ -130,7 +129,7 @@ def test_another_node_name_changes_topics_in_the_file_only(directory):
 
 def test_equal_runs_give_equal_files(tmp_path):
     for name in ("a", "b"):
-        log = McapLog(tmp_path / name / "run", topics(CARRIAGES), METADATA)
+        log = open_log(tmp_path / name / "run")
         write_run(log, 10)
         log.close()
     assert (tmp_path / "a/run/run_0.mcap").read_bytes() == (tmp_path / "b/run/run_0.mcap").read_bytes()
@@ -139,7 +138,7 @@ def test_equal_runs_give_equal_files(tmp_path):
 def test_a_log_is_never_overwritten(finished):
     log, _ = finished
     with pytest.raises(FileExistsError):
-        McapLog(log.directory, topics(CARRIAGES), METADATA)
+        open_log(log.directory)
     assert read_log(log.directory).complete
 
 
@@ -150,7 +149,7 @@ def test_a_closed_log_takes_nothing(finished):
 
 
 def test_an_unknown_topic_is_refused_and_the_log_goes_on(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    log = open_log(directory)
     with pytest.raises(ValueError, match="'/clock' was not declared"):
         log.write("/clock", EPOCH, b"")
     messages = write_run(log, 3)
@@ -159,8 +158,8 @@ def test_an_unknown_topic_is_refused_and_the_log_goes_on(directory):
 
 
 def test_index_is_kept_packed_and_comes_out_whole(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
-    packed = log._writer.packed
+    log = open_log(directory)
+    packed = log._file._writer.packed
     for message in run_messages(50):
         log.write(*message)
         log.flush()

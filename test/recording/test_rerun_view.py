@@ -202,7 +202,7 @@ CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))
 CHAIR_OUTLINE = outline_from_pivots((0.0, 2.6), gyration_radius=0.6)
 
 
-def chairlift_at(moment, count=len(CHAIRS)):
+def chairlift_at(moment, count=12):
     """A rope that goes by with chairs, each with a swing of its own; from the tenth on they hang in a station."""
     stations = np.linspace(0.0, 200.0, 50)
     chairs = {}

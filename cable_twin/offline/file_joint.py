@@ -1,0 +1,78 @@
+"""Where a replay goes from one file of a log to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from io import BytesIO
+
+import numpy as np
+
+from cable_twin.offline.replay_result import Comparison, Difference
+from cable_twin.recording.log_file import LogFile
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME
+from cable_twin.simulation import Simulation, SnapshotError
+from cable_twin.snapshot import Snapshot
+from cable_twin.snapshot_file import FullState, read_full_state
+
+
+def join(
+    file: LogFile,
+    simulation: Simulation,
+    advance: Callable[[float], Snapshot],
+    result: Comparison,
+    *,
+    whole: bool,
+    exactly: bool,
+) -> bool:
+    """Go from one file of a log to the next: compare the state attached to it, or take it over.
+
+    Args:
+        file: What comes next.
+        simulation: Where the file before has ended.
+        advance: Brings the simulation to a time (s), with the commands until then.
+        result: Gets what differs, or that the state was taken over.
+        whole: Nothing of the file before is lost, as far as its file knows.
+        exactly: The states have to be equal to the last bit; else they are not compared.
+
+    Returns:
+        Whether the simulation went on without a break.
+
+    Raises:
+        LogError, SnapshotError: The state is needed and cannot be used.
+    """
+    name = f"{file.path.name}: {SNAPSHOT_NAME}"
+    attached = file.snapshot()
+    if attached is None:
+        raise SnapshotError(f"{name}: not attached, and it is not the first file")
+    try:
+        full = read_full_state(BytesIO(attached), name)
+    except SnapshotError:
+        if exactly or not whole:
+            raise
+        return True  # of another version, and not needed
+    if not whole or full.time - result.end > 1.5 * file.frame_period:
+        simulation.restore(full)
+        result.restarts.append(f"{file.path.name}: what comes before {full.time:.2f} s is lost; goes on from its state")
+        return False
+    if exactly:
+        advance(full.time)
+        result.samples[SNAPSHOT_NAME] += 1
+        difference = next(_state_differences(full, simulation.capture()), None)
+        if difference is not None:
+            result.first = result.first or difference
+            result.differing[SNAPSHOT_NAME] += 1
+    return True
+
+
+def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
+    """Where two full states differ in a bit."""
+    for part in ("state", "start"):
+        arrays, others = getattr(logged, part), getattr(replayed, part)
+        for name, array, other in zip(arrays._fields, arrays, others, strict=True):
+            if array.tobytes() != other.tobytes():
+                same = np.array([a.tobytes() == b.tobytes() for a, b in zip(array.flat, other.flat, strict=True)])
+                place = int(np.argmin(same))
+                values = array.flat[place].item(), other.flat[place].item()
+                yield Difference(logged.time, SNAPSHOT_NAME, f"{part}/{name}[{place}]", *values)
+    if (logged.emergency_stopped, logged.commands) != (replayed.emergency_stopped, replayed.commands):
+        yield Difference(logged.time, SNAPSHOT_NAME, "commands in force", logged.commands, replayed.commands)

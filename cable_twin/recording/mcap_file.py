@@ -1,0 +1,227 @@
+"""One .mcap of a log being written, in a way that a kill or a power cut loses less than a second of it."""
+
+from __future__ import annotations
+
+import os
+import time
+from array import array
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import IO, Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
+from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
+
+from cable_twin.messages import TYPESTORE, Topic, full_name
+from cable_twin.recording.bag_metadata import BagFile, as_yaml, bag_information, qos_profile
+
+METADATA_NAME = "cable_twin"
+SNAPSHOT_NAME = "snapshot.npz"
+FLUSH_PERIOD = 0.4  # s of wall time that a kill or a power cut takes at most; a cut through a chunk takes two
+
+
+class _PackedIndex:
+    """The index of a chunk as the bytes that end up in the file, a sixth of the object that they are made from."""
+
+    __slots__ = ("_record",)
+
+    def __init__(self, index: ChunkIndex) -> None:
+        builder = RecordBuilder()
+        index.write(builder)
+        self._record = builder.end()
+
+    def write(self, builder: RecordBuilder) -> None:
+        builder.write(self._record)
+
+
+class _PackedIndexes(list[_PackedIndex]):
+    """What a writer keeps of each chunk until it is closed."""
+
+    def append(self, index: Any) -> None:
+        super().append(_PackedIndex(index))
+
+
+class _Writer(Writer):
+    """A writer for days: at two chunks a second, the indexes of chunks would take 10 MB of memory an hour."""
+
+    def __init__(self, stream: IO[bytes], compression: CompressionType) -> None:
+        super().__init__(stream, compression=compression)
+        self.packed = _PackedIndexes()
+        self._Writer__chunk_indices = self.packed  # mcap has no door to it
+
+
+class McapFile:
+    """A file being written.
+
+    Attributes:
+        path: Of the file.
+        size: Bytes written so far, without the chunk that is being gathered.
+        safe_ns: Stamp (ns since 1970) up to which nothing can be lost any more; 0 where nothing is written.
+    """
+
+    def __init__(self, path: Path, topics: Sequence[Topic], namespace: str) -> None:
+        """Create the file with all its channels.
+
+        Args:
+            path: Where no file is yet.
+            topics: Everything that may be written.
+            namespace: Full name of the node, in front of relative topic names.
+
+        Raises:
+            OSError: The disk refuses, or the file exists.
+        """
+        self.path = path
+        self.size = 0
+        self.safe_ns = 0
+        self._topics = topics
+        self._namespace = namespace
+        self._counts = dict.fromkeys((topic.name for topic in topics), 0)
+        self._first_ns = 2**63 - 1
+        self._last_ns = 0
+        self._readable_size = 0  # bytes; where the last complete flush ended
+        self._flushed = time.monotonic()
+        self._stream: IO[bytes] | None = path.open("xb")
+        try:
+            self._writer = _Writer(self._stream, compression=CompressionType.ZSTD)
+            self._writer.start("ros2", f"cable_twin {package_version('cable_twin')}; {LIBRARY_IDENTIFIER}")
+            self._channels = self._register()
+            self.flush()
+            sync(path.resolve().parent)
+        except OSError:
+            self.abandon()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is neither closed nor given up."""
+        return self._stream is not None
+
+    @property
+    def contents(self) -> BagFile:
+        """What it holds by now."""
+        return BagFile(self.path.name, self._first_ns, self._last_ns, array("Q", self._counts.values()))
+
+    def begin(self, metadata: Mapping[str, str], snapshot: bytes | None) -> None:
+        """Write where the run comes from and have it on the disk; before the first message.
+
+        Args:
+            metadata: The record `cable_twin`.
+            snapshot: The full state to attach, or None.
+
+        Raises:
+            OSError: The disk refuses; the file is given up.
+        """
+        try:
+            self._writer.add_metadata(METADATA_NAME, dict(metadata))
+            if snapshot is not None:
+                now = time.time_ns()
+                self._writer.add_attachment(now, now, SNAPSHOT_NAME, "application/octet-stream", snapshot)
+        except OSError:
+            self.abandon()
+            raise
+        self.flush()
+
+    def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
+        """Append one message; raises OSError where the disk refuses, and what was flushed before stays readable."""
+        if self._stream is None:
+            raise ValueError(f"{self.path}: log is closed")
+        if topic not in self._channels:
+            raise ValueError(f"{self.path}: topic {topic!r} was not declared when the log was opened")
+        try:
+            self._writer.add_message(self._channels[topic], stamp_ns, data, stamp_ns, self._counts[topic])
+            self.size = self._stream.tell()
+        except OSError:
+            self.abandon()
+            raise
+        self._counts[topic] += 1
+        self._first_ns = min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Flush what has waited for a flush period."""
+        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+            self.flush()
+
+    def flush(self) -> None:
+        """Finish the chunk and have it on the disk: from now on neither a kill nor a power cut can take it."""
+        if self._stream is None:
+            return
+        try:
+            self._writer.flush()
+            os.fdatasync(self._stream.fileno())
+            self.size = self._readable_size = self._stream.tell()
+        except OSError:
+            self.abandon()
+            raise
+        self.safe_ns = self._last_ns
+        self._flushed = time.monotonic()
+
+    def close(self) -> None:
+        """Write the rest, rosbag2's metadata and the index, and have all on the disk; a second call does nothing.
+
+        Raises:
+            OSError: The disk refuses; the file is closed nevertheless, and what was flushed before is readable.
+        """
+        if self._stream is None:
+            return
+        try:
+            self._writer.flush()
+            self._readable_size = self._stream.tell()
+            information = bag_information(self._topics, self._namespace, [self.contents])
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": as_yaml(information)})
+            self._writer.finish()
+            self._stream.flush()
+            os.fdatasync(self._stream.fileno())
+            self.size = self._stream.tell()
+            self._stream.close()
+        except OSError:
+            self.abandon()
+            raise
+        self._stream = None
+        self.safe_ns = self._last_ns
+
+    def abandon(self) -> None:
+        """Close without an index, cut after the last complete chunk: a piece of one would spoil a later repair."""
+        stream, self._stream = self._stream, None
+        if stream is None:
+            return
+        with suppress(OSError):
+            stream.close()
+        with suppress(OSError):
+            os.truncate(self.path, self._readable_size)
+
+    def _register(self) -> dict[str, int]:
+        schemas: dict[str, int] = {}
+        channels = {}
+        for topic in self._topics:
+            if topic.type not in schemas:
+                definition, _ = TYPESTORE.generate_msgdef(topic.type, ros_version=2)
+                schemas[topic.type] = self._writer.register_schema(topic.type, "ros2msg", definition.encode())
+            metadata = {
+                "offered_qos_profiles": as_yaml([qos_profile(topic)]).strip(),
+                "topic_type_hash": TYPESTORE.hash_rihs01(topic.type),
+            }
+            name = full_name(topic.name, self._namespace)
+            channels[topic.name] = self._writer.register_channel(name, "cdr", schemas[topic.type], metadata)
+        return channels
+
+
+def sync(path: Path) -> None:
+    """Have a file, or the names in a directory, on the disk; raises OSError where the disk refuses."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def package_version(package: str) -> str:
+    """Version of a package that is installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

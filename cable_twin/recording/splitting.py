@@ -1,0 +1,85 @@
+"""When the logs of a run go on in new files, and when the oldest of them are removed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+SECOND = 10**9  # ns; not that of messages, which loads numpy: options are understood without
+MEGABYTE = 10**6  # bytes
+SHORTEST = 1.0  # s
+SMALLEST = 1.0  # MB, the size of a chunk
+
+
+class ClosedSize(NamedTuple):
+    """What says whether a closed file has had its time."""
+
+    last_ns: int  # stamp (ns since 1970) of its last message
+    size: int  # bytes, with the rerun recording of the same number
+
+
+@dataclass(frozen=True, slots=True)
+class Splitting:
+    """Options of splitting and of keeping; 0 is no limit everywhere."""
+
+    split_duration: float = 3600.0  # s of simulated time that a file lasts
+    split_size: float = 0.0  # MB of a bag's file
+    keep_age: float = 0.0  # s that the end of a closed file may lie back
+    keep_size: float = 0.0  # MB of all files of a run, right after a split
+
+    def faults(self, called: Callable[[str], str] = str) -> list[str]:
+        """Find what is wrong.
+
+        Args:
+            called: What messages call an option, by its name here.
+
+        Returns:
+            A line for each fault, with what is given and what is allowed.
+        """
+        lowest = {"split_duration": (SHORTEST, "s"), "split_size": (SMALLEST, "MB")}
+        faults = []
+        for field in fields(self):
+            value = getattr(self, field.name)
+            low, unit = lowest.get(field.name, (0.0, "s" if field.name == "keep_age" else "MB"))
+            if not (value == 0.0 or low <= value < float("inf")):
+                allowed = f"0, or {low:g} {unit} and more" if low else f"0 {unit} and more"
+                faults.append(f"{called(field.name)} is {value:g} {unit}; allowed: {allowed}")
+        if faults:
+            return faults
+        given = [called(name) for name in ("keep_age", "keep_size") if getattr(self, name)]
+        if given and not (self.split_duration or self.split_size):
+            both = f"{called('split_duration')} and {called('split_size')}"
+            return [f"{' and '.join(given)} given without splitting: {both} are 0; one of them is needed"]
+        if 0.0 < self.keep_age < self.split_duration:
+            faults.append(
+                f"{called('keep_age')} is {self.keep_age:g} s, less than a file; allowed: 0, or "
+                f"{called('split_duration')} of {self.split_duration:g} s and more"
+            )
+        if 0.0 < self.keep_size < 2.0 * self.split_size:
+            faults.append(
+                f"{called('keep_size')} is {self.keep_size:g} MB, less than two files; allowed: 0, or "
+                f"twice {called('split_size')}, {2.0 * self.split_size:g} MB, and more"
+            )
+        return faults
+
+    def surplus(self, closed: Sequence[ClosedSize], running: int, now_ns: int) -> int:
+        """Count the files that have had their time, from the oldest on.
+
+        Args:
+            closed: All closed files, the oldest first.
+            running: Bytes of the files that are being written.
+            now_ns: Present stamp (ns since 1970).
+        """
+        oldest_ns = now_ns - round(self.keep_age * SECOND)
+        allowed = self.keep_size * MEGABYTE
+        total = running + sum(file.size for file in closed)
+        for count, file in enumerate(closed):
+            if not (self.keep_age and file.last_ns < oldest_ns) and not (allowed and total > allowed):
+                return count
+            total -= file.size
+        return len(closed)
+
+
+HOURLY = Splitting()
+UNSPLIT = Splitting(split_duration=0.0)

@@ -1,0 +1,250 @@
+"""Runs whose logs are split: each file alone and all of them replay, are reviewed and repaired, damaged ones too."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import damage_middle
+from rosbags.highlevel import AnyReader
+from split_run import COMMANDS, EPOCH, bags, record_split
+
+from cable_twin.messages import SCENARIO
+from cable_twin.offline import replay, review, simulate
+from cable_twin.offline.repair import repair
+from cable_twin.recording.log_file import LogFile
+from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.recording.splitting import UNSPLIT, Splitting
+from cable_twin.snapshot_file import read_full_state
+
+RERUN = Path(sys.executable).with_name("rerun")
+DURATION = 7.5  # s
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory):
+    """A run in four files, with their recordings."""
+    directory = tmp_path_factory.mktemp("split")
+    return record_split(directory, DURATION, Splitting(split_duration=2.0), rerun="file")
+
+
+@pytest.fixture(scope="module")
+def unsplit(tmp_path_factory):
+    return record_split(tmp_path_factory.mktemp("unsplit"), DURATION, UNSPLIT)
+
+
+@pytest.fixture
+def copy(split, tmp_path):
+    """The bag of the same run, to be changed."""
+    run = tmp_path / split.name
+    run.mkdir()
+    for file in (*bags(split), split / "metadata.yaml"):
+        shutil.copy(file, run)
+    return run
+
+
+def test_each_file_replays_alone_to_the_last_bit(split, capsys):
+    files = bags(split)
+    assert len(files) == 4
+    for file in files:
+        assert replay.main([str(file)]) == 0
+        output = capsys.readouterr().out
+        assert f"{file}: complete, " in output
+        assert output.splitlines()[-1] == "every sample agrees to the last bit"
+
+
+def test_all_files_replay_in_one_go_and_their_states_are_those_of_the_run(split, capsys):
+    assert replay.main([str(split)]) == 0
+    output = capsys.readouterr().out
+    assert f"{split}: files 0 to 3, complete, " in output
+    assert f"{DURATION:.2f} s, {len(COMMANDS)} commands" in output
+    assert re.search(r"^ +snapshot\.npz +3 samples, +0 differ$", output, re.MULTILINE)
+    assert re.search(r"^ +joint_states +376 samples, +0 differ$", output, re.MULTILINE)
+    assert "every sample agrees to the last bit" in output
+
+
+def test_nothing_is_lost_or_doubled_between_files(split, unsplit):
+    whole = list(read_log(unsplit).messages())
+    parts = list(read_log(split).messages())
+    scenarios = [index for index, message in enumerate(parts) if message[0] == SCENARIO]
+    assert [parts[index][1] - EPOCH for index in scenarios] == [0, 2_000_000_000, 4_000_000_000, 6_000_000_000]
+    assert [message for index, message in enumerate(parts) if index not in scenarios[1:]] == whole
+    with AnyReader([split]) as reader:
+        assert reader.message_count == len(parts) == sum(1 for _ in reader.messages())
+
+
+def test_files_begin_with_the_frame_of_their_state(split):
+    for number, file in enumerate(bags(split)):
+        topics = [(topic, stamp) for topic, stamp, _ in read_log(file).messages()]
+        assert topics[:2] == [(SCENARIO, EPOCH + number * 2 * 10**9), ("joint_states", EPOCH + number * 2 * 10**9)]
+    first = read_log(bags(split)[1]).commands[0]
+    assert (first.time, first.command) == (2.0, COMMANDS[2.0])  # after the frame of its time
+
+
+def test_recordings_are_whole_and_all_are_shown(split, monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    recordings = [str(file.with_suffix(".rrd")) for file in bags(split)]
+    subprocess.run([RERUN, "rrd", "verify", *recordings], check=True, capture_output=True, timeout=60)
+    assert review.main([str(split)]) == 0
+    output = capsys.readouterr().out
+    assert "files 0 to 3, complete; scenario small_tramway, 7.50 s, 376 frames, 8 commands" in output
+    assert output.endswith(f"look at it with: rerun {' '.join(recordings)}\n")
+    assert review.main([str(bags(split)[2])]) == 0
+    assert capsys.readouterr().out.endswith(f"look at it with: rerun {recordings[2]}\n")
+
+
+def test_run_without_its_first_files_starts_from_the_first_that_is_kept(copy, tmp_path, capsys):
+    for file in bags(copy)[:2]:
+        file.unlink()
+    assert replay.main([str(copy)]) == 0
+    assert f"{copy}: files 2 to 3, complete, " in capsys.readouterr().out
+    assert simulate.main(["--from-bag", str(copy), "--output", str(tmp_path / "again"), "--record", "bag"]) == 0
+    assert "from 4.00 s on" in capsys.readouterr().out
+    (again,) = (tmp_path / "again").iterdir()
+    topics = ["joint_states", "cable", "supports/tower_1/force"]
+    read, original = read_log(again), read_log(copy)
+    found = {(topic, stamp - read.epoch_ns): data[12:] for topic, stamp, data in read.messages(topics)}
+    expected = {(topic, stamp - EPOCH): data[12:] for topic, stamp, data in original.messages(topics)}
+    assert expected.keys() <= found.keys()
+    assert all(found[key] == data for key, data in expected.items())
+    assert simulate.main(["--from-bag", str(copy), "--set", "cable.elements=30"]) == 2
+    assert "started from a snapshot" in capsys.readouterr().err
+
+
+def test_last_file_cut_short_is_read_as_far_as_it_goes(copy, capsys):
+    last = bags(copy)[-1]
+    last.write_bytes(last.read_bytes()[: last.stat().st_size * 2 // 3])
+    assert replay.main([str(copy)]) == 0
+    assert "files 0 to 3, cut short, read as far as it goes, " in capsys.readouterr().out
+    assert review.main([str(copy), "--no-viewer"]) == 0
+    assert "files 0 to 3, cut short, read as far as it goes; scenario" in capsys.readouterr().out
+    assert repaired(copy) == sum(1 for _ in read_log(copy).messages())
+
+
+def test_last_file_with_nothing_in_it_is_said(copy, capsys):
+    last = bags(copy)[-1]
+    last.write_bytes(last.read_bytes()[:60])  # killed while it was opened
+    assert replay.main([str(copy)]) == 0
+    output = capsys.readouterr().out
+    assert f"files 0 to 2, damaged, read as far as it goes ({last.name}: not a bag, or empty: " in output
+    assert " 6.00 s, " not in output
+    assert repaired(copy) > 1000
+
+
+@pytest.mark.parametrize(
+    ("spoil", "states"),
+    [(damage_middle, 2), (Path.unlink, 1), (lambda file: file.write_bytes(bytes(5000)), 1)],
+    ids=["damaged", "missing", "erased"],
+)
+def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil, states):
+    files = bags(copy)
+    spoil(files[1])
+    assert replay.main([str(copy)]) == 0
+    output = capsys.readouterr().out
+    assert f"{files[2].name}: what comes before 4.00 s is lost; goes on from its state" in output
+    assert re.search(rf"^ +snapshot\.npz +{states} samples, +0 differ$", output, re.MULTILINE)
+    assert "damaged, read as far as it goes (" in output
+    assert "every sample agrees to the last bit" in output
+    assert review.main([str(copy), "--no-viewer"]) == 0
+    assert "damaged, read as far as it goes (" in capsys.readouterr().out
+    assert repaired(copy) == sum(1 for _ in read_log(copy).messages())
+    copied = copy.with_name(f"{copy.name}_repaired")
+    capsys.readouterr()
+    assert replay.main([str(copied)]) == 0
+    assert "what comes before 4.00 s is lost" in capsys.readouterr().out
+
+
+def repaired(run: Path) -> int:
+    """Messages that rosbags reads from a repaired copy."""
+    assert review.main([str(run), "--repair"]) == 0
+    with AnyReader([run.with_name(f"{run.name}_repaired")]) as reader:
+        return sum(1 for _ in reader.messages())
+
+
+def test_whole_run_needs_no_repair_and_a_copy_of_it_is_the_same(split, copy, capsys):
+    assert review.main([str(split), "--repair"]) == 0
+    assert capsys.readouterr().out == f"{split}: complete, nothing to repair\n"
+    directory, count = repair(read_log(copy))
+    read, again = read_log(copy), read_log(directory)
+    assert list(again.messages()) == list(read.messages())
+    assert count == sum(1 for _ in read.messages())
+    assert [file.snapshot() for file in again.files] == [file.snapshot() for file in read.files]
+    assert [dict(file.metadata) for file in again.files] == [dict(file.metadata) for file in read.files]
+
+
+def test_file_alone_is_repaired_under_its_own_name(copy, capsys):
+    file = bags(copy)[2]
+    file.write_bytes(file.read_bytes()[:-100])
+    assert review.main([str(file), "--repair"]) == 0
+    copied = read_log(copy / f"{file.stem}_repaired")
+    assert copied.complete
+    assert replay.main([str(copied.path)]) == 0
+    assert "every sample agrees" in capsys.readouterr().out
+
+
+def test_attached_state_of_another_run_is_found(copy, capsys):
+    """The last bit of one number is enough."""
+
+    class Changed(LogFile):
+        def snapshot(self):
+            full = read_full_state(BytesIO(super().snapshot()), "state")
+            places = full.state.sliding_coordinate
+            places[0] = np.nextafter(places[0], np.inf)
+            stream = BytesIO()
+            full.write(stream)
+            return stream.getvalue()
+
+    read = read_log(copy)
+    files = [*read.files[:2], Changed(read.files[2].path, read.files[2].metadata, EPOCH), *read.files[3:]]
+    directory, _ = repair(replace(read, files=tuple(files)))
+    assert replay.main([str(directory)]) == 1
+    output = capsys.readouterr().out
+    assert "they part at 4.000000 s on snapshot.npz, state/sliding_coordinate[0]: logged " in output
+    assert re.search(r"^ +snapshot\.npz +3 samples, +1 differ$", output, re.MULTILINE)
+
+
+def test_directory_with_a_file_of_another_run_is_refused(copy, unsplit):
+    shutil.copy(bags(unsplit)[0], copy / f"{copy.name}_4.mcap")
+    assert read_log(copy).files[-1].number == 4  # with the same epoch, by chance
+    other = bags(copy)[-1]
+    content = other.read_bytes()
+    other.write_bytes(content.replace(str(EPOCH).encode(), str(EPOCH + 1).encode()))
+    with pytest.raises(LogError, match=f"{other.name}: of another run than {copy.name}_0.mcap beside it"):
+        read_log(copy)
+
+
+def test_options_of_simulate_split_and_keep(tmp_path, capsys):
+    arguments = ["single_span", "--set", "cable.elements=12", "--duration", "12", "--output", str(tmp_path)]
+    limits = ["--split-duration", "2", "--keep-age", "4"]
+    assert simulate.main([*arguments, *limits]) == 0
+    (run,) = tmp_path.iterdir()
+    assert [read_log(file).files[0].number for file in bags(run)] == [4, 5, 6]  # the last with the frame of 12 s
+    assert sorted(file.with_suffix(".mcap") for file in run.glob("*.rrd")) == sorted(bags(run))
+    capsys.readouterr()
+    assert replay.main([str(run)]) == 0
+    assert "files 4 to 6, complete" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--split-duration", "-1"], "simulate: --split-duration is -1 s; allowed: 0, or 1 s and more"),
+        (["--keep-age", "nan"], "simulate: --keep-age is nan s; allowed: 0 s and more"),
+        (
+            ["--keep-age", "10"],
+            "simulate: --keep-age is 10 s, less than a file; allowed: 0, or --split-duration of 3600 s and more",
+        ),
+    ],
+)
+def test_wrong_options_of_simulate_are_named(options, said, tmp_path, capsys):
+    assert simulate.main([*options, "--output", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"{said}\n"
+    assert not list(tmp_path.iterdir())

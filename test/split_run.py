@@ -1,0 +1,53 @@
+"""Runs of a small tramway whose logs are split, with commands of all kinds, one of them where a file begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from small_tramway import TRAMWAY
+
+from cable_twin.messages import topics
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.recording.run import start_run
+from cable_twin.recording.splitting import Splitting
+from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EPOCH = 1_700_000_000_123_456_789  # ns
+FRAME_STEPS = 4  # of 5 ms
+COMMANDS = {
+    0.0: Command("payload", {"cabin": 120.0}),
+    0.3: Command("speed", {"cabin": 5.0}),
+    2.0: Command("wind", {"x": 6.0, "z": 0.0}),  # where a file begins, for a duration of 1 or 2 s
+    2.815: Command("emergency_stop", {}),
+    4.4: Command("release", {}),
+    5.0: Command("reset", {}),
+    5.255: Command("force", {"cabin": 900.0}),
+    7.0: Command("speed", {"cabin": 1.0}),
+}
+
+
+def record_split(directory: Path, duration: float, splitting: Splitting, rerun: str = "off") -> Path:
+    """Simulate and record; returns the directory of the run."""
+    simulation = Simulation(load_scenario(TRAMWAY))
+    run = start_run(
+        simulation,
+        topics(simulation.layout),
+        record_directory=directory,
+        frame_period=FRAME_STEPS * simulation.step,
+        rerun=rerun,
+        splitting=splitting,
+    )
+    run.begin(EPOCH)
+    script = [ScriptedCommand(time, command, "script", "") for time, command in COMMANDS.items()]
+    outcome = simulate(simulation, script, duration=duration, frame_steps=FRAME_STEPS, epoch_ns=EPOCH, run=run)
+    run.recorder.close()
+    assert (outcome.refused, outcome.fault, run.recorder.faults, run.recorder.dropped) == ([], "", [], 0)
+    return run.directory
+
+
+def bags(run: Path) -> list[Path]:
+    """The files of a run in the order of their numbers."""
+    return sorted(run.glob("*.mcap"), key=lambda file: int(file.stem.rpartition("_")[2]))
