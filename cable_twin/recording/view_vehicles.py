@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +37,7 @@ class Outlines:
         groups: dict[bytes, list[int]] = {}
         for body, line in enumerate(lines):
             groups.setdefault(line.tobytes(), []).append(body)
-        self._groups = [(bodies, lines[bodies[0]]) for bodies in groups.values()]
+        self._groups = [(bodies, lines[bodies[0]].astype(np.float32)) for bodies in groups.values()]
         self.bodies = [body for bodies, _ in self._groups for body in bodies]
         self.lengths = [len(lines[body]) for body in self.bodies]
 
@@ -52,8 +52,9 @@ class Outlines:
         for bodies, line in self._groups:
             count = len(bodies) * len(line)
             part = points[:, first : first + count].reshape(frames, len(bodies), len(line), 2)  # a view
-            cos, sin = np.cos(pitches[:, bodies, None]), np.sin(pitches[:, bodies, None])
-            place = positions[:, bodies, None]
+            angles = pitches[:, bodies, None]
+            cos, sin = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
+            place = positions[:, bodies, None].astype(np.float32)
             part[..., 0] = place[..., 0] + cos * line[:, 0] - sin * line[:, 1]
             part[..., 1] = place[..., 1] + sin * line[:, 0] + cos * line[:, 1]
             first += count
@@ -135,12 +136,14 @@ class Vehicles:
             self.close_ups[path] = reaches[index]
         if self._together:
             numbers = {row: number for span in self._spans for number, row in enumerate(span)}
-            tints = [BODY_COLORS[numbers[self._joined_rows[body]] % len(BODY_COLORS)] for body in self._joined.bodies]
             stream.log(
                 CARRIERS,
-                rr.LineStrips2D.from_fields(colors=tints, radii=pixels(2.0)),
+                rr.LineStrips2D.from_fields(
+                    colors=_colors(BODY_COLORS, [numbers[self._joined_rows[body]] for body in self._joined.bodies]),
+                    radii=pixels(2.0),
+                ),
                 rr.Points2D.from_fields(
-                    colors=[CARRIAGE_COLORS[number % len(CARRIAGE_COLORS)] for number in range(len(self._together))],
+                    colors=_colors(CARRIAGE_COLORS, range(len(self._together))),
                     radii=pixels(3.5),
                     labels=[self._names[index] for index in self._together],
                     show_labels=labelled,
@@ -185,6 +188,11 @@ class Vehicles:
         columns += [column.partition([dots.shape[1]] * frames) for column in places]
         stream.send_columns(CARRIERS, [time_column(times[known])], columns, strict=True)
         time.sleep(0)
+
+
+def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
+    """Return a colour for each number; three or four plain integers would be one colour to rerun."""
+    return np.array([table[number % len(table)] for number in numbers], dtype=np.uint32)
 
 
 def _reach(points: FloatArray) -> float:

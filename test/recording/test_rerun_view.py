@@ -202,11 +202,11 @@ CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))
 CHAIR_OUTLINE = outline_from_pivots((0.0, 2.6), gyration_radius=0.6)
 
 
-def chairlift_at(moment):
-    """A rope that goes by with chairs, each with a swing of its own; the last three hang in a station."""
+def chairlift_at(moment, count=12):
+    """A rope that goes by with chairs, each with a swing of its own; from the tenth on they hang in a station."""
     stations = np.linspace(0.0, 200.0, 50)
     chairs = {}
-    for index, name in enumerate(CHAIRS):
+    for index, name in enumerate(CHAIRS[:count]):
         x, pitch = 15.0 * index + 2.0 * moment, 0.01 * (index + 1) * np.cos(moment)
         chair = body_in_plane(x - 2.6 * np.sin(pitch), -2.6 * np.cos(pitch), pitch)
         state = CarriageState(x, 2.0, 0.0, np.zeros(2), np.array([x, 0.0]), {"chair": chair}, attached=index < 9)
@@ -216,8 +216,9 @@ def chairlift_at(moment):
     return snapshot_of(moment, chairs, supports, cable, {"haul_rope": DriveState(2.0 * moment, 2.0, 1e4)})
 
 
-def draw_chairlift(path, snapshots, **options):
-    outlines = {name: {"chair": CHAIR_OUTLINE} for name in CHAIRS}
+def draw_chairlift(path, snapshots, outlines=None, **options):
+    if outlines is None:
+        outlines = {name: {"chair": CHAIR_OUTLINE} for name in CHAIRS}
     view = RerunView("chairlift", outlines, path=path, live=False, carriers=CHAIRS, **options)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -244,6 +245,18 @@ def test_carriers_are_drawn_together_each_where_it_is(tmp_path):
     times, places = column(tmp_path / "run.rrd", "/track/close_ups/chair_3", "Transform3D:translation")
     shown = snapshots[round(times[-1] * RATE)].carriages["chair_3"].position
     np.testing.assert_allclose(places[-1][0], [shown[0], -shown[2], 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4])
+def test_few_carriers_and_none_are_drawn(tmp_path, count):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0, count)])
+    rerun_command("rrd", "verify", tmp_path / "run.rrd")
+
+
+def test_carriers_without_outline_are_dots(tmp_path):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0)], outlines={})
+    _, dots = column(tmp_path / "run.rrd", "/track/carriers", "Points2D:positions")
+    assert len(dots[0]) == 2 * len(CHAIRS)  # joints and bodies
 
 
 def test_swing_of_carriers_is_that_of_those_on_the_rope(tmp_path):
