@@ -196,7 +196,9 @@ def _contestants(kinds: Sequence[str], case: Case, yardstick: Path) -> Iterator[
 def _yardstick() -> Iterator[tuple[Path, str]]:
     """Sources whose solver is the unit, and a note on them: those of a commit, or of this checkout without history."""
     archive = subprocess.run(
-        ["git", "-C", str(ROOT), "archive", YARDSTICK, "cable_twin", "config", "resource"], capture_output=True, check=False
+        ["git", "-C", str(ROOT), "archive", YARDSTICK, "cable_twin", "config", "resource"],
+        capture_output=True,
+        check=False,
     )
     if archive.returncode != 0:
         yield ROOT, f"**The unit is the solver of this checkout**, as the commit {YARDSTICK} is not in its history."
