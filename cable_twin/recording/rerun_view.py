@@ -71,8 +71,8 @@ class RerunView:
             plot_window: s, how much time before and after the cursor the plots show; None shows the whole run.
             carriers: Carriages that are drawn and plotted together, so that their number costs little.
             geometry_rate: Hz, at which carriages are drawn.
-            rope_rate: Hz, at which the rope is drawn. It is most of a file: at 20 Hz a chairlift takes a quarter more
-                bytes and processor time than at 10 Hz, while joints leave its kinks by no more than centimetres.
+            rope_rate: Hz, at which the rope is drawn. At 20 Hz files have a quarter more bytes than at 10 Hz, where
+                the joints of the shipped ropeways are some centimetres off the rope that is shown.
             batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
                 live, else 500, for a small file and a small index.
             stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
