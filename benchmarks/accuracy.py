@@ -43,7 +43,7 @@ class Choice:
     setting: Setting | None  # of Exudyn
 
     def prepare(self, exudyn: Any, out: list[FloatArray]) -> Callable[[], None]:
-        """Build the system; what is returned runs it and puts the joint's place (2,) in m into `out`."""
+        """Build the system; what is returned runs it and puts the joint's place (3,) in m into `out`."""
         solver = {"step": self.step, "spectral_radius": self.spectral_radius}
         if self.setting is None:
             solver["tolerance"] = self.tolerance
@@ -125,7 +125,7 @@ def _measure(
 
 
 def _place(mesh: dict[str, Any]) -> FloatArray:
-    """Place (2,) in m of the joint at the end, tightly converged."""
+    """Place (3,) in m of the joint at the end, tightly converged."""
     simulation = Simulation(seed_example(mesh["elements"], step=mesh["step"], tolerance=TIGHT))
     return simulation.advance_to(TIME).carriages["carriage"].position
 

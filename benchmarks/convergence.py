@@ -9,9 +9,10 @@ from rich.progress import Progress
 
 from benchmarks.measure import Effort, Timing, timed
 from benchmarks.report import Part, Table, Value
-from cable_twin.records import FloatArray, Snapshot
+from cable_twin.records import FloatArray
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 
 SCENARIO, CARRIAGE = "single_span", "cabin"
 SPEED = 7.0  # m/s
@@ -27,7 +28,7 @@ QUICK_STEPS = (0.005,)
 class Ride:
     """What one mesh and step gave at every sample."""
 
-    places: FloatArray  # (samples, 2) m, centre of the lowest body
+    places: FloatArray  # (samples, 3) m, centre of the lowest body
     tension: FloatArray  # (samples,) N, what the upper support holds
     swing: FloatArray  # (samples,) rad
     timing: Timing
@@ -68,7 +69,7 @@ def _ride(elements: int, step: float) -> Ride:
     timing = timed(ride)
     bodies = [list(snapshot.carriages[CARRIAGE].bodies.values())[-1] for snapshot in snapshots]
     return Ride(
-        places=np.array([[body.x, body.z] for body in bodies]),
+        places=np.array([body.position for body in bodies]),
         tension=np.array([np.linalg.norm(snapshot.supports["end"].force) for snapshot in snapshots]),
         swing=np.array([body.pitch for body in bodies]),
         timing=timing,

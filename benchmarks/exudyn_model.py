@@ -102,9 +102,10 @@ class ExudynModel:
         return self._system.sys["dynamicSolver"].it.newtonStepsCount
 
     def positions(self) -> dict[str, FloatArray]:
-        """Joint (2,) in m of each carriage now."""
+        """Joint (3,) in m of each carriage now, in our axes."""
         output = self._exudyn.OutputVariableType.Position
-        return {name: np.array(self._system.GetObjectOutput(joint, output))[:2] for name, joint in self._joints.items()}
+        places = {name: self._system.GetObjectOutput(joint, output) for name, joint in self._joints.items()}
+        return {name: np.array([x, 0.0, y]) for name, (x, y, _) in places.items()}
 
     def _add_cable(self, simulation: Simulation) -> list[Any]:
         """Nodes, elements, gravity and pinned ends; returns the elements."""
@@ -187,10 +188,10 @@ class ExudynModel:
 
 
 def nodal_shape(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
-    """Nodes of the cable now: positions (nodes, 2) in m and slopes r_x (nodes, 2), exact as each element is a cubic."""
+    """Nodes of the cable now: x, z (nodes, 2) in m and slopes r_x (nodes, 2), exact as each element is a cubic."""
     cable = simulation.scenario.cable
     length = cable.unstrained_length / cable.elements
-    points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))
+    points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))[:, [0, 2]]
     nodes = points[::3]
     ahead = np.array([-11.0, 18.0, -9.0, 2.0]) / (2.0 * length)  # one-sided third-order difference over a third
     slopes = sum(weight * points[k : points.shape[0] - 3 + k : 3] for k, weight in enumerate(ahead))

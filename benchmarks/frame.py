@@ -1,159 +1,211 @@
-"""What one frame of the twin costs, stage by stage, with the code that the node runs."""
+"""What a frame of the twin costs over its solver: `simulate` with and without logs, beside the bare solver.
+
+The unit is the solver of one commit, which stays the same when later work makes the solver faster; its sources come out
+of the history of this checkout. All contestants are processes that take turns, a piece of simulated time each.
+"""
 
 from __future__ import annotations
 
-import os
+import io
+import statistics
+import subprocess
+import sys
+import tarfile
 import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.progress import Progress
 
-from benchmarks.measure import Effort, Timing, median, note_on_load, timed
+from benchmarks.frame_stages import stages_table
+from benchmarks.measure import ROOT, BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
-from cable_twin.messages import NAMESPACE, MessageEncoder, Topic, topics
-from cable_twin.recording.mcap_log import McapLog, run_metadata
-from cable_twin.recording.run import open_view
-from cable_twin.records import Snapshot
-from cable_twin.scenario import load_scenario
-from cable_twin.simulation import SAMPLES, Simulation
 
-SCENARIO = "aerial_tramway"
-PERIOD = 0.01  # s
-FRAMES = 1000
-SPEED = 7.0  # m/s
+YARDSTICK = "757d35a"  # commit whose solver is the unit
+PIECE, QUICK_PIECE = 10.0, 0.5  # s of simulated time in a turn
+PERIOD = 0.01  # s, of a frame
+MOST_WITH_LOGS, MOST_WITHOUT = 1.6, 1.25  # times the solver
+MOST_GROWTH = 1.25  # of what is beyond the solver, from few to many chairs
 
-Messages = list[tuple[str, bytes]]
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One ropeway under way."""
+
+    scenario: str
+    drive: str
+    speed: float  # m/s
+    changes: tuple[str, ...] = ()
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What `frame_process` takes."""
+        return (self.scenario, self.drive, str(self.speed), *self.changes)
+
+
+CASES = {
+    "aerial_tramway": Case("aerial_tramway", "cabin", 7.0),
+    "chairlift": Case("chairlift", "haul_rope", 2.5),
+    "gondola": Case("gondola", "haul_rope", 6.0),
+}
+MANY = "chairlift, 112 chairs"
+MANY_CHAIRS = Case("chairlift", "haul_rope", 2.5, ("carriers.count=112", "carriers.spacing=15.0"))
+CONTESTANTS = ("yardstick", "solver", "off", "all")
+
+
+class Contestant:
+    """A process that runs pieces of a case."""
+
+    def __init__(self, kind: str, case: Case, sources: Path) -> None:
+        environment = {**environment_of_user(), "PYTHONPATH": str(sources)}
+        command = [sys.executable, str(ROOT / "benchmarks" / "frame_process.py"), kind, *case.arguments]
+        self._process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=sources
+        )
+
+    def wait(self) -> None:
+        """Until it has started."""
+        self._answer()
+
+    def run(self, duration: float) -> float:
+        """Processor time (s) of a piece (s)."""
+        assert self._process.stdin is not None
+        print(duration, file=self._process.stdin, flush=True)
+        return float(self._answer())
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+
+    def _answer(self) -> str:
+        assert self._process.stdout is not None
+        if not (line := self._process.stdout.readline()):
+            raise BenchmarkError("a process of the part frame has ended; its error stands above")
+        return line
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Run all stages in turn, round after round."""
-    count = 50 if effort.quick else FRAMES
-    _round(2)  # codecs are made on their first use
-    rounds = [
-        _round(count) for _ in progress.track(range(effort.repetitions), description=f"{count} frames, stage by stage")
-    ]
-    stages = {stage: median([one[stage] for one in rounds]) for stage in rounds[0]}
-    both = stages.pop("solve and sample")
-    solve = stages.pop("solve")
-    sample = Timing(both.wall - solve.wall, both.processor - solve.processor)
-    split = {"solve": solve, "sample": sample, **stages}
-    split["all"] = Timing(sum(one.wall for one in split.values()), sum(one.processor for one in split.values()))
-    rows: list[dict[str, Value]] = [
-        {
-            "stage": stage,
-            "wall per frame [µs]": timing.wall / count * 1e6,
-            "processor [µs]": timing.processor / count * 1e6,
-            "of a frame of 10 ms [%]": timing.wall / count / PERIOD * 1e2,
-        }
-        for stage, timing in split.items()
-    ]
+    """Measure the ratios of all ropeways, then the stages of a frame."""
+    piece = QUICK_PIECE if effort.quick else PIECE
+    cases = {"chairlift": CASES["chairlift"]} if effort.quick else {**CASES, MANY: MANY_CHAIRS}
+    task = progress.add_task("simulate over its solver", total=effort.repetitions * len(cases))
+    with _yardstick() as (yardstick, note):
+        times: dict[str, dict[str, list[float]]] = {}
+        for name, case in cases.items():
+            contestants = [kind for kind in CONTESTANTS if not (kind == "yardstick" and name == MANY)]
+            times[name] = {kind: [] for kind in contestants}
+            with _contestants(contestants, case, yardstick) as running:
+                for _ in range(effort.repetitions):
+                    for kind, contestant in running.items():
+                        times[name][kind].append(contestant.run(piece))
+                    progress.advance(task)
+    frames = piece / PERIOD
+    rows = [_ratios(name, times[name], frames) for name in cases if name != MANY]
+    tables = [Table("processor time of `simulate` over the bare solver", rows)]
+    faults = [] if effort.quick else _faults(rows)
+    if MANY in times:
+        growth = _growth(times["chairlift"], times[MANY], frames)
+        tables.append(Table("what is beyond the solver, over the number of chairs", growth))
+        if float(growth[1]["times"] or 0.0) > MOST_GROWTH:
+            faults.append(
+                f"frame: what is beyond the solver grows {growth[1]['times']:.2f} times with 4 times the chairs"
+            )
+    stages, stage_notes = stages_table(effort, progress)
     notes = [
-        f"`{SCENARIO}` at {SPEED:g} m/s, {count} frames of {PERIOD * 1e3:g} ms in each round.",
-        "Solve: all frames in one call. Sample: the difference to one call a frame, which reads a snapshot each time.",
-        "MCAP and rerun: writing, compressing and closing, in the recorder's thread of the node; the threads of rerun "
-        "itself come on top.",
+        note,
+        f"Each turn is {piece:g} s of simulated time at {1.0 / PERIOD:g} Hz, medians of {effort.repetitions} turns. "
+        "Processor time is that of all threads of the process, key figures, and closing of logs included.",
+        f"Times the solver: what is beyond today's solver, in units of that of {YARDSTICK}, and one; at most "
+        f"{MOST_WITH_LOGS:g} with all logs and {MOST_WITHOUT:g} without.",
     ]
-    if "publish" in split:
-        notes.append(
-            "Publish: every topic of a frame as raw bytes over DDS, with a subscriber to each in this process."
+    return Part("A frame", [*tables, *stages], [*notes, *stage_notes], faults)
+
+
+def _ratios(name: str, times: Mapping[str, Sequence[float]], frames: float) -> dict[str, Value]:
+    """The row of one ropeway; ratios are medians over the turns."""
+    beyond = {
+        kind: statistics.median(
+            (own - solver) / unit
+            for own, solver, unit in zip(times[kind], times["solver"], times["yardstick"], strict=True)
         )
-    else:
-        notes.append("Publish is missing: rclpy is not installed (`pip install '.[ros]'`).")
-    return Part(
-        "A frame",
-        [Table("stages of a frame", rows)],
-        [*notes, note_on_load([solve, both])],
-    )
+        for kind in ("off", "all")
+    }
+    microseconds = {kind: statistics.median(taken) / frames * 1e6 for kind, taken in times.items()}
+    return {
+        "scenario": name,
+        f"solver of {YARDSTICK} [µs a frame]": microseconds["yardstick"],
+        "solver [µs]": microseconds["solver"],
+        "no logs [µs]": microseconds["off"],
+        "all logs [µs]": microseconds["all"],
+        "no logs, times the solver": 1.0 + beyond["off"],
+        "all logs, times the solver": 1.0 + beyond["all"],
+        "real time over processor time": PERIOD * 1e6 / microseconds["all"],
+    }
 
 
-def _round(count: int) -> dict[str, Timing]:
-    """Every stage over the same frames."""
-    times = [(index + 1) * PERIOD for index in range(count)]
-    stages: dict[str, Timing] = {}
-    ahead, simulation = _under_way(), _under_way()
-    stages["solve"] = timed(lambda: ahead.advance_to(times[-1]))
-    snapshots: list[Snapshot] = []
-    stages["solve and sample"] = timed(lambda: snapshots.extend(map(simulation.advance_to, times)))
-    epoch_ns = time.time_ns()
-    encoder = MessageEncoder(simulation.carriages, epoch_ns, simulation.drives)
-    frames: list[Messages] = []
-    stages["serialise"] = timed(lambda: frames.extend(map(encoder.frame, snapshots)))
-    table = topics(simulation.carriages, supports=simulation.supports)
-    with _publisher(table) as publish:
-        if publish is not None:
-            stages["publish"] = timed(lambda: [publish(messages) for messages in frames])
-    with tempfile.TemporaryDirectory(prefix="frame-") as name:
-        metadata = run_metadata(scenario=SCENARIO, frame_period=PERIOD, sample_count=SAMPLES)
-        log = McapLog(Path(name) / "log", table, metadata)
-        log.begin(epoch_ns)
-        stages["MCAP"] = timed(lambda: _write(log, encoder, snapshots, frames))
-        view = open_view(simulation.scenario, Path(name) / "log.rrd", live=False)
-        stages["rerun"] = timed(lambda: _draw(view, snapshots))
-    return stages
+def _growth(
+    few: Mapping[str, Sequence[float]], many: Mapping[str, Sequence[float]], frames: float
+) -> list[dict[str, Value]]:
+    """What all logs cost beyond the solver with few and with many chairs."""
+    beyond = [
+        statistics.median(own - solver for own, solver in zip(times["all"], times["solver"], strict=True))
+        for times in (few, many)
+    ]
+    solvers = [statistics.median(times["solver"]) / frames * 1e6 for times in (few, many)]
+    return [
+        {
+            "chairs": chairs,
+            "solver [µs a frame]": solver,
+            "beyond it [µs]": own / frames * 1e6,
+            "times": own / beyond[0],
+        }
+        for chairs, solver, own in zip((28, 112), solvers, beyond, strict=True)
+    ]
 
 
-def _under_way() -> Simulation:
-    simulation = Simulation(load_scenario(SCENARIO))
-    simulation.command("cabin", speed=SPEED)
-    return simulation
-
-
-def _write(log: McapLog, encoder: MessageEncoder, snapshots: list[Snapshot], frames: list[Messages]) -> None:
-    for snapshot, messages in zip(snapshots, frames, strict=True):
-        stamp_ns = encoder.stamp_ns(snapshot)
-        for topic, data in messages:
-            log.write(topic, stamp_ns, data)
-    log.close()
-
-
-def _draw(view: Any, snapshots: list[Snapshot]) -> None:
-    for snapshot in snapshots:
-        view.log(snapshot)
-    view.close()
+def _faults(rows: Sequence[Mapping[str, Value]]) -> list[str]:
+    """Ratios beyond their limits, a line each."""
+    found = []
+    for row in rows:
+        for kind, most in (("all logs", MOST_WITH_LOGS), ("no logs", MOST_WITHOUT)):
+            ratio = float(row[f"{kind}, times the solver"] or 0.0)
+            if ratio > most:
+                found.append(
+                    f"frame: {row['scenario']} with {kind} takes {ratio:.2f} times its solver, allowed: {most:g}"
+                )
+    return found
 
 
 @contextmanager
-def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] | None]:
-    """What publishes the messages of a frame as the node does, or None without rclpy."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    try:
-        import rclpy  # noqa: PLC0415 - optional
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
+def _contestants(kinds: Sequence[str], case: Case, yardstick: Path) -> Iterator[dict[str, Contestant]]:
+    """Processes of one case that are ready to run."""
+    with ExitStack() as stack:
+        running = {}
+        for kind in kinds:
+            own = ("solver", yardstick) if kind == "yardstick" else (kind, ROOT)
+            running[kind] = Contestant(own[0], case, own[1])
+            stack.callback(running[kind].close)
+            running[kind].wait()  # one after the other: they compile
+        yield running
 
-        from cable_twin.ros.node import MESSAGE_TYPES  # noqa: PLC0415
-    except ImportError:
-        yield None
+
+@contextmanager
+def _yardstick() -> Iterator[tuple[Path, str]]:
+    """Sources whose solver is the unit, and a note on them: those of a commit, or of this checkout without history."""
+    archive = subprocess.run(
+        ["git", "-C", str(ROOT), "archive", YARDSTICK, "cable_twin", "config", "resource"],
+        capture_output=True,
+        check=False,
+    )
+    if archive.returncode != 0:
+        yield ROOT, f"**The unit is the solver of this checkout**, as the commit {YARDSTICK} is not in its history."
         return
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=os.getpid() % 80 + 20)
-    node = rclpy.create_node("cable_twin_benchmark", context=context)
-    try:
-        known = [topic for topic in table if topic.type in MESSAGE_TYPES]
-        publishers = {}
-        for topic in known:
-            name = topic.name if topic.name.startswith("/") else f"{NAMESPACE}/{topic.name}"
-            kind = MESSAGE_TYPES[topic.type]
-            quality = QoSProfile(
-                depth=topic.depth,
-                reliability=ReliabilityPolicy[topic.reliability.upper()],
-                durability=DurabilityPolicy[topic.durability.upper()],
+    with tempfile.TemporaryDirectory(prefix="yardstick_") as directory:
+        with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as sources:
+            sources.extractall(directory, filter="data") if sys.version_info >= (3, 12) else sources.extractall(
+                directory
             )
-            publishers[topic.name] = node.create_publisher(kind, name, quality)
-            node.create_subscription(kind, name, _ignore, quality, raw=True)
-
-        def publish(messages: Messages) -> None:
-            for topic, data in messages:
-                publishers[topic].publish(data)
-
-        yield publish
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
-
-
-def _ignore(data: bytes) -> None:
-    """Take a message and do nothing with it."""
+        yield Path(directory), f"The unit is the solver of commit {YARDSTICK}, run beside."

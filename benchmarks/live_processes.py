@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measure import BenchmarkError, environment_of_user
+from cable_twin.messages import SECOND
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.scenario import load_scenario
 
@@ -22,6 +24,8 @@ NODE = "/cable_twin"
 COMMAND_PERIOD = 0.05  # s
 SPEED_PERIOD = 1.5  # s from one speed to the next
 MEGABYTE = 1e6
+PERIOD = 0.01  # s, of a frame: the node's default
+STAMP = struct.Struct("<2I")  # of a message that begins with a header
 
 
 def bare_timer(period: float, core: int | None, connection: Connection) -> None:
@@ -111,14 +115,16 @@ class Twin:
         except ImportError as error:
             raise BenchmarkError(f"{error}: `pip install '.[ros]'` adds what is missing") from error
 
-        carriages = load_scenario(scenario).carriages.items()
-        self._limits = {name: one.drive.limits.speed or 1.0 for name, one in carriages if one.joint == "sliding"}
+        loaded = load_scenario(scenario)
+        driven = {name: one.drive for name, one in loaded.carriages.items() if one.joint == "sliding"} | loaded.drives
+        self._limits = {name: drive.limits.speed or 1.0 for name, drive in driven.items()}
         self._joint_state = JointState
         self._random = np.random.default_rng(4)
         self._next_speeds = 0.0
         self._speeds: list[float] = []
         self.commands_sent = 0
         self.reports: list[dict[str, str]] = []
+        self.delays = LatenessHistogram(PERIOD)
         self._log = directory / "sim.txt"
         domain = int(os.environ.get("ROS_DOMAIN_ID") or 20 + os.getpid() % 80)
         environment = {
@@ -137,6 +143,7 @@ class Twin:
         self._node = rclpy.create_node("live_benchmark", context=self._context)
         self._publisher = self._node.create_publisher(JointState, f"{NODE}/joint_commands", 10)
         self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self._node.create_subscription(JointState, f"{NODE}/joint_states", self._on_joint_states, 100, raw=True)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
 
@@ -179,6 +186,12 @@ class Twin:
             self._speeds = [float(self._random.uniform(-limit, limit)) for limit in self._limits.values()]
         self._publisher.publish(self._joint_state(name=list(self._limits), velocity=self._speeds))
         self.commands_sent += 1
+
+    def _on_joint_states(self, data: bytes) -> None:
+        """How old a frame is where it is taken, as `ros2 topic delay` has it."""
+        now = time.time_ns()
+        stamp = STAMP.unpack_from(data, 4)
+        self.delays.add(max((now - stamp[0] * SECOND - stamp[1]) / SECOND, 0.0))
 
     def _on_diagnostics(self, message: Any) -> None:
         status = message.status[0]

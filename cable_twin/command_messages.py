@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from cable_twin.messages import SECOND, Header, JointState, Time, decode, nanoseconds, serialize
+from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
 from cable_twin.records import AppliedCommand, Command, CommandError, CommandKind
 
 UNITS = {"velocity": "m/s", "effort": "N"}
@@ -31,7 +31,7 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     command = applied.command
     values = np.array([*command.values.values()], dtype=np.float64)
     nothing = np.empty(0)
-    stamp = Time(*divmod(epoch_ns + nanoseconds(applied.time), SECOND))
+    stamp = time_of(epoch_ns + nanoseconds(applied.time))
     header = Header(stamp, f"{command.kind}:{applied.source}")
     field = VALUE_FIELDS.get(command.kind)
     velocity = values if field == "velocity" else nothing

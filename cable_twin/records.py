@@ -1,13 +1,13 @@
 """What goes into a simulation and what comes out of it: frozen records, SI units, no behaviour of solver or ROS.
 
-Frame: x along the track, z up (REP-103). Pitch is the right-handed angle about the lateral y axis, so a
-positive pitch turns x towards -z.
+Frame: x along the track, y lateral, z up (REP-103); a planar system has y = 0. Pitch is the right-handed angle about
+the lateral axis, so a positive pitch turns x towards -z.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -45,14 +45,38 @@ class AppliedCommand:
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """Centre of mass (m) without payload, pitch (rad) and their rates of one rigid body."""
+    """One rigid body: its centre of mass without payload, its orientation, and their rates."""
 
-    x: float
-    z: float
-    pitch: float
-    x_rate: float
-    z_rate: float
-    pitch_rate: float
+    position: FloatArray  # (3,) m
+    orientation: FloatArray  # (4,) unit quaternion x, y, z, w
+    velocity: FloatArray  # (3,) m/s
+    angular_velocity: FloatArray  # (3,) rad/s
+    angles: FloatArray  # (3,) roll, pitch, yaw in rad; pitch goes on beyond a turn
+
+    @property
+    def x(self) -> float:
+        """Place along the track (m)."""
+        return float(self.position[0])
+
+    @property
+    def z(self) -> float:
+        """Height (m)."""
+        return float(self.position[2])
+
+    @property
+    def roll(self) -> float:
+        """Angle about the track (rad)."""
+        return float(self.angles[0])
+
+    @property
+    def pitch(self) -> float:
+        """Angle about the lateral axis (rad)."""
+        return float(self.angles[1])
+
+    @property
+    def yaw(self) -> float:
+        """Angle about the vertical (rad)."""
+        return float(self.angles[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +86,8 @@ class CarriageState:
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
     drive_force: float  # N, along the cable, on the carriage or on the sheave of its haul rope
-    contact_force: FloatArray  # (dim,) N, of the cable on the carriage
-    position: FloatArray  # (dim,) m, of the joint
+    contact_force: FloatArray  # (3,) N, of the cable on the carriage
+    position: FloatArray  # (3,) m, of the joint
     bodies: Mapping[str, BodyState]
     attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
     payload: float = 0.0  # kg
@@ -124,7 +148,7 @@ class Clearance:
 class SupportState:
     """What holds the cable at one support."""
 
-    force: FloatArray  # (dim,) N, of the support on the cable
+    force: FloatArray  # (3,) N, of the support on the cable
     tower: TowerState | None = None  # where it is a tower
     travel: float | None = None  # m, of a counterweight from its place in the scenario, in the direction of its pull
 
@@ -134,7 +158,7 @@ class CableSamples:
     """The cable at fixed arc lengths, dense enough to draw."""
 
     arc_lengths: FloatArray  # (n,) m, unstrained
-    positions: FloatArray  # (n, dim) m
+    positions: FloatArray  # (n, 3) m
     tensions: FloatArray  # (n,) N
 
 
@@ -146,18 +170,6 @@ class SolverReport:
     iterations: int  # Newton iterations, all steps together
     halvings: int  # steps that had to be retried in halves
     constraint_residual: float  # m, worst joint gap
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The twin at one simulated time; everything that is published, recorded or drawn comes from here."""
-
-    time: float  # s
-    carriages: Mapping[str, CarriageState]
-    supports: Mapping[str, SupportState]
-    cable: CableSamples
-    solver: SolverReport
-    drives: Mapping[str, DriveState] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,37 +5,39 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
-from cable_twin.clearance import find_clearance
+from cable_twin.clearance import clearance_seen, ground_of
 from cable_twin.command_checks import check_drive, check_payload, check_wind
 from cable_twin.driving import brake, drive, drive_mode, hang_in_ropes
 from cable_twin.first_compilation import INTEGRATORS, compiling_ahead
+from cable_twin.mechanics.by_reference import pack
 from cable_twin.mechanics.catenary import check_rest
 from cable_twin.mechanics.compilation import as_python
 from cable_twin.mechanics.equilibrium import EquilibriumError, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import Outcome, set_drive_mode
+from cable_twin.mechanics.ground import Ground, look_at_ground
 from cable_twin.mechanics.moving_cable import park
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
-from cable_twin.mechanics.payload import centre_offsets, load_bodies, shift_centres
-from cable_twin.mechanics.readout import energies, sample_positions, sample_tensions
+from cable_twin.mechanics.payload import load_bodies, shift_centres
+from cable_twin.mechanics.readout import energies, groups, sample_positions, sample_tensions
 from cable_twin.mechanics.runge_kutta import stable_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.observer import Observer
-from cable_twin.outlines import body_outlines
 from cable_twin.records import (
     AppliedCommand,
     Clearance,
     Command,
     CommandError,
     Energy,
-    Snapshot,
     SolverReport,
 )
 from cable_twin.scenario import Scenario, build_payloads, build_system
+from cable_twin.snapshot import CABLE, Layout, Snapshot
 from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
@@ -75,15 +77,15 @@ class Simulation:
         self._work = allocate_workspace(self._empty)
         self._state.wind[:] = scenario.air.wind
         loads = [carriage.payload.mass if carriage.payload else 0.0 for carriage in scenario.vehicles.values()]
-        self.system = self._load(np.array(loads, dtype=np.float64))
+        self._load(np.array(loads, dtype=np.float64))
         for index, carriage in enumerate(scenario.vehicles.values()):
             self._state.sliding_coordinate[index] = carriage.arc_length
             if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
                 as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
-        self._observer = Observer(scenario, self._empty, self._payloads, samples)
-        self._means = np.empty(self.system.cable.element_count)
+        self._observer = Observer(scenario, self._empty, samples)
+        self._means = np.empty(groups(self._empty.cable))
         with compiling_ahead(scenario.solver.integrator):
             if scenario.cable.initial_shape == "straight":
                 ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
@@ -94,13 +96,14 @@ class Simulation:
             self._state.payload[:] = loads
             hang_in_ropes(self.system, self._state, [*self._index])
             # compiles what reads the state, while the other process is still at it
-            self._observer.look(self.system, self._state, self._work)
-        self._good, self._before = clone_state(self._state), clone_state(self._state)
+            self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
+        self._packed_state = pack(self._state)
+        self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
         self._stopped = False
         self._commands: dict[str, Command] = {}
         self._at_start = True
         self._advance = INTEGRATORS[scenario.solver.integrator]
-        self._advance(self.system, self._state, self._good, self._before, self._work, 0)  # compile, if still to do
+        self._advance(self._packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
         self._initial = clone_state(self._state)
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
             warnings.warn(
@@ -127,6 +130,15 @@ class Simulation:
         return simulation
 
     @property
+    def system(self) -> System:
+        """Parameters, with payloads."""
+        return self._system
+
+    @system.setter
+    def system(self, system: System) -> None:
+        self._system, self._packed_system = system, pack(system)
+
+    @property
     def time(self) -> float:
         """Simulated time (s)."""
         return self._time_at(int(self._state.clock[0]))
@@ -140,6 +152,11 @@ class Simulation:
     def snapshot(self) -> Snapshot:
         """The present state."""
         return self._snapshot
+
+    @property
+    def layout(self) -> Layout:
+        """Which number of a snapshot is what."""
+        return self._observer.layout
 
     @property
     def emergency_stopped(self) -> bool:
@@ -183,7 +200,7 @@ class Simulation:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
         full.copy_to(self._state, self._initial, self.scenario)
-        self.system = self._load(self._state.payload)
+        self._load(self._state.payload)
         self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
         self._at_start = full.at_start
         self._snapshot = self._observe(NOTHING_DONE)
@@ -277,7 +294,7 @@ class Simulation:
             for array, start in zip(self._state, self._initial, strict=True):
                 array[...] = start  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
-            self.system = self._load(self._state.payload)
+            self._load(self._state.payload)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._snapshot = self._observe(NOTHING_DONE)
@@ -297,7 +314,7 @@ class Simulation:
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = Outcome(*self._advance(self.system, self._state, self._good, self._before, self._work, steps))
+        outcome = Outcome(*self._advance(self._packed_system, self._packed_state, *self._scratch, steps))
         self._snapshot = self._observe(
             SolverReport(
                 steps=int(outcome.steps),
@@ -316,15 +333,25 @@ class Simulation:
             )
         return self._snapshot
 
-    def cable_positions(self, arc_lengths: FloatArray) -> FloatArray:
-        """Points (n, dim) in m of the cable at unstrained arc lengths (n,) in m."""
+    def cable_positions(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
+        """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
+
+        Raises:
+            ValueError: when there is no rope of that name.
+        """
+        _check_rope(rope)
         arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
-        positions = np.empty((arc_lengths.size, len(self.system.cable.gravity)))
+        positions = np.empty((arc_lengths.size, 3))
         sample_positions(self.system.cable, self._state, arc_lengths, positions)
         return positions
 
-    def cable_tension(self, arc_lengths: FloatArray) -> FloatArray:
-        """Tension (n,) in N at unstrained arc lengths (n,) in m: linear between the means of the elements."""
+    def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
+        """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m: linear between the means of the elements.
+
+        Raises:
+            ValueError: when there is no rope of that name.
+        """
+        _check_rope(rope)
         arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
         tensions = np.empty(arc_lengths.size)
         sample_tensions(self.system.cable, self._state, arc_lengths, tensions, self._means)
@@ -340,9 +367,15 @@ class Simulation:
             raise ValueError("clearance: the scenario has no terrain")
         cable = self.system.cable
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        rope = self.cable_positions(points)[:, [0, -1]]
-        terrain = np.array(self.scenario.terrain, dtype=np.float64)
-        return find_clearance(terrain, rope, self._snapshot.carriages, body_outlines(self.scenario))
+        seen = self._snapshot.columns
+        rope = self.cable_positions(points)
+        look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
+        return clearance_seen(self._ground, self.carriages, seen.attached)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        """The ground, made when somebody asks for the clearance."""
+        return ground_of(self.scenario)
 
     def energy(self) -> Energy:
         """Mechanical energy now (J)."""
@@ -357,14 +390,14 @@ class Simulation:
         return self._modes(count)[0]
 
     def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
-        """Shapes (count, n, dim) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
+        """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
 
         Raises:
             ValueError: when there are fewer.
         """
         _, shapes = self._modes(count)
         arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
-        result = np.empty((count, arc_lengths.size, len(self.system.cable.gravity)))
+        result = np.empty((count, arc_lengths.size, 3))
         for shape, positions in zip(shapes, result, strict=True):
             mode = self._state._replace(nodal_coordinates=np.ascontiguousarray(shape))
             sample_positions(self.system.cable, mode, arc_lengths, positions)
@@ -379,22 +412,28 @@ class Simulation:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
         return round(clock * self.step * 1e9) / 1e9
 
-    def _load(self, masses: FloatArray) -> System:
-        """The system under payloads (carriages,) in kg."""
-        return self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
+    def _load(self, masses: FloatArray) -> None:
+        """Put payloads (carriages,) in kg into the system."""
+        self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
 
     def _change_payload(self, command: Command) -> None:
-        before = self._state.payload.copy()
+        before = self.system.carriages.centre_offset
         for name, mass in command.values.items():
             self._state.payload[self._index[name]] = mass
-        shifts = [centre_offsets(self._empty.carriages, self._payloads, x) for x in (before, self._state.payload)]
-        shift_centres(self._state, shifts[1] - shifts[0])
-        self.system = self._load(self._state.payload)
+        self._load(self._state.payload)
+        shift_centres(self._state, self.system.carriages.centre_offset - before)
 
     def _observe(self, report: SolverReport) -> Snapshot:
         """What there is to see now."""
-        rest_loads = self._initial.tower_load[:, 0]
-        return self._observer.snapshot(self.time, self.system, self._state, self._work, rest_loads, report)
+        return self._observer.snapshot(
+            self.time, self._packed_system, self._packed_state, self._initial.tower_load, report
+        )
+
+
+def _check_rope(rope: str | None) -> None:
+    """Refuse a rope that there is not."""
+    if rope not in (None, CABLE):
+        raise ValueError(f"rope {rope!r} is unknown; known: {CABLE}")
 
 
 __all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -39,9 +39,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cable_twin.outlines import body_outlines
-from cable_twin.records import BodyState, FloatArray, Snapshot
+from cable_twin.records import BodyState, FloatArray
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from cable_twin.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,6 +56,7 @@ CARRIAGE = "carriage"
 REFERENCE_ELEMENTS = 96  # within 3 mm of 192 and 384 elements and a quarter of the step, for 2 s
 FRAME = 0.005  # s between two snapshots
 TABLE_INTERVAL = 0.5  # s
+PLANE = [0, 2]  # x and z of a position
 POSES = 5  # of cable and bodies in behaviour.png
 
 STATEMENT = (
@@ -126,7 +128,7 @@ def simulate(model: str, elements: int, times: FloatArray, progress: Progress, r
         view = None if rrd is None else stack.enter_context(contextlib.closing(_view(scenario, rrd)))
         for index, time in enumerate(times):
             snapshot = simulation.advance_to(float(time))
-            path[index] = snapshot.carriages[CARRIAGE].position
+            path[index] = snapshot.carriages[CARRIAGE].position[PLANE]
             if index in shown:
                 poses.append(snapshot)
             if view is not None:
@@ -141,9 +143,8 @@ def _view(scenario: Scenario, path: Path) -> RerunView:
 
     outlines = body_outlines(scenario)
     title = f"Seo et al. (2004), a declared reconstruction: {scenario.cable.elastic_model}, "
-    return RerunView(
-        f"{title}{scenario.cable.elements} elements", outlines, path=path, live=False, geometry_rate=1.0 / FRAME
-    )
+    name, rate = f"{title}{scenario.cable.elements} elements", 1.0 / FRAME
+    return RerunView(name, outlines, path=path, live=False, geometry_rate=rate, rope_rate=rate)
 
 
 def draw_behaviour(runs: list[Run], path: Path) -> None:
@@ -154,7 +155,7 @@ def draw_behaviour(runs: list[Run], path: Path) -> None:
         axes.plot(*run.path.T, color=QUIET, lw=1.0, dashes=(1.0, 2.0), zorder=2)
         for color, snapshot in zip(colors, run.poses, strict=True):
             _draw_pose(axes, run.scenario, snapshot, color)
-        ends = run.poses[0].cable.positions[[0, -1]]
+        ends = run.poses[0].cable.positions[[0, -1]][:, PLANE]
         axes.plot(*ends.T, ls="", marker="^", ms=9, color=INK, zorder=8)
         axes.set_aspect("equal")
         axes.margins(0.04, 0.05)
@@ -179,7 +180,8 @@ def _draw_pose(axes: Axes, scenario: Scenario, snapshot: Snapshot, color: FloatA
     """Draw cable, joint and bodies of one moment."""
     carriage = snapshot.carriages[CARRIAGE]
     after = int(np.searchsorted(snapshot.cable.arc_lengths, carriage.arc_length))
-    axes.plot(*np.insert(snapshot.cable.positions, after, carriage.position, axis=0).T, color=color, lw=1.4, zorder=3)
+    cable = np.insert(snapshot.cable.positions, after, carriage.position, axis=0)[:, PLANE]
+    axes.plot(*cable.T, color=color, lw=1.4, zorder=3)
     for index, (name, body) in enumerate(scenario.carriages[CARRIAGE].bodies.items()):
         # A rod, from its pivot through its centre of mass to where the next body hangs or as far again.
         top = np.array(body.upper_pivot)

@@ -87,7 +87,8 @@ def find_place(link: Link, options: argparse.Namespace) -> tuple[float, float]:
         raise ExperimentError(f"--at '{given}' given; allowed: an arc length in m{allowed}")
     simulation = Simulation(load_scenario(link.scenario), samples=2)
     arc_lengths = np.linspace(0.0, link.scenario["cable"]["unstrained_length"], ROPE_POINTS)
-    away = np.linalg.norm(simulation.cable_positions(arc_lengths) - towers[given]["position"], axis=1)
+    (x, *_, z) = towers[given]["position"]
+    away = np.linalg.norm(simulation.cable_positions(arc_lengths)[:, [0, 2]] - [x, z], axis=1)
     return float(arc_lengths[away.argmin()]), options.window + 0.5 * towers[given]["length"]
 
 
@@ -131,12 +132,12 @@ def predict(link: Link, options: argparse.Namespace, plan: SpeedPlan) -> Calm:
     assert link.motion is not None
     scenario = load_scenario(link.scenario, {f"carriages.{link.name}.arc_length": link.motion.arc_length})
     simulation = Simulation(scenario, samples=2)
-    swing, acceleration, velocity = 0.0, 0.0, np.zeros(2)
+    swing, acceleration, velocity = 0.0, 0.0, np.zeros(3)
     for frame in range(math.ceil((plan.duration + options.settle) / PERIOD)):
         simulation.command(link.name, speed=plan.speed(frame * PERIOD))
         state = simulation.advance_to((frame + 1) * PERIOD).carriages[link.name]
         body = list(state.bodies.values())[-1]
-        before, velocity = velocity, np.array([body.x_rate, body.z_rate])
+        before, velocity = velocity, body.velocity
         if abs(state.arc_length - options.at) <= options.window:
             swing = max(swing, abs(math.degrees(body.pitch)))
             acceleration = max(acceleration, float(np.linalg.norm(velocity - before)) / PERIOD)

@@ -34,7 +34,7 @@ def record_split(directory: Path, duration: float, splitting: Splitting, rerun: 
     simulation = Simulation(load_scenario(TRAMWAY))
     run = start_run(
         simulation,
-        topics(simulation.carriages, supports=simulation.supports),
+        topics(simulation.layout),
         record_directory=directory,
         frame_period=FRAME_STEPS * simulation.step,
         rerun=rerun,

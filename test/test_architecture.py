@@ -18,8 +18,10 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "z
 BELOW_RECORDING = (
     "messages",
     "command_messages",
+    "rates",
     "records",
     "simulation",
+    "snapshot",
     "snapshot_file",
     "first_compilation",
     "outlines",
@@ -28,15 +30,17 @@ BELOW_RECORDING = (
 )
 ALLOWED = {
     "mechanics": (),
+    "rates": (),
     "records": (),
     "scenario": ("mechanics.parameters",),
     "first_compilation": ("mechanics", "scenario"),
+    "snapshot": ("mechanics.readout", "records", "scenario"),
     "outlines": ("scenario",),
-    "clearance": ("outlines", "records"),
+    "clearance": ("mechanics.ground", "mechanics.parameters", "outlines", "records", "scenario"),
     "command_checks": ("mechanics", "records", "scenario"),
     "snapshot_file": ("mechanics.state", "records", "scenario"),
     "driving": ("mechanics",),
-    "observer": ("mechanics", "records", "scenario"),
+    "observer": ("mechanics", "records", "scenario", "snapshot"),
     "simulation": (
         "clearance",
         "command_checks",
@@ -44,18 +48,28 @@ ALLOWED = {
         "first_compilation",
         "mechanics",
         "observer",
-        "outlines",
         "records",
+        "snapshot",
         "snapshot_file",
         "scenario",
     ),
-    "messages": ("records",),
+    "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
-    "key_figures": ("clearance", "outlines", "records", "scenario"),
+    "figure_messages": ("key_figures", "messages"),
+    "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
-    "recording": ("messages", "command_messages", "outlines", "records", "simulation", "scenario", "snapshot_file"),
-    "ros": ("recording", "key_figures", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "command_line", "command_checks", *BELOW_RECORDING),
+    "recording": (
+        "messages",
+        "command_messages",
+        "outlines",
+        "records",
+        "simulation",
+        "scenario",
+        "snapshot",
+        "snapshot_file",
+    ),
+    "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", "command_checks", *BELOW_RECORDING),
 }
 
 
@@ -100,6 +114,24 @@ def test_imports_point_down(name):
         if not any(is_within(module, allowed) for allowed in (part, *ALLOWED[part]))
     }
     assert not wrong
+
+
+def test_kernels_call_what_their_cache_knows():
+    """A kernel is compiled anew when a source of the mechanics or of its own folder has changed, and not otherwise."""
+    kernels = {"kernel", "inlined_kernel", "kernel_part"}
+    for name, path in modules().items():
+        defined = {decorator.id for decorator in decorators(path) if isinstance(decorator, ast.Name)}
+        if not is_within(name, "mechanics") and defined & kernels:
+            folder = name.rpartition(".")[0]
+            assert folder, f"{name}: kernels stand in a folder, whose sources are few"
+            wrong = {item for item in imports(name, path) if not is_within(item, "mechanics")}
+            assert all(item.rpartition(".")[0] == folder for item in wrong), f"{name}: {wrong}"
+
+
+def decorators(path: Path) -> list[ast.expr]:
+    """Of all functions of a module."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [item for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) for item in node.decorator_list]
 
 
 @pytest.mark.parametrize("package", ["scenario"])

@@ -3,85 +3,26 @@
 from __future__ import annotations
 
 import math
-import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from prescribed_frames import (
+    LENGTH,
+    LIFT,
+    PERIOD,
+    SAG,
+    TOWERS,
+    WEIGHT,
+    chairs,
+    gathered,
+    scenario,
+    snapshot,
+    supported,
+)
 
 from cable_twin.key_figures import KeyFigures
-from cable_twin.records import (
-    AppliedCommand,
-    BodyState,
-    CableSamples,
-    CarriageState,
-    Command,
-    DriveState,
-    Snapshot,
-    SolverReport,
-    SupportState,
-    TowerState,
-)
+from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
-
-PERIOD = 0.01  # s
-LENGTH, SAG = 1000.0, 40.0  # m, of a parabola between ends of one height
-
-
-CABIN = {
-    "arc_length": 60.0,
-    "drive": {"mode": "speed", "limits": {"speed": 10.0, "force": 150e3, "power": 250e3}},
-    "bodies": {"cabin": {"mass": 12e3, "inertia": 24e3, "upper_pivot": [0.0, 4.0], "size": [4.0, 3.0]}},
-}
-SCENARIO = {
-    "cable": {
-        "unstrained_length": 1003.0,
-        "mass_per_length": 20.0,
-        "axial_stiffness": 4e8,
-        "bending_stiffness": 0.0,
-        "elements": 10,
-        "start": {"position": [0.0, 0.0]},
-        "end": {"position": [1000.0, 0.0]},
-    },
-    "carriages": {"cabin": CABIN},
-}
-TOWERS = {"lower": {"position": [250.0, -20.0]}, "upper": {"position": [600.0, -30.0]}}
-WEIGHT = {"support": "counterweight", "direction": [1.0, 0.0], "mass": 1e5, "travel": [-2.0, 3.0]}
-LIFT = {
-    **SCENARIO,
-    "carriages": {},
-    "drives": {"haul_rope": {"kind": "moving_cable", "limits": {"speed": 5.0}}},
-    "carriers": {"name": "chair", "count": 3, "spacing": 500.0, "bodies": CABIN["bodies"]},
-}
-
-
-def scenario(**overrides):
-    return load_scenario(SCENARIO, {key.replace("__", "."): value for key, value in overrides.items()})
-
-
-def snapshot(
-    moment: float, *, place=500.0, speed=0.0, drive_force=0.0, pitch=0.0, body=None, tension=1e6, weight=1e5
-) -> Snapshot:
-    x = np.linspace(0.0, LENGTH, 201)
-    z = -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH)
-    tensions = tension * (1.0 + 0.1 * x / LENGTH)  # highest at the end, lowest at the start
-    where = np.array([place, float(np.interp(place, x, z))])
-    last = body if body is not None else where - np.array([0.0, 5.0])
-    cabin = CarriageState(
-        arc_length=place,
-        speed=speed,
-        drive_force=drive_force,
-        contact_force=np.array([0.0, weight]),
-        position=where,
-        bodies={"cabin": BodyState(last[0], last[1], pitch, 0.0, 0.0, 0.0)},
-    )
-    supports = {name: SupportState(np.zeros(2)) for name in ("start", "end")}
-    cable = CableSamples(x, np.column_stack([x, z]), tensions)
-    return Snapshot(moment, {"cabin": cabin}, supports, cable, SolverReport(1, 1, 0, 0.0))
-
-
-def gathered(figures: KeyFigures) -> dict[str, object]:
-    return {figure.name: figure for figure in figures.figures()}
 
 
 def drive(figures: KeyFigures, speed_at, duration: float, *, start=100.0, begin=0.0) -> float:
@@ -222,7 +163,7 @@ def test_sag_of_each_span_is_below_its_own_chord():
     heights = {x: -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH) for x in (0.0, 250.0, 600.0, LENGTH)}
     towers = {name: {"position": [x, heights[x]]} for name, x in (("lower", 250.0), ("upper", 600.0))}
     figures = KeyFigures(scenario(towers=towers))
-    figures.update(with_supports(snapshot(3.0)))
+    figures.update(supported(3.0))
     found = gathered(figures)
     for name, low, high in (("start to lower", 0, 250), ("lower to upper", 250, 600), ("upper to end", 600, 1000)):
         sag = found[f"sag below the chord, {name}"]
@@ -230,20 +171,11 @@ def test_sag_of_each_span_is_below_its_own_chord():
         assert sag.place == f"x {(low + high) / 2:.1f} m"
 
 
-def with_supports(one: Snapshot, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=None) -> Snapshot:
-    towers = {
-        name: SupportState(np.array([0.0, load]), TowerState(load, least, 2e5, load == 0.0))
-        for name, load, least in zip(("lower", "upper"), loads, lowest, strict=True)
-    }
-    end = SupportState(np.array([9e5, 1e5]), travel=travel)
-    return replace(one, supports={"start": SupportState(np.array([-9e5, 1e5])), "end": end, **towers})
-
-
 def test_support_loads_margins_and_travel_against_their_limits():
     figures = KeyFigures(scenario(towers=TOWERS, cable__end={"position": [1000.0, 0.0], **WEIGHT}))
-    figures.update(with_supports(snapshot(0.0), travel=0.5))
-    figures.update(with_supports(snapshot(1.0), loads=(3e5, 1e5), lowest=(2e5, 0.9e5), travel=3.1))
-    figures.update(with_supports(snapshot(2.0), loads=(2e5, 0.0), lowest=(2e5, 0.0), travel=-1.0))
+    figures.update(supported(0.0, travel=0.5))
+    figures.update(supported(1.0, loads=(3e5, 1e5), lowest=(2e5, 0.9e5), travel=3.1))
+    figures.update(supported(2.0, loads=(2e5, 0.0), lowest=(2e5, 0.0), travel=-1.0))
     found = gathered(figures)
     assert (found["lower: support load, highest"].value, found["lower: support load, highest"].time) == (3e5, 1.0)
     assert (found["upper: support load, lowest"].value, found["upper: support load, lowest"].time) == (0.0, 2.0)
@@ -271,20 +203,6 @@ def test_clearance_of_rope_and_vehicle_with_place():
     assert (rope.value, rope.place, rope.kept) == (pytest.approx(12.0), "x 500.0 m", True)
 
 
-def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ...]) -> Snapshot:
-    """Chairs at 100, 300 and, off the cable, at its end."""
-    one = snapshot(moment)
-    states = {
-        f"chair_{number}": replace(
-            snapshot(moment, place=place, speed=speed, pitch=swing).carriages["cabin"], attached=attached
-        )
-        for number, place, swing, attached in zip(
-            (1, 2, 3), (100.0, 300.0, 1003.0), swings, (True, True, False), strict=True
-        )
-    }
-    return replace(one, carriages=states, drives={"haul_rope": DriveState(moment * speed, speed, force)})
-
-
 def test_carriers_share_the_figures_of_the_worst_and_those_off_the_cable_do_not_count():
     figures = KeyFigures(load_scenario(LIFT, {"cable.breaking_force": 4e6}))
     figures.update(chairs(0.0, speed=0.0, force=0.0, swings=(0.1, 0.2, 0.9)))
@@ -304,8 +222,7 @@ def test_the_stop_of_a_moving_cable():
     figures = KeyFigures(load_scenario(LIFT))
     figures.update(chairs(1.0, speed=5.0, force=0.0, swings=(0.0, 0.0, 0.0)))
     figures.command(AppliedCommand(1.0, Command("emergency_stop", {}), "test"))
-    standing = chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0))
-    figures.update(replace(standing, drives={"haul_rope": DriveState(15.0, 0.0, 0.0)}))
+    figures.update(chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0), gone=15.0))
     found = gathered(figures)
     assert (found["haul_rope: stopping distance"].value, found["haul_rope: stopping time"].value) == (10.0, 4.0)
 
@@ -317,15 +234,3 @@ def test_a_payload_does_not_end_a_stop():
     figures.command(AppliedCommand(0.5, Command("payload", {"cabin": 10.0}), "test"))
     figures.update(snapshot(1.0, place=101.0))
     assert gathered(figures)["cabin: stopping distance"].value == pytest.approx(1.0)
-
-
-def test_an_update_costs_little_and_keeps_nothing():
-    """Live use: well under a tenth of a frame of 10 ms, on a machine that others use too."""
-    figures = KeyFigures(scenario())
-    frames = [snapshot(frame * PERIOD, place=100.0 + frame) for frame in range(200)]
-    costs = []
-    for frame in frames:
-        started = time.perf_counter()
-        figures.update(frame)
-        costs.append(time.perf_counter() - started)
-    assert np.median(costs) < 1e-3

@@ -58,9 +58,9 @@ def test_tension_of_the_tramway_at_rest_is_that_of_weight_counterweight_and_driv
     supports, cabin = simulation.snapshot.supports, simulation.snapshot.carriages["cabin"]
     lower, upper = (float(np.linalg.norm(supports[end].force)) for end in ("start", "end"))
     pull = np.array(scenario.cable.start.direction) / np.linalg.norm(scenario.cable.start.direction)
-    assert float(supports["start"].force @ pull) == pytest.approx(scenario.cable.start.mass * 9.81, rel=1e-6)
+    assert float(supports["start"].force[[0, 2]] @ pull) == pytest.approx(scenario.cable.start.mass * 9.81, rel=1e-6)
     held = cabin.haul_rope.force
-    got = carried(scenario, upper, 300.0) - carried(scenario, lower, float(simulation.cable_positions([0.0])[0, 1]))
+    got = carried(scenario, upper, 300.0) - carried(scenario, lower, float(simulation.cable_positions([0.0])[0, 2]))
     assert got == pytest.approx(held, abs=2e-4 * upper)
 
 
@@ -76,7 +76,7 @@ def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
         drives.append(snapshot.drives["haul_rope"].force)
         friction.append(sum(0.03 * s.tower.normal_load for s in snapshot.supports.values() if s.tower is not None))
         flow = scenario.cable.mass_per_length * 2.5**2
-        heights = simulation.cable_positions([0.0, scenario.cable.unstrained_length])[:, 1]
+        heights = simulation.cable_positions([0.0, scenario.cable.unstrained_length])[:, 2]
         forces = [float(np.linalg.norm(snapshot.supports[end].force)) + flow for end in ("start", "end")]
         low, high = (carried(scenario, force, height) for force, height in zip(forces, heights, strict=True))
         ends.append(high - low)

@@ -1,6 +1,7 @@
 import dataclasses
 import subprocess
 import sys
+from collections.abc import Mapping
 from math import inf, nan
 
 import numpy as np
@@ -11,6 +12,7 @@ from cable_twin.mechanics.compilation import Kernel
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SolverError
+from cable_twin.snapshot import Snapshot
 from verification import JIT
 
 ELEMENTS = 24 if JIT else 4
@@ -30,14 +32,12 @@ def numbers(record):
     """Every number of a snapshot but those of its solver report, in order; what a support has not is left out."""
     if record is None:
         return []
+    if isinstance(record, Snapshot):
+        parts = record.carriages, record.supports, record.cable, record.drives
+        return [record.time, *(number for part in parts for number in numbers(part))]
     if dataclasses.is_dataclass(record):
-        return [
-            number
-            for field in dataclasses.fields(record)
-            if field.name != "solver"
-            for number in numbers(getattr(record, field.name))
-        ]
-    if isinstance(record, dict):
+        return [number for field in dataclasses.fields(record) for number in numbers(getattr(record, field.name))]
+    if isinstance(record, Mapping):
         return [number for value in record.values() for number in numbers(value)]
     return [] if record is None else np.ravel(record).tolist()
 
@@ -54,10 +54,10 @@ def test_starts_at_rest_in_equilibrium():
     car = snapshot.carriages["carriage"]
     assert car.arc_length == 3.2
     assert (car.speed, car.drive_force) == (0.0, 0.0)
-    total = sum(support.force[1] for support in snapshot.supports.values())
+    total = sum(support.force[2] for support in snapshot.supports.values())
     assert total == pytest.approx((2 * 2.67 + 0.148) * 9.81, rel=1e-9)
     assert sum(support.force[0] for support in snapshot.supports.values()) == pytest.approx(0.0, abs=1e-6)
-    np.testing.assert_allclose(car.contact_force, [0.0, 2 * 2.67 * 9.81], atol=1e-6)
+    np.testing.assert_allclose(car.contact_force, [0.0, 0.0, 2 * 2.67 * 9.81], atol=1e-6)
     assert simulation.energy().kinetic == 0.0
 
 
@@ -275,7 +275,7 @@ def test_snapshots_are_finite_and_their_own():
     for frame in range(1, 6):
         assert np.isfinite(numbers(simulation.advance_to(0.01 * frame))).all()
     assert numbers(first) == kept
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    with pytest.raises(AttributeError):
         first.time = 1.0
 
 
@@ -295,13 +295,13 @@ def test_snapshot_joint_is_where_the_first_body_hangs():
     car = simulate().advance_to(0.05).carriages["carriage"]
     body = car.bodies["rb1"]
     # upper pivot (0, 0.5) in the axes of the body, a positive pitch turns x towards -z
-    pivot = [body.x + 0.5 * np.sin(body.pitch), body.z + 0.5 * np.cos(body.pitch)]
+    pivot = [body.x + 0.5 * np.sin(body.pitch), 0.0, body.z + 0.5 * np.cos(body.pitch)]
     np.testing.assert_allclose(pivot, car.position, atol=1e-10)
 
 
 def test_cable_starts_and_ends_at_its_supports():
     snapshot = simulate().advance_to(0.02)
-    np.testing.assert_allclose(snapshot.cable.positions[[0, -1]], [[0.0, 0.0], [3.6, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(snapshot.cable.positions[[0, -1]], [[0.0, 0.0, 0.0], [3.6, 0.0, 0.0]], atol=1e-12)
     assert snapshot.cable.arc_lengths[[0, -1]].tolist() == [0.0, 4.02]
     assert snapshot.cable.tensions.shape == (11,)
 

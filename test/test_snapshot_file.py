@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from io import BytesIO
 
 import numpy as np
@@ -16,6 +16,7 @@ from twin_process import write_quick_scenario
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SnapshotError
+from cable_twin.snapshot import Snapshot
 from cable_twin.snapshot_file import FORMAT_VERSION, package_version
 from verification import JIT
 from verification.supports import tramway
@@ -23,7 +24,13 @@ from verification.supports import tramway
 
 def leaves(value):
     """Every number and array of a record."""
-    if is_dataclass(value):
+    if isinstance(value, Snapshot):
+        layout = value.layout
+        yield from leaves({"vehicles": layout.vehicles, "supports": layout.supports, "drives": layout.drives})
+        yield layout.arc_lengths
+        yield value.numbers
+        yield from leaves(value.solver)
+    elif is_dataclass(value):
         for item in fields(value):
             yield from leaves(getattr(value, item.name))
     elif isinstance(value, dict):
@@ -79,7 +86,8 @@ def test_goes_on_with_the_same_bits(quick, tmp_path, saved_at):
     assert loaded.emergency_stopped == simulation.emergency_stopped
     assert loaded.commands == simulation.commands
     assert not loaded.at_start
-    assert_same_bits(replace(loaded.snapshot, solver=simulation.snapshot.solver), simulation.snapshot)
+    start = loaded.snapshot
+    assert_same_bits(Snapshot(start.layout, start.numbers, simulation.snapshot.solver), simulation.snapshot)
     for time in np.arange(saved_at + 0.05, 14.0, 0.05):
         assert_same_bits(give(simulation, events, time), give(loaded, waiting, time))
     assert_same_bits(simulation.energy(), loaded.energy())

@@ -53,7 +53,7 @@ def ellipse() -> Iterator[Result]:
         for frame in range(1201):
             snapshot = simulation.advance_to(0.01 * frame)
             times.append(snapshot.time)
-            places.append(snapshot.carriages["car"].position - [c, 0.0])
+            places.append(snapshot.carriages["car"].position[[0, 2]] - [c, 0.0])
         path, time = np.array(places), np.array(times)
         first, second = np.hypot(path[:, 0] + c, path[:, 1]), np.hypot(path[:, 0] - c, path[:, 1])
         towards = (path - [-c, 0.0]) / first[:, None] + (path - [c, 0.0]) / second[:, None]
@@ -115,12 +115,12 @@ def moving_force() -> Iterator[Result]:
         state.reference[0, 1] = state.sliding_velocity[0] = state.drive_target[0] = along
         state.body_velocities[0, 0] = speed
         middle = np.array([0.5 * unstrained])
-        rest = simulation.cable_positions(middle)[0, 1]
+        rest = simulation.cable_positions(middle)[0, 2]
         n = np.arange(1, 2000)
         worst = 0.0
         for place in np.linspace(0.02, 0.9, 45):
             time = simulation.advance_to(place * length / speed).time
-            got = rest - simulation.cable_positions(middle)[0, 1]
+            got = rest - simulation.cable_positions(middle)[0, 2]
             modes = np.sin(n * np.pi * speed * time / length) - share * np.sin(n * np.pi * wave * time / length)
             series = np.sum(np.sin(0.5 * n * np.pi) * modes / n**2) * 2.0 * weight * length / np.pi**2 / tension
             worst = max(worst, abs(got - series / (1.0 - share**2)))
@@ -138,7 +138,7 @@ def two_carriages() -> Iterator[Result]:
     for frame in range(201):
         snapshot = simulation.advance_to(0.01 * frame)
         left, right = snapshot.carriages["left"], snapshot.carriages["right"]
-        worst = max(worst, abs(left.arc_length + right.arc_length - ROPE), abs(left.position[1] - right.position[1]))
+        worst = max(worst, abs(left.arc_length + right.arc_length - ROPE), abs(left.position[2] - right.position[2]))
         least = min(least, right.arc_length - left.arc_length)
         shared = shared or abs(right.arc_length - left.arc_length) < ROPE / 48.0
     yield Result("they meet", "-", 1.0, float(shared and least < 0.0), 0.0)
@@ -163,9 +163,9 @@ def fixed_joint() -> Iterator[Result]:
         carriages={"car": {"arc_length": 5.0, "joint": "fixed", "bodies": {"body": body}}},
         step=1e-3,
     )
-    joint = simulation.snapshot.carriages["car"].position
+    joint_x, _, joint_z = simulation.snapshot.carriages["car"].position
     # the pivot is at the centre of mass plus (sin, cos) of the pitch times the arm
-    simulation._state.body_coordinates[0] = [joint[0] - arm * np.sin(swing), joint[1] - arm * np.cos(swing), swing]
+    simulation._state.body_coordinates[0] = [joint_x - arm * np.sin(swing), joint_z - arm * np.cos(swing), swing]
     times, pitches = [], []
     for frame in range(1, 1001):
         snapshot = simulation.advance_to(0.01 * frame)

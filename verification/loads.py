@@ -47,7 +47,7 @@ def payload() -> Iterator[Result]:
     room = {"capacity": 500.0, "position": list(place), "mass": 0.0}
     simulation = span(carriages=vehicle({**room, "mass": mass}))
     weight = GRAVITY * (100.0 + 200.0 + mass)
-    up = sum(support.force[1] for support in simulation.snapshot.supports.values())
+    up = sum(support.force[2] for support in simulation.snapshot.supports.values())
     yield Result("vertical force of both supports", "N", weight, up, 1e-6 * weight)
     # hung from one point, the common centre of mass is below it
     centre = np.array(place) * mass / (200.0 + mass) - np.array([0.0, 3.0])
@@ -78,7 +78,7 @@ def payload() -> Iterator[Result]:
 
 
 def _lift(simulation: Simulation, time: float) -> float:
-    return float(sum(support.force[1] for support in simulation.advance_to(time).supports.values()))
+    return float(sum(support.force[2] for support in simulation.advance_to(time).supports.values()))
 
 
 @case("ice on the rope", "weight; diameter of rope and ice", needs_jit=True)
@@ -86,12 +86,12 @@ def ice() -> Iterator[Result]:
     """0.5 kg/m of 900 kg/m³ on a rope of 20 mm."""
     cable = {"ice": 0.5, "diameter": 0.02, "drag_coefficient": 1.1}
     iced = span(cable=cable)
-    up = sum(support.force[1] for support in iced.snapshot.supports.values())
+    up = sum(support.force[2] for support in iced.snapshot.supports.values())
     yield Result("vertical force of both supports", "N", 150.0 * GRAVITY, up, 1e-6 * 150.0 * GRAVITY)
     diameter = sqrt(0.02**2 + 4.0 * 0.5 / (pi * 900.0))
     yield Result("drag of it", "kg/m²", 0.5 * DENSITY * 1.1 * diameter, iced.system.air.rope_drag, 1e-12)
-    heavy = span(mass_per_length=1.5).cable_positions([50.0])[0, 1]
-    yield Result("sag against that of a heavier rope", "m", heavy, iced.cable_positions([50.0])[0, 1], 1e-9)
+    heavy = span(mass_per_length=1.5).cable_positions([50.0])[0, 2]
+    yield Result("sag against that of a heavier rope", "m", heavy, iced.cable_positions([50.0])[0, 2], 1e-9)
 
 
 @case("wind on the rope", "q w² takes from the weight; no force along the rope", needs_jit=True)
@@ -102,12 +102,12 @@ def wind() -> Iterator[Result]:
     speed = 8.0
     blown = span(cable=cable, air={"wind": [0.0, speed]})
     lighter = span(mass_per_length=1.0 - drag * speed**2 / GRAVITY)
-    middle = [one.cable_positions([50.0])[0, 1] for one in (blown, lighter)]
+    middle = [one.cable_positions([50.0])[0, 2] for one in (blown, lighter)]
     yield Result("sag against that of a lighter rope", "m", middle[1], middle[0], 2e-3 * abs(middle[1]))
-    up = sum(support.force[1] for support in blown.snapshot.supports.values())
+    up = sum(support.force[2] for support in blown.snapshot.supports.values())
     # across a rope of the slope θ: w cos θ, of which cos θ is upwards
     along = np.diff(blown.cable_positions(np.linspace(0.0, 100.0, 4001)), axis=0)
-    steep = (along[:, 0] / np.hypot(along[:, 0], along[:, 1])) ** 3
+    steep = (along[:, 0] / np.hypot(along[:, 0], along[:, 2])) ** 3
     lift = 100.0 * drag * speed**2 * float(np.mean(steep))
     yield Result("vertical force of both supports", "N", 100.0 * GRAVITY - lift, up, 0.01)
     # a gust of 2 s; then what the rope loses of its energy is what the still air takes
@@ -123,8 +123,8 @@ def wind() -> Iterator[Result]:
         shapes.append(gusty.cable_positions(places))
     velocities = np.gradient(np.array(shapes), frame, axis=0)
     tangents = np.gradient(np.array(shapes), places, axis=1)
-    turned = tangents[..., 0] * velocities[..., 1] - tangents[..., 1] * velocities[..., 0]
-    across = np.abs(turned) / np.hypot(tangents[..., 0], tangents[..., 1])
+    turned = tangents[..., 0] * velocities[..., 2] - tangents[..., 2] * velocities[..., 0]
+    across = np.abs(turned) / np.hypot(tangents[..., 0], tangents[..., 2])
     power = drag * np.mean(across**3, axis=1) * 100.0
     taken = frame * float(np.sum(power) - 0.5 * (power[0] + power[-1]))
     yield Result("energy lost in still air in 4 s", "J", taken, before - gusty.energy().total, 0.02 * taken)

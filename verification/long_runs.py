@@ -16,9 +16,9 @@ from math import isfinite, sqrt
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from rich.progress import Progress
 
+from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.shape_functions import shape_functions_x
@@ -26,9 +26,9 @@ from cable_twin.mechanics.sliding_joint import friction_force, interpolate, join
 from cable_twin.mechanics.state import State
 from cable_twin.mechanics.support import contact_frame, normal_force, slid
 from cable_twin.mechanics.vectors import add_scaled, dot, load
-from cable_twin.records import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 from verification.moving_cable import carrier_energies, viscous_power
 
 PAGE = Path(__file__).parents[1] / "docs" / "long_runs.md"
@@ -46,7 +46,7 @@ Times real time: simulated time over processor time of the solver, one thread.
 Event = tuple[float, Callable[[Simulation], object]]
 
 
-@njit
+@kernel
 def tower_losses(system: System, state: State) -> float:
     """Power (W) that friction and damping of all contacts of towers take from the rope."""
     total = 0.0
@@ -65,7 +65,7 @@ def tower_losses(system: System, state: State) -> float:
     return total
 
 
-@njit
+@kernel
 def carriage_losses(system: System, state: State) -> float:
     """Power (W) that rolling takes from all carriages that slide, and damping from their haul ropes."""
     cable, carriages = system.cable, system.carriages

@@ -5,7 +5,7 @@ Carriers of one kind share their figures, which are those of the worst of them, 
 memory of an update do not grow with the run.
 """
 
-from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.gathering import SOURCES, KeyFigures
 
-__all__ = ["SOURCES", "KeyFigure", "KeyFigures"]
+__all__ = ["SOURCES", "KeyFigure", "KeyFigures", "figure_from_values", "values_of"]

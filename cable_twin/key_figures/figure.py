@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast, get_args
 
 from cable_twin.key_figures.extremes import Extremes
 
@@ -34,6 +35,37 @@ class KeyFigure:
         return beyond <= TOLERANCE * abs(self.limit)
 
 
+def values_of(figure: KeyFigure) -> dict[str, str]:
+    """The figure for programs, as a diagnostic status holds it; `figure_from_values` gives it back to the last bit."""
+    values = {"value": repr(float(figure.value)), "unit": figure.unit, "time_s": repr(float(figure.time))}
+    values["place"] = figure.place
+    if figure.limit is not None:
+        values |= {"limit": repr(float(figure.limit)), "bound": figure.bound, "source": figure.source}
+    return values
+
+
+def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
+    """The figure of this name that `values_of` wrote.
+
+    Raises:
+        ValueError: something is missing or no number; one line.
+    """
+    try:
+        figure = KeyFigure(
+            name, float(values["value"]), values["unit"], float(values["time_s"]), values.get("place", "")
+        )
+        if "limit" not in values:
+            return figure
+        bound, limit = values["bound"], float(values["limit"])
+        if bound not in get_args(Bound):
+            raise ValueError(f"bound {bound!r} is none of {', '.join(get_args(Bound))}")
+        return replace(figure, limit=limit, bound=cast(Bound, bound), source=values.get("source", ""))
+    except KeyError as error:
+        raise ValueError(f"key figure {name!r}: {error.args[0]} is missing") from None
+    except ValueError as error:
+        raise ValueError(f"key figure {name!r}: {error}") from None
+
+
 def figure_of(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
     """The figure without a limit; NaN where there never was a value."""
     place = extremes.places[index]
@@ -51,4 +83,4 @@ def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound
     return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
 
 
-__all__ = ["Bound", "KeyFigure", "figure_of", "with_limit"]
+__all__ = ["Bound", "KeyFigure", "figure_from_values", "figure_of", "values_of", "with_limit"]

@@ -43,12 +43,7 @@ def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, d
         for point in range(POINTS):
             x = PLACES[point] * length
             shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-            r_x = interpolate(e, element, shape_x, like)
-            norm = sqrt(dot(r_x, r_x))
-            t = scale(1.0 / norm, r_x)
-            relative = subtract(blowing, interpolate(e_dot, element, shape, like))
-            along = dot(relative, t)
-            across = add_scaled(-along, t, relative)
+            norm, t, along, across = blow(e, e_dot, element, shape, shape_x, blowing)
             speed = sqrt(dot(across, across))
             if speed == 0.0:
                 continue
@@ -66,6 +61,37 @@ def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, d
                     add_block(block(shape[i], column, 0.0), element, i, j, diagonal, upper, lower)
             for i in range(4):
                 accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
+
+
+@kernel
+def blow(e, e_dot, element, shape, shape_x, blowing):
+    """What the wind `blowing` (dim,) in m/s is at a place of an element, relative to it.
+
+    Returns:
+        |r_x|; the tangent t (dim,); the part of the relative wind along it in m/s; the part across (dim,) in m/s.
+    """
+    r_x = interpolate(e, element, shape_x, blowing)
+    norm = sqrt(dot(r_x, r_x))
+    t = scale(1.0 / norm, r_x)
+    relative = subtract(blowing, interpolate(e_dot, element, shape, blowing))
+    along = dot(relative, t)
+    return norm, t, along, add_scaled(-along, t, relative)
+
+
+@kernel
+def drag_on_end(cable, rope_drag, wind, state, end):
+    """Share (dim,) in N of the drag on the first or last element that the node at that end takes."""
+    length = cable.element_length
+    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
+    blowing = load(wind, cable.gravity)
+    total = scale(0.0, blowing)
+    for point in range(POINTS):
+        x = PLACES[point] * length
+        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
+        _, _, _, across = blow(state.nodal_coordinates, state.nodal_velocities, element, shape, shape_x, blowing)
+        force = rope_drag * WEIGHTS[point] * length * sqrt(dot(across, across))
+        total = add_scaled(shape[row] * force, across, total)
+    return total
 
 
 @kernel

@@ -1,18 +1,23 @@
 """Named tuples of parameters and states, handed to kernels and between them as one pointer.
 
 numba passes a tuple by value, a state as some 400 words in every call and in every variable. Here the words are written
-once, where Python calls a kernel, and a kernel reads of them what it names. No kernel writes to them (what their arrays
-hold is another matter), which the loads say, so that they leave a loop.
+once, by `pack`, and a kernel reads of them what it names. No kernel writes to them (what their arrays hold is another
+matter), which the loads say, so that they leave a loop. To hand a packed state over takes a third of a microsecond.
 """
 
 from __future__ import annotations
 
+import struct
+from collections import OrderedDict
 from collections.abc import Set
 from typing import Any
 
+import numba
+import numpy as np
 from llvmlite import ir
 from numba import typeof
 from numba.core import cgutils, types
+from numba.core.errors import NumbaError
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.core.typing.typeof import typeof_impl
 from numba.extending import NativeValue, lower_getattr_generic, models, register_model, unbox
@@ -29,8 +34,12 @@ class RecordType(types.Type):
         super().__init__(name=f"&{record.__name__}({', '.join(map(str, kinds))})")
 
 
+_RECORDS: set[type] = set()
+
+
 def by_reference(record: type) -> type:
     """Class decorator for a named tuple."""
+    _RECORDS.add(record)
 
     @typeof_impl.register(record)
     def _typeof(value: Any, context: Any) -> RecordType:
@@ -87,24 +96,91 @@ def _load(
     return loaded
 
 
+class Packed:
+    """A record as kernels take it: its words, and what owns the arrays and the words that those point to."""
+
+    __slots__ = ("_numba_type_", "_owners", "_words", "address")
+
+    def __init__(self, record: Any) -> None:
+        """Write the words of a record of a `by_reference` class, and of the records in it.
+
+        Raises:
+            TypeError: one line: a field is nothing that a record holds.
+        """
+        fields = [Packed(field) if type(field) in _RECORDS else field for field in record]
+        self._owners = record, fields
+        kinds: list[types.Type] = []
+        words: list[Any] = []
+        layout = "@"  # aligned as C, and LLVM, align a structure
+        for name, field in zip(record._fields, fields, strict=True):
+            try:
+                kinds.append(typeof(field))
+                form, values = _words(field, kinds[-1])
+            except (TypeError, ValueError, NumbaError):
+                raise TypeError(
+                    f"{type(record).__name__}.{name}: {type(field).__name__} given; "
+                    "a record holds arrays, int, float, bool, tuples of floats and records"
+                ) from None
+            layout += form
+            words += values
+        self._numba_type_ = RecordType(type(record), tuple(kinds))
+        self._words = np.frombuffer(struct.pack(layout, *words), np.uint8)
+        self.address = self._words.ctypes.data
+
+
+@typeof_impl.register(Packed)
+def _typeof_packed(value: Packed, context: Any) -> RecordType:
+    return value._numba_type_
+
+
+_FORMS = {types.boolean: "?", types.int64: "q", types.float64: "d"}
+
+
+def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
+    """Words of one field, as `struct` lays them out."""
+    if isinstance(kind, types.Array):  # an array of numba: two owners, nobody here, then what follows
+        sizes = (*field.shape, *field.strides)
+        return f"PPqqP{len(sizes)}q", (0, 0, field.size, field.itemsize, field.__array_interface__["data"][0], *sizes)
+    if isinstance(field, Packed):
+        return "P", (field.address,)
+    if isinstance(kind, types.UniTuple) and kind.dtype == types.float64:
+        return f"{len(field)}d", tuple(field)
+    if kind in _FORMS:
+        return _FORMS[kind], (field,)
+    raise TypeError
+
+
+def pack(record: Any) -> Any:
+    """What kernels take for a record, to be kept where they are called often; the record itself with the JIT off.
+
+    What its arrays hold may change, which arrays they are may not. Anything that is no record stays as it is.
+
+    Raises:
+        TypeError: one line: a field is nothing that a record holds.
+    """
+    config: Any = numba.config
+    if type(record) not in _RECORDS or config.DISABLE_JIT:
+        return record
+    known = _PACKED.pop(id(record), None) or (record, Packed(record))  # with the record: its id is its own till then
+    _PACKED[id(record)] = known
+    if len(_PACKED) > REMEMBERED:
+        _PACKED.popitem(last=False)
+    return known[1]
+
+
+REMEMBERED = 16  # records that were handed over last: mostly it is the same ones again
+_PACKED: OrderedDict[int, tuple[Any, Packed]] = OrderedDict()  # each step above is whole, also between threads
+
+
 @unbox(RecordType)
 def _unbox_record(kind: RecordType, value: ir.Value, c: Any) -> NativeValue:
-    builder = c.builder
-    place = cgutils.alloca_once(builder, c.context.get_value_type(kind).pointee)
-    failed = cgutils.alloca_once_value(builder, cgutils.false_bit)
-    for number, field in enumerate(kind.kinds):
-        item = c.pyapi.tuple_getitem(value, number)
-        word = cgutils.gep_inbounds(builder, place, 0, number)
-        if isinstance(field, types.Array):  # a fifth of what numba writes for it, which checks the type once more
-            error = cgutils.is_not_null(
-                builder, c.pyapi.numba_array_adaptor(item, builder.bitcast(word, c.pyapi.voidptr))
-            )
-        else:
-            native = c.unbox(field, item)
-            builder.store(native.value, word)
-            error = native.is_error
-        builder.store(builder.or_(builder.load(failed), error), failed)
+    number = c.pyapi.object_getattr_string(value, "address")
+    unpacked = cgutils.is_null(c.builder, number)  # an AttributeError then
+    address = cgutils.alloca_once_value(c.builder, cgutils.get_null_value(cgutils.voidptr_t))
+    with cgutils.if_likely(c.builder, c.builder.not_(unpacked)):
+        c.builder.store(c.pyapi.long_as_voidptr(number), address)
+        c.pyapi.decref(number)
+    place = c.builder.bitcast(c.builder.load(address), c.context.get_value_type(kind))
     # Nothing happens here, but LLVM may not know: a load that "does not change" must not move before the words above.
     same = ir.FunctionType(place.type, [place.type])
-    pointer = builder.asm(same, "", "=r,0,~{memory}", [place], side_effect=True)
-    return NativeValue(pointer, is_error=builder.load(failed))
+    return NativeValue(c.builder.asm(same, "", "=r,0,~{memory}", [place], side_effect=True), is_error=unpacked)

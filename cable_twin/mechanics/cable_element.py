@@ -6,7 +6,7 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.elastic_models import combine, elastic_force
+from cable_twin.mechanics.elastic_models import chord_and_slopes, combine, elastic_force
 from cable_twin.mechanics.lanes import WIDTH, gather, spread
 from cable_twin.mechanics.memory import clear_array
 from cable_twin.mechanics.shape_functions import MASS
@@ -63,6 +63,23 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
         compute_elements(cable, elastic, inert, mass_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
             add_element(group, lane, first + lane, diagonal, upper, lower, right_side, like)
+
+
+@kernel
+def end_forces(cable, state, element):
+    """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    force, _, _, _, _, _, _, _, _ = elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
+    like, e_ddot = cable.gravity, state.nodal_accelerations
+    on_r_a, _, on_r_b, _ = inertia(
+        cable,
+        load(e_ddot[element, 0], like),
+        load(e_ddot[element, 1], like),
+        load(e_ddot[element + 1, 0], like),
+        load(e_ddot[element + 1, 1], like),
+    )
+    return subtract(force, on_r_a), scale(-1.0, add_scaled(1.0, force, on_r_b))
 
 
 @kernel

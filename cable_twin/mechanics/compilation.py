@@ -1,4 +1,4 @@
-"""How every kernel of the mechanics is compiled: once, without the interpreter lock, and kept on disk.
+"""How every kernel is compiled: once, without the interpreter lock, and kept on disk.
 
 No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
 so that a fresh compilation, a cached one and another process agree to the last bit.
@@ -22,21 +22,31 @@ from typing import Any
 
 import numba
 
+from cable_twin.mechanics.by_reference import pack
+
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
+MECHANICS = Path(__file__).parent
 ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
 
 
-def cache_directory() -> Path | None:
-    """Where compiled kernels are kept: one directory for each version of the sources of this package.
+@functools.cache
+def cache_directory(folder: Path) -> Path | None:
+    """Where compiled kernels of a folder are kept: one directory for each version of all that they may call.
 
-    numba itself asks only whether the file of a kernel has changed, not those of the kernels that it calls. None, and
-    a line that says so, where they cannot be kept: numba would take another place, in which it finds old ones.
+    That is the mechanics and their own folder, which `test_architecture` sees to; numba itself asks only whether the
+    file of a kernel has changed, not those of the kernels that it calls. None, and a line that says so, where they
+    cannot be kept: numba would take another place, in which it finds old ones.
     """
     fingerprint = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        fingerprint.update(source.read_bytes())
+    for sources in dict.fromkeys((MECHANICS, folder)):
+        for source in sorted(sources.glob("*.py")):
+            fingerprint.update(source.read_bytes())
+    name = f"kernels-{fingerprint.hexdigest()[:12]}"
+    if folder != MECHANICS:
+        beside = cache_directory(MECHANICS)
+        return None if beside is None else beside.parent / name
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    directory = Path(base) / "cable_twin" / f"kernels-{fingerprint.hexdigest()[:12]}"
+    directory = Path(base) / "cable_twin" / name
     try:
         directory = directory.expanduser()
         filled = directory.is_dir()
@@ -56,9 +66,7 @@ def cache_directory() -> Path | None:
     return directory
 
 
-_CACHE_DIRECTORY = cache_directory()
 _OPTIONS: dict[str, Any] = {
-    "cache": _CACHE_DIRECTORY is not None,
     "nogil": True,
     "error_model": "numpy",
     "_nrt": False,
@@ -84,17 +92,21 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it, compiled on the first call for these types or loaded from the cache."""
-        return self._from_python(*arguments)
+        return self._from_python(*map(pack, arguments))
 
 
 def _jit(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
     config: Any = numba.config
-    before = config.CACHE_DIR
-    config.CACHE_DIR = f"{_CACHE_DIRECTORY}/{kind}"  # read by numba while it decorates, and only then
+    before, directory = config.CACHE_DIR, _directory_of(function)
+    config.CACHE_DIR = f"{directory}/{kind}"  # read by numba while it decorates, and only then
     try:
-        return numba.njit(**_OPTIONS, **options)(function)
+        return numba.njit(cache=directory is not None, **_OPTIONS, **options)(function)
     finally:
         config.CACHE_DIR = before
+
+
+def _directory_of(function: Callable[..., Any]) -> Path | None:
+    return cache_directory(Path(function.__code__.co_filename).parent)
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -125,14 +137,15 @@ def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def keeps_kernels() -> bool:
     """Whether what is compiled is there for other processes."""
-    return _CACHE_DIRECTORY is not None
+    return cache_directory(MECHANICS) is not None
 
 
 def is_compiled(function: Callable[..., Any]) -> bool:
     """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
     if not isinstance(function, Kernel):
         return True
-    if _CACHE_DIRECTORY is None:
+    directory = _directory_of(function.py_func)
+    if directory is None:
         return False  # no process has it but this one
     name = f"{function.__module__.rpartition('.')[2]}.{function.py_func.__qualname__}-"
-    return any((_CACHE_DIRECTORY / FROM_PYTHON).glob(f"**/{name}*.nbc"))
+    return any((directory / FROM_PYTHON).glob(f"**/{name}*.nbc"))

@@ -264,18 +264,24 @@ def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
 
 @kernel
 def mean_tension(cable, state, element):
-    """Tension (N) of an element: mean of EA (ε + τ ε_dot) over its length.
+    """Tension (N) of an element, see `tension_of`."""
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    return tension_of(cable, d, a, b, d_dot, a_dot, b_dot)
+
+
+@inlined_kernel
+def tension_of(cable, d, a, b, d_dot, a_dot, b_dot):
+    """Mean of EA (ε + τ ε_dot) in N over an element, from its chord and slopes (dim,) in m and their rates in m/s.
 
     Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
     of `element_frame` has the chord's for its mean.
     """
     length = cable.element_length
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
     if cable.elastic_model == ELEMENT_FRAME:
         chord = square_root(dot(d, d))
         return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
-    tension = 0.0
+    tension = 0.0 * d[0]
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
         norm = square_root(dot(rho, rho))

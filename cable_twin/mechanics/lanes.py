@@ -178,3 +178,27 @@ def _spread(values, rows, first):
             _write(values[i], rows[first + i])
 
     return write
+
+
+@_intrinsic
+def _lane(typingctx, lanes, number):
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        return builder.extract_element(values[0], builder.trunc(values[1], _WORD))
+
+    return types.float64(LANES, types.intp), generate
+
+
+def sum_of_lanes(lanes: Any) -> float:
+    """Sum of all lanes, from the first one on."""
+    return float(sum(lanes))
+
+
+@overload(sum_of_lanes)
+def _sum_of_lanes(lanes):
+    def total(lanes):
+        result = 0.0
+        for number in range(WIDTH):
+            result += _lane(lanes, number)
+        return result
+
+    return total

@@ -11,9 +11,10 @@ from __future__ import annotations
 from math import floor, inf
 
 from cable_twin.mechanics.carriage import hang_chain, move_chain
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.drive import ramp
 from cable_twin.mechanics.elastic_models import chord_and_slopes, combine
+from cable_twin.mechanics.lanes import WIDTH, gather, sum_of_lanes
 from cable_twin.mechanics.shape_functions import (
     FLOW,
     FLOW_OF_CHORD,
@@ -32,7 +33,7 @@ from cable_twin.mechanics.sliding_joint import (
     velocity_acceleration,
 )
 from cable_twin.mechanics.support import contact_force
-from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, load, scale
+from cable_twin.mechanics.vectors import accumulate, add_scaled, dot, load, scale, subtract
 
 
 @kernel
@@ -51,15 +52,9 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
     by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed / length
     right_side = work.right_side
     for element in range(cable.element_count):
-        d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-        d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
-        d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
-        a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
-        b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
+        forces = flow_forces(cable, state, element, by_velocity, by_place, by_slope)
         for i in range(4):
-            flow = combine(FLOW_OF_CHORD[i], d_flow, a_flow, b_flow)
-            force = add_scaled(by_slope, combine(SLOPE_OF_CHORD[i], d, a, b), flow)
-            accumulate(scale(-length if i % 2 else -1.0, force), right_side[element + i // 2, i % 2])
+            accumulate(scale(-length if i % 2 else -1.0, forces[i]), right_side[element + i // 2, i % 2])
     on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
     for i in range(4):
         for j in range(4):
@@ -76,6 +71,31 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
                     blocks[element, i % 2, j % 2, axis * (right_side.shape[2] + 1)] += stiff
 
 
+@inlined_kernel
+def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
+    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
+    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
+    a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
+    b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
+    return (
+        add_scaled(by_slope, combine(SLOPE_OF_CHORD[0], d, a, b), combine(FLOW_OF_CHORD[0], d_flow, a_flow, b_flow)),
+        add_scaled(by_slope, combine(SLOPE_OF_CHORD[1], d, a, b), combine(FLOW_OF_CHORD[1], d_flow, a_flow, b_flow)),
+        add_scaled(by_slope, combine(SLOPE_OF_CHORD[2], d, a, b), combine(FLOW_OF_CHORD[2], d_flow, a_flow, b_flow)),
+        add_scaled(by_slope, combine(SLOPE_OF_CHORD[3], d, a, b), combine(FLOW_OF_CHORD[3], d_flow, a_flow, b_flow)),
+    )
+
+
+@kernel
+def end_flow(cable, state, end):
+    """What the flow takes (dim,) in N at the node at `end`, as `add_flow` has it."""
+    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
+    speed, mass = state.rope[1], cable.mass_per_length
+    by_velocity, by_place = 2.0 * mass * speed, mass * state.rope[2]
+    return flow_forces(cable, state, element, by_velocity, by_place, -mass * speed * speed / cable.element_length)[row]
+
+
 @kernel
 def flow_energy(cable, state):
     """Kinetic energy (J) that the motion of the cable along itself adds to ½ ∫ρA r_t² dx."""
@@ -86,25 +106,55 @@ def flow_energy(cable, state):
 
 @kernel
 def flow_integrals(cable, state):
-    """∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N) and ∫ρA r_x·r_tx dx (kg/s)."""
-    like = cable.gravity
-    length = cable.element_length
-    by_velocity, squared, by_acceleration, by_rate = 0.0, 0.0, 0.0, 0.0
-    for element in range(cable.element_count):
-        for i in range(4):
-            velocity = load(state.nodal_velocities[element + i // 2, i % 2], like)
-            acceleration = load(state.nodal_accelerations[element + i // 2, i % 2], like)
-            place_i = load(state.nodal_coordinates[element + i // 2, i % 2], like)
-            for j in range(4):
-                place = load(state.nodal_coordinates[element + j // 2, j % 2], like)
-                lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
-                flow, slope = lengths * FLOW[i][j], lengths * SLOPE[i][j] / length
-                by_velocity += flow * dot(velocity, place)
-                by_acceleration += flow * dot(acceleration, place)
-                squared += slope * dot(place_i, place)
-                by_rate += slope * dot(velocity, place)
+    """∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N) and ∫ρA r_x·r_tx dx (kg/s).
+
+    Elements are computed `WIDTH` at a time, and those that are left over one by one.
+    """
+    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
+    like, length = cable.gravity, cable.element_length
+    grouped = cable.element_count - cable.element_count % WIDTH
+    lanes = 0.0 * gather(e, 0, like)[0][0]
+    sums = lanes, lanes, lanes, lanes
+    for first in range(0, grouped, WIDTH):
+        products = flow_products(
+            length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like)
+        )
+        sums = (sums[0] + products[0], sums[1] + products[1], sums[2] + products[2], sums[3] + products[3])
+    by_velocity, squared = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
+    by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])
+    for element in range(grouped, cable.element_count):
+        place, rate = nodal_vectors(e, element, like), nodal_vectors(e_dot, element, like)
+        products = flow_products(length, place, rate, nodal_vectors(e_ddot, element, like))
+        by_velocity, squared = by_velocity + products[0], squared + products[1]
+        by_acceleration, by_rate = by_acceleration + products[2], by_rate + products[3]
     mass = cable.mass_per_length
     return mass * by_velocity, mass * squared, mass * by_acceleration, mass * by_rate
+
+
+@inlined_kernel
+def nodal_vectors(coordinates, element, like):
+    """r_A, slope A, r_B, slope B (dim,) of an element, or their rates."""
+    return (
+        load(coordinates[element, 0], like),
+        load(coordinates[element, 1], like),
+        load(coordinates[element + 1, 0], like),
+        load(coordinates[element + 1, 1], like),
+    )
+
+
+@inlined_kernel
+def flow_products(length, place, rate, acceleration):
+    """The integrals of `flow_integrals` over elements, without ρA, from their nodal vectors and the rates of those."""
+    d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
+    by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
+    for i in range(4):
+        factor = length if i % 2 else 1.0
+        flow, slope = combine(FLOW_OF_CHORD[i], d, a, b), combine(SLOPE_OF_CHORD[i], d, a, b)
+        by_velocity += factor * dot(rate[i], flow)
+        by_acceleration += factor * dot(acceleration[i], flow)
+        squared += factor / length * dot(place[i], slope)
+        by_rate += factor / length * dot(rate[i], slope)
+    return by_velocity, squared, by_acceleration, by_rate
 
 
 @kernel

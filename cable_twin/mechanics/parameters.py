@@ -58,6 +58,7 @@ class Carriages(NamedTuple):
     inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass
     upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
     lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
+    centre_offset: FloatArray  # (bodies, 2) m, of the centre of mass with its payload from that without
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
     clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
     loop_place: FloatArray  # (carriages,) m, of what is clamped: place on the loop when no cable has gone by yet

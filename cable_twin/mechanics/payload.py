@@ -31,6 +31,7 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
         inertia=inertia,
         upper_pivot=carriages.upper_pivot - offsets,
         lower_pivot=carriages.lower_pivot - offsets,
+        centre_offset=offsets,
     )
 
 

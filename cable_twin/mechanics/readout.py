@@ -2,125 +2,215 @@
 
 from __future__ import annotations
 
+from math import cos, nan, sin
 from typing import NamedTuple
 
-import numpy as np
-
+from cable_twin.mechanics.air import drag_on_end
 from cable_twin.mechanics.by_reference import by_reference
+from cable_twin.mechanics.cable_element import end_forces
+from cable_twin.mechanics.carriage import pivot
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
-from cable_twin.mechanics.elastic_models import elastic_energy, mean_tension
-from cable_twin.mechanics.equations_of_motion import assemble_cable
+from cable_twin.mechanics.elastic_models import elastic_energy, tension_of
 from cable_twin.mechanics.haul_rope import haul_energies, rope_force
-from cable_twin.mechanics.moving_cable import flow_energy, haul_force
-from cable_twin.mechanics.parameters import HAULED, FloatArray, System
+from cable_twin.mechanics.lanes import WIDTH, gather, spread
+from cable_twin.mechanics.memory import copy_array, flat
+from cable_twin.mechanics.moving_cable import end_flow, flow_energy, haul_force
+from cable_twin.mechanics.parameters import HAULED, Cable, FloatArray
 from cable_twin.mechanics.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.sliding_joint import locate, position_on_cable
-from cable_twin.mechanics.support import contact_energy, contact_force, tower_forces
-from cable_twin.mechanics.vectors import accumulate, dot, load, scale, store
+from cable_twin.mechanics.support import contact_energy, contact_force, tower_force
+from cable_twin.mechanics.vectors import add_scaled, dot, load, scale, store, subtract
 
 
 @by_reference
-class Observation(NamedTuple):
-    """What a frame shows of a state and has to be computed for it."""
+class Columns(NamedTuple):
+    """All that a frame shows, one row a thing, in the order of the scenario; NaN where something has no such number.
 
-    positions: FloatArray  # (n, dim) m, of the samples along the cable
-    tensions: FloatArray  # (n,) N, of the same
-    joints: FloatArray  # (carriages, dim) m, places of the joints on the cable
-    ends: FloatArray  # (2, dim) N, forces of the supports of start and end on the cable
-    towers: FloatArray  # (towers, dim) N, forces of the towers on it
-    travels: FloatArray  # (2,) m, of the counterweights at start and end
-    rope_forces: FloatArray  # (carriages,) N, of the haul ropes on their carriages
-    haul_force: FloatArray  # (1,) N, of the drive of a moving cable
+    Everything is in space: a planar system has y = 0 and turns about y only.
+    """
 
-
-def allocate_observation(system: System, samples: int) -> Observation:
-    """Room for what `observe` fills, with a number of samples along the cable."""
-    dim, carriages = len(system.cable.gravity), system.carriages.fixed.size
-    return Observation(
-        positions=np.empty((samples, dim)),
-        tensions=np.empty(samples),
-        joints=np.empty((carriages, dim)),
-        ends=np.empty((2, dim)),
-        towers=np.empty((system.supports.top.shape[0], dim)),
-        travels=np.zeros(2),
-        rope_forces=np.zeros(carriages),
-        haul_force=np.zeros(1),
-    )
+    time: FloatArray  # (1,) s, simulated; not filled by `observe`
+    arc_length: FloatArray  # (vehicles,) m, of the joint, unstrained
+    speed: FloatArray  # (vehicles,) m/s, rate of arc_length
+    drive_force: FloatArray  # (vehicles,) N, along the cable, on the vehicle or on the sheave of its haul rope
+    joint_position: FloatArray  # (vehicles, 3) m
+    contact_force: FloatArray  # (vehicles, 3) N, of the cable on the vehicle
+    attached: FloatArray  # (vehicles,) 1 on the cable, 0 where a carrier hangs at rest in a station
+    payload: FloatArray  # (vehicles,) kg
+    haul_travel: FloatArray  # (vehicles,) m, where the vehicle would be if its haul rope did not stretch
+    haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
+    haul_force: FloatArray  # (vehicles,) N, of the haul rope on the vehicle, along the cable
+    body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
+    body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
+    body_velocity: FloatArray  # (bodies, 3) m/s
+    body_angular_velocity: FloatArray  # (bodies, 3) rad/s
+    body_angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad; pitch goes on beyond a turn
+    support_force: FloatArray  # (supports, 3) N, of start, end and towers on the cable
+    support_travel: FloatArray  # (supports,) m, of a counterweight in the direction of its pull
+    tower_load: FloatArray  # (supports,) N, sum of the normal forces of a tower
+    tower_lowest_load: FloatArray  # (supports,) N, the least of all steps since the start or the last reset
+    tower_rest_load: FloatArray  # (supports,) N, at the start
+    drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
+    drive_speed: FloatArray  # (drives,) m/s
+    moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
+    rope_position: FloatArray  # (samples, 3) m
+    rope_tension: FloatArray  # (samples,) N
 
 
 @kernel
-def observe(system, state, work, arc_lengths, means, seen):
-    """Fill an observation, of the cable at `arc_lengths` (n,) in m; `means` (elements,) is scratch.
+def observe(system, state, arc_lengths, rest_loads, means, columns):
+    """Fill the columns of a frame.
 
-    All in one call: to hand a state over from Python takes longer than to read it.
+    Args:
+        system: parameters.
+        state: what is read.
+        arc_lengths: (samples,) m, where the cable is shown.
+        rest_loads: (towers, ...) N, loads of the towers at the start of the run in the first column.
+        means: (groups, WIDTH) scratch, an entry an element.
+        columns: takes the result.
     """
     cable = system.cable
-    sample_positions(cable, state, arc_lengths, seen.positions)
-    sample_tensions(cable, state, arc_lengths, seen.tensions, means)
-    sample_positions(cable, state, state.sliding_coordinate, seen.joints)
-    support_forces(system, state, work, seen.ends)
-    tower_forces(cable, system.supports, state, seen.towers)
+    sample_positions(cable, state, arc_lengths, columns.rope_position)
+    sample_tensions(cable, state, arc_lengths, columns.rope_tension, means)
+    observe_vehicles(system, state, columns)
+    observe_bodies(system, state, columns)
+    observe_supports(system, state, rest_loads, columns)
+    for drive in range(columns.drive_position.size):
+        columns.drive_position[drive], columns.drive_speed[drive] = state.rope[0], state.rope[1]
+        columns.moving_cable_force[drive] = haul_force(system, state)
+
+
+@kernel
+def observe_vehicles(system, state, columns):
+    """Fill the columns of all vehicles."""
+    copy_array(state.sliding_coordinate, columns.arc_length)
+    copy_array(state.sliding_velocity, columns.speed)
+    copy_array(state.drive_force, columns.drive_force)
+    copy_array(state.payload, columns.payload)
+    sample_positions(system.cable, state, state.sliding_coordinate, columns.joint_position)
+    for vehicle in range(columns.arc_length.size):
+        contact = load(state.multipliers[system.carriages.body_offset[vehicle]], system.cable.gravity)
+        store_in_space(contact, columns.contact_force[vehicle])
+        columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
+        travel, speed, force = nan, nan, nan
+        if state.drive_mode[vehicle] == HAULED:
+            travel, speed = state.sheave[vehicle, 0], state.sheave[vehicle, 1]
+            force, _, _, _ = rope_force(system, state, vehicle)
+        columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
+
+
+@kernel
+def observe_bodies(system, state, columns):
+    """Fill the columns of all bodies: where each is without its payload."""
+    for body in range(columns.body_angles.shape[0]):
+        x, z, pitch = state.body_coordinates[body, 0], state.body_coordinates[body, 1], state.body_coordinates[body, 2]
+        spin = state.body_velocities[body, 2]
+        arm_x, arm_z, turn_x, turn_z = pivot(pitch, system.carriages.centre_offset[body])
+        velocity = state.body_velocities[body, 0] - turn_x * spin, state.body_velocities[body, 1] - turn_z * spin
+        store_in_space((x - arm_x, z - arm_z), columns.body_position[body])
+        store_in_space(velocity, columns.body_velocity[body])
+        store((0.0, sin(0.5 * pitch), 0.0, cos(0.5 * pitch)), columns.body_orientation[body])
+        store((0.0, spin, 0.0), columns.body_angular_velocity[body])
+        store((0.0, pitch, 0.0), columns.body_angles[body])
+
+
+@kernel
+def observe_supports(system, state, rest_loads, columns):
+    """Fill the columns of both ends and all towers."""
     for end in range(2):
+        store_in_space(end_force(system, state, end), columns.support_force[end])
+        travel = nan
         if system.counterweights.mass[end] > 0.0:
-            seen.travels[end], _, _ = counterweight_motion(system.counterweights, cable, state, end)
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
-            seen.rope_forces[carriage], _, _, _ = rope_force(system, state, carriage)
-    if system.moving_cable.moving:
-        seen.haul_force[0] = haul_force(system, state)
+            travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
+        columns.support_travel[end] = travel
+        columns.tower_load[end], columns.tower_lowest_load[end], columns.tower_rest_load[end] = nan, nan, nan
+    for tower in range(system.supports.top.shape[0]):
+        row = 2 + tower
+        force = tower_force(system.cable, system.supports, state, tower)
+        store_in_space(force, columns.support_force[row])
+        columns.support_travel[row] = nan
+        columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
+        columns.tower_rest_load[row] = rest_loads[tower, 0]
+
+
+@kernel
+def store_in_space(vector, row):
+    """Write a vector (dim,) into `row` (3,): the first entry along the track, the last one upwards."""
+    row[0], row[1], row[2] = vector[0], 0.0, vector[-1]
+    if len(vector) == 3:
+        row[1] = vector[1]
 
 
 @kernel
 def sample_positions(cable, state, arc_lengths, positions):
-    """Fill `positions` (n, dim) in m at `arc_lengths` (n,) in m."""
+    """Fill `positions` (n, 3) in m at `arc_lengths` (n,) in m."""
     for k in range(arc_lengths.size):
-        store(position_on_cable(cable, state, arc_lengths[k]), positions[k])
+        store_in_space(position_on_cable(cable, state, arc_lengths[k]), positions[k])
 
 
 @kernel
 def sample_tensions(cable, state, arc_lengths, tensions, means):
     """Fill `tensions` (n,) in N: linear between the means of the elements, placed at their middles.
 
-    `means` (elements,) is scratch. The end elements go on with the slope of their neighbour.
+    `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
     """
-    count = cable.element_count
-    for element in range(count):
-        means[element] = mean_tension(cable, state, element)
+    count, like, length = cable.element_count, cable.gravity, cable.element_length
+    for group in range(means.shape[0]):
+        r_a, slope_a, r_b, slope_b = gather(state.nodal_coordinates, group * WIDTH, like)
+        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        r_a, slope_a, r_b, slope_b = gather(state.nodal_velocities, group * WIDTH, like)
+        d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        spread((tension_of(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
+    mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:
-            tensions[k] = means[0]
+            tensions[k] = mean[0]
         else:
-            place = arc_lengths[k] / cable.element_length - 0.5
+            place = arc_lengths[k] / length - 0.5
             left = min(max(int(place), 0), count - 2)
-            tensions[k] = means[left] + (place - left) * (means[left + 1] - means[left])
+            tensions[k] = mean[left] + (place - left) * (mean[left + 1] - mean[left])
+
+
+def groups(cable: Cable) -> tuple[int, int]:
+    """Shape of the scratch for the means of all elements."""
+    return -(-cable.element_count // WIDTH), WIDTH
 
 
 @kernel
-def support_forces(system, state, work, forces):
-    """Fill `forces` (2, dim) in N: what the supports exert on the cable, from the balance of the end nodes.
+def end_force(system, state, end):
+    """Force (dim,) in N of the support at `end` on the cable, from the balance of its node.
 
     Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
     """
     cable = system.cable
-    assemble_cable(system, state, 1.0, 0.0, 0.0, work)
+    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
+    first, last = end_forces(cable, state, element)
+    total = first if end == 0 else last
+    if system.moving_cable.moving:
+        total = add_scaled(-1.0, end_flow(cable, state, end), total)
+    if system.air.present:
+        total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state.wind, state, end), total)
+    for k in range(cable.load_arc_length.size):
+        share = share_of_node(cable, cable.load_arc_length[k], element, row)
+        total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
     for carriage in range(system.carriages.fixed.size):
-        if not state.attached[carriage]:
-            continue
-        element, x = locate(cable, state.sliding_coordinate[carriage])
-        shape = shape_functions(x, cable.element_length)
-        contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-        for i in range(4):
-            accumulate(scale(-shape[i], contact), work.right_side[element + i // 2, i % 2])
-    for number in range(system.supports.stiffness.size):
-        element, x = locate(cable, state.support_arc_length[number])
-        shape = shape_functions(x, cable.element_length)
-        force, _ = contact_force(cable, system.supports, state, number)
-        for i in range(4):
-            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
-    for i in range(forces.shape[1]):
-        forces[0, i] = -work.right_side[0, 0, i]
-        forces[1, i] = -work.right_side[cable.element_count, 0, i]
+        if state.attached[carriage]:
+            share = share_of_node(cable, state.sliding_coordinate[carriage], element, row)
+            force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+            total = add_scaled(-share, force, total)
+    for contact in range(system.supports.stiffness.size):
+        share = share_of_node(cable, state.support_arc_length[contact], element, row)
+        if share != 0.0:
+            total = add_scaled(share, contact_force(cable, system.supports, state, contact)[0], total)
+    return scale(-1.0, total)
+
+
+@kernel
+def share_of_node(cable, arc_length, element, row):
+    """Share of a force at `arc_length` (m) that S_row of an element takes; 0 where it is on another one."""
+    there, x = locate(cable, arc_length)
+    return shape_functions(x, cable.element_length)[row] if there == element else 0.0
 
 
 @kernel

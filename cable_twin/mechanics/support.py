@@ -19,7 +19,7 @@ from cable_twin.mechanics.block_tridiagonal import add_block
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.sliding_joint import interpolate, locate, locate_on_mesh, mobilise
-from cable_twin.mechanics.vectors import accumulate, add_scaled, block, dot, load, minus, outer, scale, store, subtract
+from cable_twin.mechanics.vectors import accumulate, add_scaled, block, dot, load, minus, outer, scale, subtract
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 NEAR = 1e-6  # of an element's length: a last move below leaves its square
@@ -199,11 +199,10 @@ def settle_supports(cable, supports, state):
 
 
 @kernel
-def tower_forces(cable, supports, state, forces):
-    """Fill `forces` (towers, dim) in N: what each tower exerts on the rope."""
-    for tower in range(supports.top.shape[0]):
-        total = scale(0.0, cable.gravity)
-        for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
-            force, _ = contact_force(cable, supports, state, contact)
-            total = add_scaled(1.0, force, total)
-        store(total, forces[tower])
+def tower_force(cable, supports, state, tower):
+    """Force (dim,) in N of a tower on the rope."""
+    total = scale(0.0, cable.gravity)
+    for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
+        force, _ = contact_force(cable, supports, state, contact)
+        total = add_scaled(1.0, force, total)
+    return total

@@ -15,8 +15,8 @@ from cable_twin.recording.run import open_view
 from cable_twin.recording.view_layout import frame, plot_titles
 from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_stream import flush_stream, open_stream
-from cable_twin.records import Snapshot
 from cable_twin.scenario import Scenario
+from cable_twin.snapshot import Snapshot
 
 ROOTS = ("a", "b")
 

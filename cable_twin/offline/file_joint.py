@@ -10,8 +10,8 @@ import numpy as np
 from cable_twin.offline.replay_result import Comparison, Difference
 from cable_twin.recording.log_file import LogFile
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.records import Snapshot
 from cable_twin.simulation import Simulation, SnapshotError
+from cable_twin.snapshot import Snapshot
 from cable_twin.snapshot_file import FullState, read_full_state
 
 

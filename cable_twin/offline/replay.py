@@ -21,11 +21,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.messages import (
     APPLIED_COMMANDS,
-    CABLE,
-    CABLE_PATH,
-    JOINT_STATES,
     SECOND,
-    TF,
     MessageEncoder,
     decode,
     topics,
@@ -36,9 +32,10 @@ from cable_twin.offline.start import start_of
 from cable_twin.recording.log_file import UNREADABLE, LogError
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.mcap_log import run_metadata
-from cable_twin.records import AppliedCommand, CommandError, Snapshot
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
+from cable_twin.snapshot import Snapshot
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
@@ -78,13 +75,11 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     Raises:
         LogError, CommandError, SolverError: it cannot be simulated to its end.
     """
-    encoder = MessageEncoder(simulation.carriages, log.epoch_ns, simulation.drives)
-    types = {topic.name: topic.type for topic in topics(simulation.carriages, supports=simulation.supports, tf=True)}
-    compared = [
-        name
-        for name in types
-        if name in (JOINT_STATES, CABLE, CABLE_PATH, TF) or name.startswith(("carriages/", "supports/"))
-    ]
+    # carriers with topics of their own: those that were asked for, and all in logs of format 1
+    layout = simulation.layout
+    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers)
+    table = topics(layout, own=layout.carriers, tf=True)
+    types = {topic.name: topic.type for topic in table if topic.group}
     waiting: deque[AppliedCommand] = deque()
     result = Comparison()
     task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None
@@ -105,11 +100,11 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         for index, (file, moved) in enumerate(log.files_in_turn(note_position)):
             if index and not join(file, simulation, advance, result, whole=whole, exactly=tolerance == 0.0):
                 waiting.clear()
-            yield from file.messages([*compared, APPLIED_COMMANDS], moved)
+            yield from file.messages([*types, APPLIED_COMMANDS], moved)
             whole = file.complete and not file.damage
 
     stamp = -1
-    expected: dict[str, bytes] = {}
+    snapshot = simulation.snapshot
     for topic, stamp_ns, data in stream():
         if topic == APPLIED_COMMANDS:
             waiting.append(log.command(stamp_ns, data))
@@ -118,15 +113,12 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         if stamp_ns != stamp:
             stamp = stamp_ns
             time = (stamp_ns - log.epoch_ns) / SECOND
-            expected = dict(encoder.frame(advance(time)))
-            expected[TF] = b""
+            snapshot = advance(time)
             result.end = time
             if progress is not None and task is not None:
                 progress.update(task, completed=position, simulated=f"{time:.1f} s")
-        if topic == TF:
-            expected[TF] = encoder.transforms(simulation.snapshot)
         result.samples[topic] += 1
-        replayed = expected.get(topic)
+        ((_, replayed),) = encoder.frame(snapshot, [topic])
         if replayed == data:
             continue
         for difference in _differences(topic, types[topic], stamp_ns - log.epoch_ns, data, replayed):

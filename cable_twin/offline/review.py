@@ -29,15 +29,17 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.command_line import OneLineParser
-from cable_twin.key_figures import KeyFigures
+from cable_twin.figure_messages import figures_of_statuses
+from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
 from cable_twin.offline.repair import repair
 from cable_twin.offline.signals import Comparison, Difference, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
+from cable_twin.records import AppliedCommand
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.schema import Carriers
+from cable_twin.snapshot import Snapshot
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
@@ -74,12 +76,13 @@ class Reading:
             self.scenario = load_scenario(log.scenario)
         except ScenarioError as error:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
-        self.figures = KeyFigures(self.scenario)
+        self._gathered = KeyFigures(self.scenario)
+        self._recorded: RecordedFigures | None = None
         self.signals = Signals()
         self.view: _View | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
         self._items = read_snapshots(log, on_position=on_position)
-        self._early: list[AppliedCommand] = []
+        self._early: list[AppliedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
     @property
@@ -99,15 +102,25 @@ class Reading:
         for item in chain(self._early, [self.first], self._items):
             yield from self._take(item)
 
-    def _take(self, item: Snapshot | AppliedCommand) -> Iterator[tuple[float, Mapping[str, float]]]:
+    @property
+    def figures(self) -> list[KeyFigure]:
+        """Key figures as the run had them from all its frames; where none were recorded, those of the frames here."""
+        if self._recorded is None:
+            return self._gathered.figures()
+        return figures_of_statuses(self._recorded.statuses)
+
+    def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
         if isinstance(item, AppliedCommand):
             self.commands += 1
-            self.figures.command(item)
+            self._gathered.command(item)
             if self.view is not None:
                 self.view.log_command(item)
             return
+        if isinstance(item, RecordedFigures):
+            self._recorded = item
+            return
         values = signal_values(item)
-        self.figures.update(item)
+        self._gathered.update(item)
         self.signals.update(item, values)
         if self.view is not None:
             self.view.log(item)
@@ -310,7 +323,7 @@ def _print(readings: Sequence[Reading], comparison: Comparison | None) -> None:
     console = table_console()
     for label, reading in zip("ab", readings, strict=False):
         print(f"{label}: {reading.summary()}" if comparison is not None else reading.summary())
-    print_figures(console, [reading.figures.figures() for reading in readings])
+    print_figures(console, [reading.figures for reading in readings])
     if comparison is not None:
         _print_differences(console, readings, comparison)
 

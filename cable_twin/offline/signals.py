@@ -3,44 +3,52 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_twin.records import FloatArray, Snapshot
+from cable_twin.records import FloatArray
+from cable_twin.snapshot import Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
 SHAPES = 24  # ropes that are kept
 
 
 def signal_values(snapshot: Snapshot) -> dict[str, float]:
-    """Every signal of a snapshot by its name, QUANTITY or QUANTITY/WHOSE."""
-    tensions = snapshot.cable.tensions
-    values = {
-        "tension/highest": float(tensions.max()),
-        "tension/start": float(tensions[0]),
-        "tension/end": float(tensions[-1]),
-    }
-    for name, state in snapshot.carriages.items():
-        here = 1.0 if state.attached else math.nan  # what is off the cable shows a gap
-        values[f"arc_length/{name}"] = here * state.arc_length
-        for body_name, body in state.bodies.items():
-            values[f"swing/{name}/{body_name}"] = here * math.degrees(body.pitch)
-        if not snapshot.drives:  # of a moving cable, else, for all that is clamped to it
-            values[f"speed/{name}"] = state.speed
-            values[f"drive_force/{name}"] = state.drive_force
-            values[f"drive_power/{name}"] = state.drive_force * state.speed
-        values[f"contact_force/{name}"] = here * math.hypot(state.contact_force[0], state.contact_force[-1])
-    for name, drive in snapshot.drives.items():
-        values[f"speed/{name}"] = drive.speed
-        values[f"drive_force/{name}"] = drive.force
-        values[f"drive_power/{name}"] = drive.force * drive.speed
-    for name, support in snapshot.supports.items():
-        values[f"support_force/{name}"] = math.hypot(support.force[0], support.force[-1])
-        if support.travel is not None:
-            values[f"travel/{name}"] = support.travel
-    return values
+    """Every signal of a snapshot by its name, QUANTITY or QUANTITY/WHOSE.
+
+    What a log did not hold at its time is left out; NaN is a gap, of what is off the cable.
+    """
+    c, layout = snapshot.columns, snapshot.layout
+    values: dict[str, float] = {}
+    if not np.isnan(c.rope_tension[0]):
+        values |= {
+            "tension/highest": float(c.rope_tension.max()),
+            "tension/start": float(c.rope_tension[0]),
+            "tension/end": float(c.rope_tension[-1]),
+        }
+    here = np.where(c.attached == 0.0, math.nan, 1.0)
+    names, speeds, forces = (*layout.vehicles,), c.speed, c.drive_force
+    if layout.drives:  # of a moving cable for all that is clamped to it
+        names, speeds, forces = layout.drives, c.drive_speed, c.moving_cable_force
+    values |= _named("arc_length", layout.vehicles, here * c.arc_length)
+    swings = np.degrees(c.body_angles[:, 1]) * np.repeat(here, np.diff(layout.first_body))
+    values |= _named("swing", layout.bodies, swings)
+    values |= _named("speed", names, speeds)
+    values |= _named("drive_force", names, forces)
+    values |= _named("drive_power", names, forces * speeds)
+    values |= _named("contact_force", layout.vehicles, here * np.linalg.norm(c.contact_force, axis=1))
+    values |= _named("support_force", layout.supports, np.linalg.norm(c.support_force, axis=1))
+    travels = zip(layout.supports, c.support_travel.tolist(), strict=True)
+    return values | {f"travel/{name}": travel for name, travel in travels if not math.isnan(travel)}
+
+
+def _named(quantity: str, names: Iterable[str], values: FloatArray) -> dict[str, float]:
+    """Signals of one quantity, none of them where there is no number among the values."""
+    if np.isnan(values).all():
+        return {}
+    return {f"{quantity}/{name}": value for name, value in zip(names, values.tolist(), strict=True)}
 
 
 UNITS: Mapping[str, str] = {
@@ -127,6 +135,8 @@ class Signals:
             if name not in self.series:
                 self.series[name] = Series()
             self.series[name].append(snapshot.time, value)
+        if np.isnan(snapshot.columns.rope_position[0, 0]):
+            return  # the log did not hold the rope at this time
         if self._frames % self._stride == 0:
             if len(self._shapes) == 2 * SHAPES:
                 self._shapes = self._shapes[::2]
@@ -141,8 +151,10 @@ class Signals:
 
 
 def _shape(snapshot: Snapshot) -> Shape:
-    joints = {name: state.position[[0, -1]] for name, state in snapshot.carriages.items() if state.attached}
-    return Shape(snapshot.time, snapshot.cable.positions[:, [0, -1]], joints)
+    c = snapshot.columns
+    rows = [(name, row) for row, name in enumerate(snapshot.layout.vehicles) if c.attached[row] == 1.0]
+    joints = {name: c.joint_position[row, [0, 2]] for name, row in rows if not np.isnan(c.joint_position[row, 0])}
+    return Shape(snapshot.time, c.rope_position[:, [0, 2]], joints)
 
 
 @dataclass(slots=True)

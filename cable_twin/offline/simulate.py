@@ -32,6 +32,8 @@ from cable_twin.offline.script import (
 )
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.start import start_of
+from cable_twin.rates import EVERY_FRAME, LOGGED
+from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import HOURLY, Splitting
@@ -47,6 +49,13 @@ SPLITTING = (
     ("keep-age", "S", "remove files at a split that ended so many seconds ago, 0 for none"),
     ("keep-size", "MB", "remove the oldest files at a split until the run has this size, 0 for none"),
 )
+LOG_RATES = {  # group of topics: what they are
+    "joints": "joint states are",
+    "poses": "poses are",
+    "forces": "forces are",
+    "rope": "the shape of the rope is",
+    "path": "the same as a path for RViz is",
+}
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
@@ -120,6 +129,15 @@ def parser() -> OneLineParser:
         metavar="HZ",
         help="frames recorded in a second of simulated time; default: 100",
     )
+    for group, text in LOG_RATES.items():
+        rate = LOGGED.get(group, EVERY_FRAME)
+        result.add_argument(
+            f"--log-{group.removesuffix('s')}-rate",
+            dest=f"rate_{group}",
+            type=_rate,
+            metavar="HZ",
+            help=f"how often {text} recorded, 0 for every frame; default: {rate:g}",
+        )
     for name, metavar, text in SPLITTING:
         result.add_argument(
             f"--{name}",
@@ -162,6 +180,24 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
         return value
 
     return convert
+
+
+def _rate(text: str) -> float:
+    """Rate in Hz; whether it divides the frame rate depends on that."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text!r} given, 0 to 1000 Hz are allowed")
+    return value
+
+
+def _rates(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
+    """Rates (Hz) by group of topics, and a line for each that is asked for and does not divide the frame rate (Hz)."""
+    given = {group: rate for group in LOG_RATES if (rate := getattr(options, f"rate_{group}")) is not None}
+    faults = [rate_fault(f"--log-{group.removesuffix('s')}-rate", rate, frame_rate) for group, rate in given.items()]
+    return {**LOGGED, **given}, [line for line in faults if line is not None]
 
 
 def _limit(text: str) -> float:
@@ -209,6 +245,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{simulation.step:g} s: {rate:g} Hz is used",
             file=sys.stderr,
         )
+    rates, faults = _rates(options, rate)
+    for line in faults:
+        print(f"simulate: {line}", file=sys.stderr)
+    if faults:
+        return UNUSABLE
     if round(duration / simulation.step) == 0:
         print(f"simulate: --duration {duration:g} s given; a solver step takes {simulation.step:g} s", file=sys.stderr)
         return UNUSABLE
@@ -235,6 +276,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     figures=figures,
                     on_frame=on_frame,
                     ended=ended.is_set,
+                    rates=rates,
                 )
         finally:
             if run is not None:
@@ -283,7 +325,7 @@ def _start(simulation: Simulation, options: argparse.Namespace, splitting: Split
         return None
     return start_run(
         simulation,
-        topics(simulation.carriages, supports=simulation.supports),
+        topics(simulation.layout),
         record_directory=options.output.expanduser(),
         frame_period=frame_steps * simulation.step,
         rerun="file" if options.record == "all" else "off",

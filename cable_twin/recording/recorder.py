@@ -26,7 +26,8 @@ from typing import Any, NamedTuple, Protocol
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, nanoseconds
 from cable_twin.recording.mcap_log import McapLog
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
-from cable_twin.records import AppliedCommand, Snapshot
+from cable_twin.records import AppliedCommand
+from cable_twin.snapshot import Snapshot
 from cable_twin.snapshot_file import FullState
 
 SLEEP = 0.05  # s between looks into the queue

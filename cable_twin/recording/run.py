@@ -86,6 +86,7 @@ def start_run(
     for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
         try:
             view = open_view(scenario, log.path.with_suffix(".rrd"), live=live)
+            view.lay_out(simulation.snapshot)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
@@ -116,6 +117,7 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         live=live,
         ground=scenario.terrain or None,
         support_positions={name: tower.position for name, tower in scenario.towers.items()},
+        carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
         **options,
     )
 

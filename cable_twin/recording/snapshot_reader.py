@@ -1,17 +1,19 @@
 """Snapshots and commands back from a log, one after the other: what a run showed, without simulating it again.
 
-A log has the cable in single precision and nothing of the velocities of centres of mass, of haul ropes or of the
-solver; what it does not have is NaN or None here, and zero in the solver's report. Logs without the topics of forces
-give NaN for those. Of a tower a log has the force; its size stands for the normal load (friction adds to it, the turn
-of the rope takes from it), and that in the first frame for the load at rest, where no snapshot that the run went on
-from has it. The travel of a counterweight follows from the end of the cable, payloads from the commands.
+A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
+that time, and so is what it never has: velocities of centres of mass, haul ropes, forces in logs without their topics.
+The cable and what is known of carriers by their forces is in single precision. Of a tower a log has the force; its size
+stands for the normal load (friction adds to it, the turn of the rope takes from it), and that in the first frame for
+the load at rest, where no snapshot that the run went on from has it. The travel of a counterweight follows from the end
+of the cable, payloads from the commands.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,48 +21,50 @@ from cable_twin.messages import (
     APPLIED_COMMANDS,
     CABLE,
     CABLE_FIELDS,
+    CARRIER_FORCES,
+    CARRIER_POSES,
+    FORCE_FIELDS,
     JOINT_STATES,
+    KEY_FIGURES,
     SECOND,
-    SUPPORTS,
+    Status,
     contact_force_topic,
     decode,
     pose_topic,
+    statuses_of_message,
     support_force_topic,
 )
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.records import (
-    AppliedCommand,
-    BodyState,
-    CableSamples,
-    CarriageState,
-    DriveState,
-    FloatArray,
-    Snapshot,
-    SolverReport,
-    SupportState,
-    TowerState,
-)
+from cable_twin.records import AppliedCommand, FloatArray, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.snapshot import ENDS, Layout, Snapshot
 from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
-POINT_SIZE = 4 * len(CABLE_FIELDS)  # bytes of a point of the cable
-Z = slice(0, 3, 2)  # x and z of x, y, z
+POSE = 7  # numbers: place and quaternion
 
 
-def read_snapshots(
-    log: Log, *, on_position: Callable[[int], None] | None = None
-) -> Iterator[Snapshot | AppliedCommand]:
-    """Stream the frames of a log and the commands between them, one frame in memory.
+class RecordedFigures(NamedTuple):
+    """Key figures as the run itself had them."""
+
+    time: float  # s
+    statuses: list[Status]
+
+
+Item = Snapshot | AppliedCommand | RecordedFigures
+
+
+def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
+    """Stream the frames of a log and what lies between them, one frame in memory.
 
     Args:
         log: Finished, or cut short: its last frame then may be missing.
         on_position: Called with the bytes of the file read so far.
 
     Yields:
-        Snapshots, and each command where it took effect, in the order of the log.
+        Snapshots, each command where it took effect, and key figures where they were recorded, in the order of the log.
 
     Raises:
         LogError: The scenario is not understood, or a message is unreadable; the line names topic and time.
@@ -69,64 +73,110 @@ def read_snapshots(
         frames = _Frames(log, load_scenario(log.scenario))
     except ScenarioError as error:
         raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
-    frame: dict[str, bytes] = {}
-    frame_stamp = -1
-    topics = [*frames.needed, *frames.forces, APPLIED_COMMANDS]
+    stamp = -1
+    topics = [*frames.readers, APPLIED_COMMANDS, KEY_FIGURES]
     whole = True
     for file, moved in log.files_in_turn(on_position):
         if not whole:
             frames.go_on_from(file)
         for topic, stamp_ns, data in file.messages(topics, moved):
-            if (stamp_ns != frame_stamp or topic == APPLIED_COMMANDS) and frame:
-                if snapshot := frames.snapshot(frame_stamp, frame):
-                    yield snapshot
-                frame = {}
-            frame_stamp = stamp_ns
-            if topic == APPLIED_COMMANDS:
+            in_frame = topic in frames.readers
+            if (stamp_ns != stamp or not in_frame) and (snapshot := frames.take()) is not None:
+                yield snapshot
+            stamp = stamp_ns
+            if in_frame:
+                frames.read(topic, stamp_ns, data)
+            elif topic == APPLIED_COMMANDS:
                 applied = log.command(stamp_ns, data)
                 frames.command(applied)
                 yield applied
             else:
-                frame[topic] = data
+                yield RecordedFigures((stamp_ns - log.epoch_ns) / SECOND, statuses_of_message(data))
         whole = file.complete and not file.damage
-    if frame and (snapshot := frames.snapshot(frame_stamp, frame)):
+    if (snapshot := frames.take()) is not None:
         yield snapshot
 
 
 class _Frames:
-    """Puts frames together; remembers what a single one does not tell."""
+    """Puts frames together; remembers what a single one does not tell.
+
+    Attributes:
+        readers: what takes in the message of each topic of a frame.
+    """
 
     def __init__(self, log: Log, scenario: Scenario) -> None:
         self._log, self._scenario = log, scenario
-        self._vehicles = scenario.vehicles
-        self._supports = (*SUPPORTS, *scenario.towers)
-        self._rest_loads: dict[str, float] = {}  # N, of towers at rest, else in the first frame
-        self._lowest_loads: dict[str, float] = {}  # N, since the start or the last reset
+        layout = self._layout = Layout.of(scenario, int(log.metadata["sample_count"]))
+        self._numbers = np.full(layout.size, nan)
+        self._columns = layout.columns(self._numbers)
+        self._empty = True
+        self._clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()], dtype=bool)
+        self._rest_loads = np.full(len(layout.supports), nan)  # N, of towers at rest, else in the first frame
+        self._lowest_loads = np.full(len(layout.supports), nan)  # N, since the start or the last reset
         self._payloads = self._first_payloads()
+        self._names_checked = False
         self._full = _full_state(log.snapshot)
         if self._full is not None:
-            self._rest_loads = dict(zip(scenario.towers, self._full.start.tower_load[:, 0].tolist(), strict=True))
+            self._rest_loads[len(ENDS) :] = self._full.start.tower_load[:, 0]
             self._go_to(self._full.state.payload, self._full.state.tower_load)
-        self.needed = [JOINT_STATES, CABLE]  # of a complete frame
-        self.forces = [*map(support_force_topic, self._supports)]
-        for name, vehicle in self._vehicles.items():
-            self.needed += [pose_topic(name), *(pose_topic(name, body) for body in vehicle.bodies)]
-            self.forces.append(contact_force_topic(name))
+        self.readers = self._make_readers()
 
-    def _first_payloads(self) -> dict[str, float]:
-        """Payloads (kg) at the start of the run."""
-        return {name: vehicle.payload.mass for name, vehicle in self._vehicles.items() if vehicle.payload is not None}
+    def _make_readers(self) -> dict[str, Callable[[bytes], None]]:
+        """A reader for each topic that a log may hold."""
+        layout, c = self._layout, self._columns
+        readers: dict[str, Callable[[bytes], None]] = {JOINT_STATES: self._read_joints, CABLE: self._read_cable}
+        for row, (name, bodies) in enumerate(layout.vehicles.items()):
+            readers[pose_topic(name)] = _reader(POSE, [c.joint_position[row]])
+            readers[contact_force_topic(name)] = _reader(6, [c.contact_force[row]])
+            for body, body_name in enumerate(bodies, layout.first_body[row]):
+                targets = [c.body_position[body], c.body_orientation[body]]
+                readers[pose_topic(name, body_name)] = _reader(POSE, targets)
+        if layout.carriers:
+            first = len(layout.carriages)
+            hung = slice(layout.first_body[first], None)
+            readers[CARRIER_POSES] = _table_reader([c.body_position[hung], c.body_orientation[hung]])
+            joints, forces = c.joint_position[first:], c.contact_force[first:]
+            readers[CARRIER_FORCES] = lambda data: _fill(_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+        for row, name in enumerate(layout.supports):
+            readers[support_force_topic(name)] = _reader(6, [c.support_force[row]])
+        return readers
+
+    def read(self, topic: str, stamp_ns: int, data: bytes) -> None:
+        """Take a message of a frame in; raises LogError where it is unreadable."""
+        time = (stamp_ns - self._log.epoch_ns) / SECOND
+        try:
+            self.readers[topic](data)
+        except UNREADABLE as error:
+            raise LogError(f"{self._log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
+        self._columns.time[0] = time
+        self._empty = False
+
+    def take(self) -> Snapshot | None:
+        """The frame that has been read, None where there is none; the next one is begun."""
+        if self._empty:
+            return None
+        c = self._columns
+        c.payload[:] = self._payloads
+        # what is off a moving cable hangs exactly at one of its ends
+        ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
+        c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
+        self._judge_supports()
+        snapshot = Snapshot(self._layout, self._numbers.copy(), NOTHING)
+        self._numbers.fill(nan)
+        self._empty = True
+        return snapshot
 
     def command(self, applied: AppliedCommand) -> None:
         """Follow what changes payloads and what is counted since the last reset."""
         if applied.command.kind == "payload":
-            self._payloads.update(applied.command.values)
+            for name, mass in applied.command.values.items():
+                self._payloads[[*self._layout.vehicles].index(name)] = mass
         elif applied.command.kind == "reset":
             if self._full is not None:
                 self._go_to(self._full.start.payload, self._full.start.tower_load)
                 return
             self._payloads = self._first_payloads()
-            self._lowest_loads = dict(self._rest_loads)
+            self._lowest_loads = self._rest_loads.copy()
 
     def go_on_from(self, file: LogFile) -> None:
         """Take over what was attached to a file, where commands before it are lost."""
@@ -134,67 +184,55 @@ class _Frames:
             self._full = full
             self._go_to(full.state.payload, full.state.tower_load)
 
+    def _first_payloads(self) -> FloatArray:
+        """Payloads (vehicles,) in kg at the start of the run."""
+        vehicles = self._scenario.vehicles.values()
+        return np.array([0.0 if vehicle.payload is None else vehicle.payload.mass for vehicle in vehicles])
+
     def _go_to(self, payloads: FloatArray, tower_loads: FloatArray) -> None:
         """Take over what no frame tells: payloads (vehicles,) in kg, loads (towers, 2) in N, now and least."""
-        self._payloads = dict(zip(self._vehicles, payloads.tolist(), strict=True))
-        self._lowest_loads = dict(zip(self._scenario.towers, tower_loads[:, 1].tolist(), strict=True))
+        self._payloads = payloads.copy()
+        self._lowest_loads[len(ENDS) :] = tower_loads[:, 1]
 
-    def snapshot(self, stamp_ns: int, frame: Mapping[str, bytes]) -> Snapshot | None:
-        """Put one frame together; None where a part of it is missing."""
-        if not all(topic in frame for topic in self.needed):
-            return None
-        time = (stamp_ns - self._log.epoch_ns) / SECOND
-        topic = ""
-        try:
-            topic = JOINT_STATES
-            joints = decode(frame[topic], "sensor_msgs/msg/JointState")
-            position, velocity, effort = joints.position.tolist(), joints.velocity.tolist(), joints.effort.tolist()
-            rows = dict(zip(joints.name, zip(position, velocity, effort, strict=True), strict=True))
-            states = {}
-            for name, vehicle in self._vehicles.items():
-                bodies = {}
-                for body in vehicle.bodies:
-                    topic = pose_topic(name, body)
-                    x, _, z = _numbers(frame[topic], 7)[:3].tolist()
-                    pitch, pitch_rate, _ = rows[f"{name}/{body}"]
-                    bodies[body] = BodyState(x, z, pitch, math.nan, math.nan, pitch_rate)
-                topic = pose_topic(name)
-                arc_length, speed, drive_force = rows[name]
-                states[name] = CarriageState(
-                    arc_length=arc_length,
-                    speed=speed,
-                    drive_force=drive_force,
-                    contact_force=_force(frame, contact_force_topic(name)),
-                    position=_numbers(frame[topic], 7)[Z],
-                    bodies=bodies,
-                    # what is off a moving cable hangs exactly at one of its ends
-                    attached=vehicle.joint != "clamped"
-                    or arc_length not in (0.0, self._scenario.cable.unstrained_length),
-                    payload=self._payloads.get(name, 0.0),
-                )
-            drives = {name: DriveState(*rows[name]) for name in self._scenario.drives}
-            topic = CABLE
-            cable = _cable(frame[topic], int(self._log.metadata["sample_count"]))
-        except UNREADABLE as error:
-            raise LogError(f"{self._log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
-        supports = {
-            name: self._support(name, _force(frame, support_force_topic(name)), cable) for name in self._supports
-        }
-        return Snapshot(time, states, supports, cable, NOTHING, drives)
+    def _read_joints(self, data: bytes) -> None:
+        """Columns of joint_states, of which a message ends with three arrays of one length, 8 bytes apart."""
+        layout, c = self._layout, self._columns
+        if not self._names_checked:
+            names = decode(data, "sensor_msgs/msg/JointState").name
+            if names != [*layout.vehicles, *layout.drives, *layout.bodies]:
+                raise ValueError(f"its names are not those of the scenario: {', '.join(names[:5])}, ...")
+            self._names_checked = True
+        vehicles, drives = len(layout.vehicles), len(layout.vehicles) + len(layout.drives)
+        count = drives + len(layout.bodies)
+        numbers = _numbers(data, 3 * count + 2)
+        place, rate, force = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
+        c.arc_length[:], c.drive_position[:] = place[:vehicles], place[vehicles:drives]
+        c.speed[:], c.drive_speed[:] = rate[:vehicles], rate[vehicles:drives]
+        c.drive_force[:], c.moving_cable_force[:] = force[:vehicles], force[vehicles:drives]
+        c.body_angles[:] = 0.0
+        c.body_angles[:, 1], c.body_angular_velocity[:, 1] = place[drives:], rate[drives:]
 
-    def _support(self, name: str, force: FloatArray, cable: CableSamples) -> SupportState:
-        """What is known of a support by its force (2,) in N and the shape of the cable."""
-        if name not in SUPPORTS:
-            load = float(np.hypot(*force))
-            rest = self._rest_loads.setdefault(name, load)
-            lowest = self._lowest_loads[name] = min(load, self._lowest_loads.get(name, load))
-            return SupportState(force, TowerState(load, lowest, rest, load == 0.0))
-        end = getattr(self._scenario.cable, name)
-        if end.support != "counterweight":
-            return SupportState(force)
-        place = cable.positions[0 if name == "start" else -1]
-        direction = np.array(end.direction) / np.hypot(*end.direction)
-        return SupportState(force, travel=float((place - np.array(end.position)) @ direction))
+    def _read_cable(self, data: bytes) -> None:
+        points = _points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
+        self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
+
+    def _judge_supports(self) -> None:
+        """What is known of supports by their forces and the shape of the cable."""
+        c = self._columns
+        towers = slice(len(ENDS), None)
+        loads = np.linalg.norm(c.support_force[towers], axis=1)
+        rest, lowest = self._rest_loads[towers], self._lowest_loads[towers]
+        rest[:] = np.where(np.isnan(rest), loads, rest)
+        lowest[:] = np.fmin(lowest, loads)
+        seen = np.where(np.isnan(loads), nan, 1.0)
+        c.tower_load[towers], c.tower_lowest_load[towers] = loads, seen * lowest
+        c.tower_rest_load[towers] = seen * rest
+        for row, name in enumerate(ENDS):
+            end = getattr(self._scenario.cable, name)
+            if end.support == "counterweight":
+                direction = np.array(end.direction) / np.hypot(*end.direction)
+                moved = c.rope_position[-row][[0, 2]] - np.array(end.position)
+                c.support_travel[row] = float(moved @ direction)
 
 
 def _full_state(snapshot: bytes | None) -> FullState | None:
@@ -212,16 +250,37 @@ def _numbers(data: bytes, count: int) -> FloatArray:
     return np.frombuffer(data, "<f8", count, len(data) - 8 * count)
 
 
-def _force(frame: Mapping[str, bytes], topic: str) -> FloatArray:
-    """Force (2,) in N of a WrenchStamped, NaN where there is none."""
-    return _numbers(frame[topic], 6)[Z] if topic in frame else np.full(2, np.nan)
+def _reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
+    """Reads a message that ends with so many doubles, of which the first ones go to the targets."""
+    sizes = [target.size for target in targets]
+
+    def read(data: bytes) -> None:
+        numbers, taken = _numbers(data, count), 0
+        for target, size in zip(targets, sizes, strict=True):
+            target[:] = numbers[taken : taken + size]
+            taken += size
+
+    return read
 
 
-def _cable(data: bytes, count: int) -> CableSamples:
-    """Points of a PointCloud2: they stand before its last byte."""
-    points = np.frombuffer(data, "<f4", count * len(CABLE_FIELDS), len(data) - 1 - count * POINT_SIZE)
-    table = points.reshape(count, -1).astype(np.float64)
-    return CableSamples(arc_lengths=table[:, 3], positions=table[:, Z], tensions=table[:, 4])
+def _table_reader(targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
+    """Reads a message that ends with a row of doubles for each row of the targets."""
+    rows, width = len(targets[0]), sum(target.shape[1] for target in targets)
+    return lambda data: _fill(_numbers(data, rows * width).reshape(rows, width), targets)
 
 
-__all__ = ["read_snapshots"]
+def _fill(table: FloatArray, targets: Sequence[FloatArray]) -> None:
+    """Spread the columns of a table (rows, width) over the targets (rows, ...)."""
+    taken = 0
+    for target in targets:
+        target[:] = table[:, taken : taken + target.shape[1]]
+        taken += target.shape[1]
+
+
+def _points(data: bytes, count: int, fields: Sequence[str]) -> FloatArray:
+    """Points (count, fields) of a PointCloud2 of float32: they stand before its last byte."""
+    size = 4 * len(fields)
+    return np.frombuffer(data, "<f4", count * len(fields), len(data) - 1 - count * size).reshape(count, -1)
+
+
+__all__ = ["Item", "RecordedFigures", "read_snapshots"]

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from cable_twin.records import FloatArray
 
@@ -18,8 +19,8 @@ DOWNWARDS = np.array([1.0, -1.0])
 
 
 def planar(vector: FloatArray) -> FloatArray:
-    """Return (…, 2) x and z of (…, dim) vectors."""
-    return vector if vector.shape[-1] == 2 else vector[..., [0, -1]]
+    """Return a view (…, 2), x and z, of vectors (…, 3)."""
+    return vector[..., ::2]
 
 
 def plane(points: FloatArray) -> FloatArray:
@@ -37,10 +38,16 @@ def entity_path(parent: str, name: str) -> str:
     return f"{parent}/{rr.escape_entity_path_part(name)}"
 
 
-def time_column(times: Sequence[float]) -> rr.TimeColumn:
+def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
     """Return times in seconds as an index, rounded to the nanosecond."""
-    nanoseconds = np.rint(np.array(times) * 1e9).astype("timedelta64[ns]")
+    nanoseconds = np.rint(np.asarray(times, dtype=np.float64) * 1e9).astype("timedelta64[ns]")
     return rr.TimeColumn(TIMELINE, duration=nanoseconds)
+
+
+def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Return (frames,) whether a frame has all numbers of arrays (frames, ...)."""
+    complete = [~np.isnan(array.reshape(len(array), -1)).any(axis=1) for array in arrays]
+    return np.logical_and.reduce(complete)
 
 
 def default_ground(cable: FloatArray, carriages: Sequence[FloatArray]) -> FloatArray:

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cable_twin.recording.view_geometry import TIMELINE, entity_path
+from cable_twin.recording.view_geometry import TIMELINE
 from cable_twin.recording.view_plots import Plot
+from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
 
-CLOSE_UPS = 6  # of carriages, where there are more than that
 LEGEND_LINES = 12  # of a plot, up to which it has a legend
 
 
@@ -19,7 +19,7 @@ def lay_out(
     low: FloatArray,
     high: FloatArray,
     top: float,
-    reaches: Mapping[str, float],
+    followed: Mapping[str, float],
     plots: Iterable[Plot],
     unit: str,
     window: float | None,
@@ -30,7 +30,7 @@ def lay_out(
         low: (2,) m, lower left corner of the scene.
         high: (2,) m, its upper right one.
         top: m, where the legend is, above the scene.
-        reaches: Carriage -> m, how far it reaches from its joint.
+        followed: Entity -> m, what has a close-up, and how far its vehicle reaches from there.
         plots: All plots.
         unit: Of forces.
         window: s, how much time before and after the cursor the plots show; None shows the whole run.
@@ -47,15 +47,16 @@ def lay_out(
     )
     close_ups = [
         rrb.Spatial2DView(
-            name=f"Close-up of {name}" if len(reaches) == 1 else name,
-            origin=entity_path("track/carriages", name),
+            name=f"Close-up of {name}" if len(followed) == 1 else name,
+            origin=path,
             contents=["+ /track/**", "- /track/tension_colors"],
             visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
         )
-        for name, reach in list(reaches.items())[:CLOSE_UPS]
+        for path, reach in list(followed.items())[:CLOSE_UPS]
+        for name in [path.rpartition("/")[2]]
     ]
     titles = plot_titles(unit)
-    if any(path.startswith("plots/tower_load/") for path, _ in paths):
+    if any(path == "plots/tower_load" for path, _ in paths):
         titles["tower_load"] = f"Load on towers [{unit}]"
     views = [_plot_view(f"plots/{path}", title, paths, window) for path, title in titles.items()]
     lower: list[rrb.View | rrb.Container] = [rrb.Grid(*views, grid_columns=2)]
@@ -69,6 +70,7 @@ def lay_out(
                 rrb.TextLogView(
                     name="Commands", origin="commands", columns=rrb.TextLogColumns(text_log_columns=["Body"])
                 ),
+                row_shares=[3, 2],
             ),
             column_shares=[5, 1],
         )

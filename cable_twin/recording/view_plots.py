@@ -1,38 +1,64 @@
-"""What is plotted and written of a snapshot: its numbers, and those of the commands."""
+"""What is plotted of a run: speeds beside those commanded, tensions, swings, drive forces and loads of towers."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
+from itertools import cycle, islice, pairwise
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from cable_twin.recording.view_geometry import entity_path
-from cable_twin.records import AppliedCommand, Snapshot, TowerState
+from cable_twin.recording.view_geometry import entity_path, time_column
+from cable_twin.recording.view_readout import driven, driven_names
+from cable_twin.records import AppliedCommand, FloatArray
+from cable_twin.snapshot import ENDS, Columns, Layout
 
-PLOT_COLORS = (0x4CC9F0FF, 0xFFD166FF, 0xFF6B6BFF, 0x80ED99FF, 0xC8B6FFFF, 0xFFADADFF)
-DEGREES = 180.0 / np.pi
+# readable on a dark ground and on a light one: a contrast of 3 or more with both
+PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
+Values = Callable[[Columns, FloatArray], FloatArray]
 
 
 class Plot:
-    """The lines of one entity in a plot."""
+    """The lines of one entity in a plot.
 
-    def __init__(self, path: str, names: list[str], colors: list[int]) -> None:
+    Args:
+        path: Of the entity.
+        names: Of the lines.
+        values: Takes the columns of so many frames and the commanded speeds (frames, driven) in m/s, and returns
+            (frames, lines).
+        color: Number of the first line's colour.
+    """
+
+    def __init__(self, path: str, names: Sequence[str], values: Values, color: int = 0) -> None:
         self.path = path
-        self.names = names
-        self.colors = colors
-        # Wider below narrower: lines that coincide stay visible.
-        self.widths = np.linspace(3.0, 1.5, len(names)) if len(names) > 1 else np.array([1.5])
+        self.names = list(names)
+        self.values = values
+        self.colors = list(islice(cycle(PLOT_COLORS), color, color + len(self.names)))
+        # Wider below narrower: a few lines that coincide stay visible.
+        self.widths = np.linspace(3.0, 1.5, len(names)) if 1 < len(names) <= 3 else np.full(len(names), 1.5)
 
 
 class Plots:
-    """All plots of a run: a row of values for each snapshot, the speeds that are commanded among them."""
+    """All plots of a run.
 
-    def __init__(self, snapshot: Snapshot, force_scale: float) -> None:
-        self._plots = _lines(snapshot)
-        self._scale = force_scale
-        self._commanded: dict[str, float] = {}
+    Args:
+        layout: What is plotted.
+        carriers: Names of vehicles that are plotted together.
+        scale: That forces are drawn with.
+    """
+
+    def __init__(self, layout: Layout, carriers: Collection[str], scale: float) -> None:
+        self._movers = driven_names(layout)
+        self._plots = [
+            *_speeds(layout),
+            Plot("plots/tension", ["highest", "at the start", "at the end"], lambda c, _: _tensions(c) * scale),
+            *_swings(layout, carriers),
+            *_forces(layout, scale),
+        ]
 
     def __iter__(self) -> Iterator[Plot]:
         return iter(self._plots)
@@ -43,110 +69,128 @@ class Plots:
             colors = np.array(plot.colors, dtype=np.uint32)
             stream.log(plot.path, rr.SeriesLines(names=plot.names, colors=colors, widths=plot.widths), static=True)
 
-    def send(self, stream: rr.RecordingStream, times: rr.TimeColumn, rows: list[list[float]]) -> None:
-        """Send the rows of so many times."""
-        table = np.array(rows, dtype=np.float64)
-        first = 0
+    def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
+        """Send the values of a batch."""
+        times = time_column(c.time[:, 0])
+        speeds = commanded.at(c.time[:, 0], self._movers)
         for plot in self._plots:
-            last = first + len(plot.names)
-            stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=table[:, first:last]), strict=True)
-            first = last
+            scalars = np.ascontiguousarray(plot.values(c, speeds))
+            stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=scalars), strict=True)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
 
-    def row(self, snapshot: Snapshot) -> list[float]:
-        """Return the values of all plots: speeds, tensions, swings, drive forces, tower loads."""
-        scale = self._scale
-        tensions = snapshot.cable.tensions
-        row: list[float] = []
-        driven = _driven(snapshot)
-        for name, (_, speed, _) in driven.items():
-            row += (speed, self._commanded.get(name, np.nan))
-        row += (tensions.max() * scale, tensions[0] * scale, tensions[-1] * scale)
-        for state in snapshot.carriages.values():
-            row += [body.pitch * DEGREES if state.attached else np.nan for body in state.bodies.values()]
-        row += [force * scale for _, _, force in driven.values()]
-        row += [tower.normal_load * scale for tower in _towers(snapshot).values()]
-        return row
 
-    def obey(self, applied: AppliedCommand) -> None:
-        """Take a command over into the commanded speeds; no number where no speed is commanded."""
+class CommandedSpeeds:
+    """The speed that each thing is commanded to have, over time."""
+
+    def __init__(self) -> None:
+        self._now: dict[str, float] = {}
+        self._waiting: deque[AppliedCommand] = deque()
+
+    def note(self, applied: AppliedCommand) -> None:
+        """Take a command, from its time on."""
+        self._waiting.append(applied)
+
+    def at(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return (frames, names) m/s at times (frames,) in s, later than those before; NaN where none is commanded."""
+        speeds = np.empty((len(times), len(names)))
+        first = 0
+        while True:
+            speeds[first:] = [self._now.get(name, np.nan) for name in names]
+            if not self._waiting or self._waiting[0].time > times[-1]:
+                return speeds
+            applied = self._waiting.popleft()
+            first = max(first, int(np.searchsorted(times, applied.time)))
+            self._obey(applied)
+
+    def _obey(self, applied: AppliedCommand) -> None:
         command = applied.command
         if command.kind == "speed":
-            self._commanded.update(command.values)
+            self._now.update(command.values)
         elif command.kind == "force":
-            self._commanded.update(dict.fromkeys(command.values, np.nan))
+            self._now.update(dict.fromkeys(command.values, np.nan))
         elif command.kind == "emergency_stop":
-            self._commanded = dict.fromkeys(self._commanded, 0.0)
+            self._now = dict.fromkeys(self._now, 0.0)
         elif command.kind in ("release", "reset"):
-            self._commanded = {}
+            self._now = {}
 
 
-def _lines(snapshot: Snapshot) -> list[Plot]:
-    """Return the plots in the order in which `Plots.row` gives their values."""
-    plots = []
-    carriages = snapshot.carriages
-    lone = len(carriages) == 1
-    driven = list(_driven(snapshot))
-    tints = iter(PLOT_COLORS * (1 + 2 * len(driven)))
-    for name in driven:
-        titles = ["speed", "commanded"] if len(driven) == 1 else [name, f"{name} commanded"]
-        plots.append(Plot(entity_path("plots/speed", name), titles, [next(tints), next(tints)]))
-    titles = ["highest", "at the start", "at the end"]
-    plots.append(Plot("plots/tension", titles, [*PLOT_COLORS[2:0:-1], PLOT_COLORS[0]]))
-    tints = iter(PLOT_COLORS * (1 + sum(len(c.bodies) for c in carriages.values())))
-    for name, state in carriages.items():
-        if state.bodies:
-            titles = [body if lone else f"{name} {body}" for body in state.bodies]
-            plots.append(Plot(entity_path("plots/swing", name), titles, [next(tints) for _ in titles]))
-    tints = iter(PLOT_COLORS * (1 + len(driven)))
-    plots.extend(Plot(entity_path("plots/drive_force", name), [name], [next(tints)]) for name in driven)
-    tints = iter(PLOT_COLORS * (1 + len(snapshot.supports)))
-    plots.extend(Plot(entity_path("plots/tower_load", name), [name], [next(tints)]) for name in _towers(snapshot))
-    return plots
+def _speeds(layout: Layout) -> Iterator[Plot]:
+    """Yield the speed of all that is driven, beside what is commanded."""
+    names = driven_names(layout)
+    for index, name in enumerate(names):
+        titles = ["speed", "commanded"] if len(names) == 1 else [name, f"{name} commanded"]
+        yield Plot(entity_path("plots/speed", name), titles, partial(_speed, layout, index), 2 * index)
 
 
-def describe_moment(snapshot: Snapshot, title: str, scale: float, unit: str) -> str:
-    """Return the numbers of this moment as Markdown, forces times `scale` in `unit`."""
-    tensions = snapshot.cable.tensions
-    lines = [f"## {title}", f"| time | {snapshot.time:.2f} s |", "| :-- | --: |"]
-    for name, (place, speed, force) in _driven(snapshot).items():
-        lines += (
-            f"| {name} {'by' if snapshot.drives else 'at'} | **{place:.2f} m** |",
-            f"| speed | **{speed:.2f} m/s** |",
-            f"| drive force | **{force * scale:.3g} {unit}** |",
+def _speed(layout: Layout, index: int, c: Columns, commanded: FloatArray) -> FloatArray:
+    return np.column_stack([driven(layout, c).speed[:, index], commanded[:, index]])
+
+
+def _tensions(c: Columns) -> FloatArray:
+    tensions = c.rope_tension
+    return np.column_stack([tensions.max(axis=1), tensions[:, 0], tensions[:, -1]])
+
+
+def _forces(layout: Layout, scale: float) -> Iterator[Plot]:
+    """Yield the force of all drives, and the load of all towers."""
+    for index, name in enumerate(driven_names(layout)):
+        yield Plot(entity_path("plots/drive_force", name), [name], partial(_force, layout, index, scale), index)
+    first = len(ENDS)
+    towers = layout.supports[first:]
+    if towers:
+        yield Plot("plots/tower_load", towers, lambda c, _: c.tower_load[:, first:] * scale)
+
+
+def _force(layout: Layout, index: int, scale: float, c: Columns, _: FloatArray) -> FloatArray:
+    return driven(layout, c).force[:, index, None] * scale
+
+
+def _swings(layout: Layout, carriers: Collection[str]) -> Iterator[Plot]:
+    """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one."""
+    color = 0
+    together: list[_Bodies] = []
+    for index, (name, (first, last)) in enumerate(zip(layout.vehicles, pairwise(layout.first_body), strict=True)):
+        bodies = _Bodies(range(first, last), [index] * (last - first), _titles(layout, name))
+        if name in carriers:
+            together.append(bodies)
+        elif bodies.rows:
+            yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, bodies), color)
+            color += len(bodies.rows)
+    if together:
+        every = _Bodies(
+            [row for bodies in together for row in bodies.rows],
+            [vehicle for bodies in together for vehicle in bodies.vehicles],
+            [title for bodies in together for title in bodies.titles],
         )
-    if snapshot.drives:
-        on_line = [state for state in snapshot.carriages.values() if state.attached]
-        swing = max((abs(body.pitch) for state in on_line for body in state.bodies.values()), default=0.0)
-        lines += (
-            f"| on the line | **{len(on_line)} of {len(snapshot.carriages)}** |",
-            f"| largest swing | **{swing * DEGREES:.1f} deg** |",
-        )
-    lines.append(f"| tension | **{tensions.min() * scale:.4g} … {tensions.max() * scale:.4g} {unit}** |")
-    for name, tower in _towers(snapshot).items():
-        load = "lifted off" if tower.lifted_off else f"{tower.normal_load * scale:.4g} {unit}"
-        lines.append(f"| {name} | **{load}** |")
-    travels = [support.travel for support in snapshot.supports.values() if support.travel is not None]
-    lines += [f"| counterweight | **{travel:+.3f} m** |" for travel in travels]
-    return "\n".join(lines)
+        if every.rows:
+            titles = ["least", "most", *together[0].titles]
+            yield Plot("plots/swing/carriers", titles, partial(_spread, every, len(together[0].rows)), color)
 
 
-def describe_command(applied: AppliedCommand) -> str:
-    """Return a command in one line: what, for whom, with unit, from where."""
-    command = applied.command
-    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
-    values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
-    kind = command.kind.replace("_", " ")
-    return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
+class _Bodies(NamedTuple):
+    """Bodies whose swing is plotted."""
+
+    rows: Sequence[int]
+    vehicles: Sequence[int]  # that each belongs to
+    titles: Sequence[str]
 
 
-def _towers(snapshot: Snapshot) -> dict[str, TowerState]:
-    """Return the towers among the supports."""
-    return {name: support.tower for name, support in snapshot.supports.items() if support.tower is not None}
+def _titles(layout: Layout, name: str) -> list[str]:
+    """Return the titles of a vehicle's bodies, no longer than they must be."""
+    bodies = layout.vehicles[name]
+    if len(layout.vehicles) == 1:
+        return list(bodies)
+    return [name] if len(bodies) == 1 else [f"{name} {body}" for body in bodies]
 
 
-def _driven(snapshot: Snapshot) -> dict[str, tuple[float, float, float]]:
-    """Return place (m), speed (m/s) and drive force (N) by name: of a moving cable, else of each carriage."""
-    if snapshot.drives:
-        return {name: (drive.position, drive.speed, drive.force) for name, drive in snapshot.drives.items()}
-    return {name: (one.arc_length, one.speed, one.drive_force) for name, one in snapshot.carriages.items()}
+def _swing(bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
+    """Swing (frames, bodies) in degrees of bodies on the rope, NaN of those that hang in a station."""
+    swings = np.rad2deg(c.body_angles[:, bodies.rows, 1])
+    swings[c.attached[:, bodies.vehicles] == 0.0] = np.nan
+    return swings
+
+
+def _spread(bodies: _Bodies, first: int, c: Columns, commanded: FloatArray) -> FloatArray:
+    """Least and most swing (frames, 2 + first) in degrees of all bodies, and that of the `first` ones."""
+    swings = _swing(bodies, c, commanded)
+    return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])

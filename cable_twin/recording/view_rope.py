@@ -1,14 +1,25 @@
-"""The rope as lines coloured by tension."""
+"""The rope as lines coloured by tension, and the legend of the colours."""
 
 from __future__ import annotations
+
+import time
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from cable_twin.recording.view_geometry import DOWNWARDS
+from cable_twin.recording.view_geometry import (
+    TIMELINE,
+    pixels,
+    planar,
+    plane,
+    rows_without_gaps,
+    time_column,
+)
 from cable_twin.records import FloatArray
+from cable_twin.snapshot import Columns
 
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
 COLOR_STOPS = (0x3B8BFFFF, 0x35C9E0FF, 0x6FE08AFF, 0xF4E04DFF, 0xFF9838FF, 0xFF4338FF)
@@ -29,7 +40,7 @@ class TensionColors:
         room = max(0.5 * (high - low), 0.03 * max(abs(low), abs(high)))
         self._span(low - room, high + room)
 
-    def widen(self, tensions: NDArray[np.float32]) -> bool:
+    def widen(self, tensions: FloatArray) -> bool:
         """Widen the range where a batch leaves it, a few single samples aside; say whether it did."""
         low, high = (float(value) for value in np.percentile(tensions, (2.0, 98.0)))
         if low >= self.low and high <= self.high:
@@ -39,11 +50,12 @@ class TensionColors:
         self._span(low - room if low < self.low else self.low, high + room if high > self.high else self.high)
         return True
 
-    def bins(self, tensions: NDArray[np.float32]) -> NDArray[np.intp]:
+    def bins(self, tensions: FloatArray) -> NDArray[np.intp]:
         """Return the colour of each stretch of rope between two samples, as index into the table of colours."""
         middle = (tensions[:, 1:] + tensions[:, :-1]) / 2.0
         scaled = (middle - self.low) * (COLOR_COUNT / (self.high - self.low))
-        return np.clip(scaled, 0, COLOR_COUNT - 1).astype(np.intp)
+        # fmax takes the lowest colour for a tension that is not known
+        return np.fmin(np.fmax(scaled, 0.0), COLOR_COUNT - 1.0).astype(np.intp)
 
     def _span(self, low: float, high: float) -> None:
         """Set the range, rounded outwards to numbers that read well."""
@@ -56,7 +68,103 @@ class TensionColors:
         self.high = float(step * np.ceil(high / step))
 
 
-def rope_columns(points: NDArray[np.float32], bins: NDArray[np.intp]) -> list[rr.ComponentColumn]:
+class Rope:
+    """The rope of one run.
+
+    Args:
+        arc_lengths: (samples,) m, where frames hold it.
+        scale: That forces are drawn with.
+        unit: Of forces.
+    """
+
+    def __init__(self, arc_lengths: FloatArray, scale: float, unit: str) -> None:
+        self._arc_lengths = arc_lengths
+        self._scale = scale
+        self._unit = unit
+        self._colors: TensionColors | None = None  # until a tension is known
+        self._legend_place = (0.0, 0.0, 1.0)
+
+    def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
+        """Log what does not change; the legend is at x, z and so wide (m), and valid from `time` (s) on."""
+        self._legend_place = legend_place
+        stream.log("track/rope", rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
+        if self._colors is not None:
+            self._log_legend(stream, time, self._colors)
+
+    def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
+        """Send the rope of some frames of a batch, with its kinks at the joints."""
+        rows = rows[rows_without_gaps(planar(c.rope_position[rows]))]
+        if not rows.size:
+            return
+        times = c.time[rows, 0]
+        on_rope = c.attached[rows] == 1.0
+        places = np.where(on_rope, c.arc_length[rows], np.nan)
+        points, tensions = with_joints(
+            self._arc_lengths,
+            planar(c.rope_position[rows]),
+            c.rope_tension[rows] * self._scale,
+            places,
+            planar(c.joint_position[rows]),
+        )
+        known = tensions[~np.isnan(tensions)]
+        bins = np.zeros((len(points), points.shape[1] - 1), dtype=np.intp)
+        if known.size:
+            first = self._colors is None
+            if self._colors is None:
+                self._colors = TensionColors()
+                self._colors.start(known.reshape(-1)[: self._arc_lengths.size])
+            if self._colors.widen(known) or first:
+                self._log_legend(stream, float(times[0]), self._colors)
+            bins = self._colors.bins(tensions)
+        stream.send_columns("track/rope", [time_column(times)], rope_columns(points, bins), strict=True)
+        time.sleep(0)  # the frame loop may be waiting for the interpreter
+
+    def _log_legend(self, stream: rr.RecordingStream, time: float, colors: TensionColors) -> None:
+        """Draw the bar of tension colours with its ends in numbers, as valid from `time` (s) on."""
+        x, z, width = self._legend_place
+        edges = x + np.linspace(0.0, 0.35 * width, COLOR_COUNT + 1)
+        bar = [[(left, -z), (right, -z)] for left, right in pairwise(edges)]
+        stream.set_time(TIMELINE, duration=time)
+        stream.log(
+            "track/tension_colors",
+            rr.LineStrips2D(bar, colors=COLOR_TABLE, radii=pixels(4.0)),
+            rr.Points2D(
+                [(edges[0], -z), (edges[-1], -z)],
+                colors=[COLOR_TABLE[0], COLOR_TABLE[-1]],
+                radii=pixels(4.0),
+                labels=[f"{value:g} {self._unit}" for value in (colors.low, colors.high)],
+                show_labels=True,
+            ),
+        )
+
+
+def with_joints(
+    arc_lengths: FloatArray, points: FloatArray, tensions: FloatArray, places: FloatArray, joints: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Put joints among the samples of a rope: they are its kinks, and seldom there already.
+
+    Args:
+        arc_lengths: (n,) m, of the samples.
+        points: (frames, n, 2) m.
+        tensions: (frames, n).
+        places: (frames, joints) m, arc lengths; NaN where one is not on the rope, which puts it on the last sample.
+        joints: (frames, joints, 2) m.
+
+    Returns:
+        Points (frames, n + joints, 2) and tensions (frames, n + joints) in the order along the rope.
+    """
+    frames, count = tensions.shape
+    absent = np.isnan(places) | np.isnan(joints).any(axis=2)
+    places = np.where(absent, np.inf, places)
+    joints = np.where(absent[..., None], points[:, -1:], joints)
+    after = np.clip(np.searchsorted(arc_lengths, places), 1, count - 1)
+    middle = (np.take_along_axis(tensions, after - 1, axis=1) + np.take_along_axis(tensions, after, axis=1)) / 2.0
+    order = np.argsort(np.hstack([np.broadcast_to(arc_lengths, (frames, count)), places]), axis=1, kind="stable")
+    tensions = np.take_along_axis(np.hstack([tensions, middle]), order, axis=1)
+    return np.take_along_axis(np.hstack([points, joints]), order[..., None], axis=1), tensions
+
+
+def rope_columns(points: FloatArray, bins: NDArray[np.intp]) -> list[rr.ComponentColumn]:
     """Return the rope of several frames as lines of one colour each.
 
     Args:
@@ -69,7 +177,7 @@ def rope_columns(points: NDArray[np.float32], bins: NDArray[np.intp]) -> list[rr
     # A sample between two colours ends one line and starts the next.
     copies = np.ones((frames, count + 1), dtype=np.intp)
     copies[:, 1:-1] += starts[:, 1:]
-    flat = np.repeat(points.reshape(-1, 2) * np.float32(DOWNWARDS), copies.ravel(), axis=0)
+    flat = np.repeat(plane(points).astype(np.float32).reshape(-1, 2), copies.ravel(), axis=0)
     first = np.flatnonzero(starts)
     lengths = np.diff(first, append=starts.size) + 1
     offsets = np.concatenate(([0], np.cumsum(lengths))).astype(np.int32)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
+from cable_twin.rates import fault
 from cable_twin.ros.parameters import PARAMETERS, Parameter, splitting_of
+from cable_twin.snapshot import Layout
 
+RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
+    "rope_rate": ("rope", 0),
+    "path_rate": ("path", 0),
+    "log_joint_rate": ("joints", 1),
+    "log_pose_rate": ("poses", 1),
+    "log_force_rate": ("forces", 1),
+    "log_rope_rate": ("rope", 1),
+    "log_path_rate": ("path", 1),
+}
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 
 
@@ -49,6 +61,41 @@ def declare_parameters(node: Node) -> dict[str, Any]:
     if faults:
         raise ParameterError("\n".join(faults))
     return values
+
+
+def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Rates (Hz) by group of topics, of publishers and of logs.
+
+    Raises:
+        ParameterError: one that was given does not divide the frame rate (Hz); a default is lowered to one that does.
+    """
+    given = [(f"parameter '{name}'", values[name]) for name in RATES if name in node._parameter_overrides]
+    faults = [line for name, rate in given if (line := fault(name, rate, frame_rate)) is not None]
+    if faults:
+        raise ParameterError("\n".join(faults))
+    rates: tuple[dict[str, float], dict[str, float]] = ({}, {})
+    for name, (group, taker) in RATES.items():
+        rates[taker][group] = values[name]
+    return rates
+
+
+def own_topics(values: Mapping[str, Any], layout: Layout, scenario: str) -> tuple[str, ...]:
+    """Carriers that get topics of their own.
+
+    Raises:
+        ParameterError: the scenario has none of that name.
+    """
+    names = [name.strip() for name in values["carrier_topics"].split(",") if name.strip()]
+    carriers = layout.carriers
+    known = f"the carriers {carriers[0]} to {carriers[-1]}" if carriers else "no carriers"
+    faults = [
+        f"parameter 'carrier_topics' names '{name}'; scenario '{scenario}' has {known}"
+        for name in dict.fromkeys(names)
+        if name not in carriers
+    ]
+    if faults:
+        raise ParameterError("\n".join(faults))
+    return tuple(dict.fromkeys(names))
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:

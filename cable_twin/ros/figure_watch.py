@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 
+from cable_twin.figure_messages import OK, WARNING, describe, figure_statuses
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.messages import Status
-from cable_twin.records import AppliedCommand, Snapshot
-
-OK, WARNING = 0, 1  # levels of diagnostics
+from cable_twin.records import AppliedCommand
+from cable_twin.snapshot import Snapshot
 
 
 class FigureWatch:
@@ -42,10 +42,7 @@ class FigureWatch:
             if figure.kept is False and figure.name not in self._passed:
                 self._passed[figure.name] = figure
                 self._news.append(f"limit passed: {figure.name}: {describe(figure)}")
-        return [
-            Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), _values(figure))
-            for figure in figures
-        ]
+        return figure_statuses(figures)
 
     def take_news(self) -> list[str]:
         """A line for each figure whose limit was passed for the first time since the last call."""
@@ -58,23 +55,3 @@ class FigureWatch:
             return Status(OK, name, "all limits kept", {})
         values = {figure.name: describe(figure) for figure in self._passed.values()}
         return Status(WARNING, name, f"limits passed: {', '.join(values)}", values)
-
-
-def describe(figure: KeyFigure) -> str:
-    """Value, time and place of a figure, with its limit where it has one."""
-    unit = "" if figure.unit == "-" else f" {figure.unit}"
-    parts = [f"{figure.value:.4g}{unit} at {figure.time:.2f} s"]
-    if figure.place:
-        parts.append(figure.place)
-    if figure.limit is not None:
-        parts.append(f"allowed: {figure.bound} {figure.limit:.4g}{unit} ({figure.source})")
-    return ", ".join(parts)
-
-
-def _values(figure: KeyFigure) -> dict[str, str]:
-    """The same for programs."""
-    values = {"value": f"{figure.value:.9g}", "unit": figure.unit, "time_s": f"{figure.time:.3f}"}
-    values["place"] = figure.place
-    if figure.limit is not None:
-        values |= {"limit": f"{figure.limit:.9g}", "bound": figure.bound, "source": figure.source}
-    return values

@@ -1,8 +1,8 @@
 """The solver's thread: frames at absolute deadlines, commands at frame boundaries. Knows nothing of rclpy.
 
-A frame is computed ahead and published when its simulated time is due, so that lateness is that of the clock and not
-of the solver. A command takes effect at the boundary after its arrival. No step is ever skipped: a loop that is late
-computes without waiting until it has caught up.
+A frame is computed and encoded ahead and published when its simulated time is due, so that lateness is that of the
+clock and not of the solver. A command takes effect at the boundary after its arrival. No step is ever skipped: a loop
+that is late computes without waiting until it has caught up.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
-from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
+from cable_twin.records import AppliedCommand, Command, CommandError
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
+from cable_twin.snapshot import Snapshot
 from cable_twin.snapshot_file import FullState
 
 IDLE = 0.005  # s between two looks at the queue while paused
@@ -60,7 +61,10 @@ class FrameLoop:
         frame_steps: solver steps in a frame.
         real_time_factor: simulated seconds a second, 0 for as fast as possible.
         command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_frame: called with every new snapshot, in the loop's thread; the one to start from is not new.
+        on_run: called where simulated time begins to run, at first with True and later, after a pause, with False; not
+            for single steps after the first one.
+        prepare: called with every new snapshot as soon as it is computed; the one to start from is not new.
+        publish: called with what `prepare` gave, when it is due.
         on_applied: called with every command as it takes effect, before the frame that shows it.
         on_fault: called with a line about what failed.
         paused: wait for `pause(False)` or `step`.
@@ -73,7 +77,9 @@ class FrameLoop:
         frame_steps: int,
         real_time_factor: float,
         command_timeout: float,
-        on_frame: Callable[[Snapshot], None],
+        on_run: Callable[[bool], None],
+        prepare: Callable[[Snapshot], Any],
+        publish: Callable[[Any], None],
         on_applied: Callable[[AppliedCommand], None],
         on_fault: Callable[[str], None],
         paused: bool = False,
@@ -82,9 +88,11 @@ class FrameLoop:
         self.frame_period = frame_steps * simulation.step
         self.fault = ""  # why the twin stands still, if it does
         self.failed = False  # by a fault of the program; the thread has ended
+        self.behind = 0.0  # s, how late the newest frame was
         self._simulation = simulation
         self._factor = real_time_factor
-        self._on_frame, self._on_applied, self._on_fault = on_frame, on_applied, on_fault
+        self._on_run, self._prepare, self._publish = on_run, prepare, publish
+        self._on_applied, self._on_fault = on_applied, on_fault
         self._paused = paused
         self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
@@ -157,6 +165,7 @@ class FrameLoop:
         for command in self._simulation.commands.values():  # of a snapshot: they too want to go on
             self._hold(command)
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
+        first = True
         while not self._stopping.is_set():
             stepping = self._obey()
             if self._paused and not stepping:
@@ -165,13 +174,17 @@ class FrameLoop:
                 continue
             if anchor is None:
                 anchor = time.monotonic(), self._simulation.time
+                if first or not stepping:
+                    self._on_run(first)
+                first = False
             snapshot = self._advance()
             if snapshot is not None:
+                frame = self._prepare(snapshot)
                 if self._factor > 0.0:
                     self._wait(anchor[0] + (snapshot.time - anchor[1]) / self._factor)
                     if self._stopping.is_set():
                         break  # this frame is not due yet
-                self._on_frame(snapshot)
+                self._publish(frame)
             for future in stepping:
                 if not future.set_running_or_notify_cancel():
                     continue
@@ -205,7 +218,7 @@ class FrameLoop:
             time.sleep(remaining)  # wakes more exactly than an event, which takes a lock and gives it back
         if self._stopping.is_set():
             return  # nobody gets to see this frame
-        late = max(time.monotonic() - due, 0.0)
+        late = self.behind = max(time.monotonic() - due, 0.0)
         self._statistics.lateness.add(late)
         self.total_lateness.add(late)
 

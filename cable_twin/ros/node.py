@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
@@ -21,38 +21,30 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 
-from cable_twin.command_messages import (
-    applied_command_message,
-    command_from_joint_state,
-    payload_from_joint_state,
-    wind_from_vector,
-)
-from cable_twin.key_figures import KeyFigures
+from cable_twin.command_messages import command_from_joint_state, payload_from_joint_state, wind_from_vector
 from cable_twin.messages import (
-    CLOCK,
     DIAGNOSTICS,
     JOINT_COMMANDS,
     KEY_FIGURES,
     PAYLOAD,
     SCENARIO,
-    TF,
     WIND,
-    MessageEncoder,
     Status,
-    clock_message,
+    Topic,
     decode,
     diagnostics_message,
-    nanoseconds,
     scenario_message,
     topics,
 )
-from cable_twin.recording.run import Run, start_run
-from cable_twin.records import AppliedCommand, Command, CommandError, Snapshot
-from cable_twin.ros.declaration import declare_parameters
-from cable_twin.ros.figure_watch import FigureWatch
+from cable_twin.recording.run import start_run
+from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.output import Output
+from cable_twin.ros.pace_watch import PaceWatch
 from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
+from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -66,6 +58,7 @@ MESSAGE_TYPES = {
     f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
     for kind in (
         DiagnosticArray,
+        PoseArray,
         PoseStamped,
         WrenchStamped,
         PathMessage,
@@ -83,8 +76,7 @@ INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
     PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
     WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
 }
-BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
-FIRST_FRAME_TIMEOUT = 2.0  # s that time waits for the logs to take the first frame
+READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
@@ -108,42 +100,37 @@ class TwinNode(Node):
         self._parameters_set = 0
         self._parameters_refused = 0
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
-        self._run: Run | None = None
         self._watch = RecordingWatch(self.get_logger())
         self._simulation = self._build_simulation()
-        self._epoch_ns = time.time_ns() - nanoseconds(self._simulation.time)
-        self._figures = FigureWatch(KeyFigures(self._simulation.scenario))
-        self._encoder = MessageEncoder(self._simulation.carriages, self._epoch_ns, self._simulation.drives)
         self._frame_steps = self._count_frame_steps()
-        self._topics = topics(
-            self._simulation.carriages,
-            supports=self._simulation.supports,
-            clock=self._settings["publish_clock"],
-            tf=TFMessage is not None,
+        layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
+        own = own_topics(self._settings, layout, self._simulation.scenario.name)
+        rates = topic_rates(self, self._settings, frame_rate)
+        self._topics = topics(layout, own=own, clock=self._settings["publish_clock"], tf=TFMessage is not None)
+        self._output = Output(
+            self._simulation,
+            self._topics,
+            {topic.name: self._publish_function(topic) for topic in self._topics if topic.name not in INPUTS},
+            rates,
+            frame_rate=frame_rate,
+            own=own,
+            paced=self._settings["real_time_factor"] > 0.0,
         )
-        self._raw_publishers = {
-            topic.name: self.create_publisher(
-                MESSAGE_TYPES[topic.type],
-                topic.name if topic.name.startswith("/") else f"~/{topic.name}",
-                QoSProfile(
-                    depth=topic.depth,
-                    reliability=ReliabilityPolicy[topic.reliability.upper()],
-                    durability=DurabilityPolicy[topic.durability.upper()],
-                ),
-            )
-            for topic in self._topics
-            if topic.name not in INPUTS
-        }
+        self._run_clock, self._begun = RunClock(), threading.Lock()
         self._loop = FrameLoop(
             self._simulation,
             frame_steps=self._frame_steps,
             real_time_factor=self._settings["real_time_factor"],
             command_timeout=self._settings["command_timeout"],
-            on_frame=self._publish_frame,
-            on_applied=self._record_applied,
-            on_fault=self._report_fault,
+            on_run=self._on_run,
+            prepare=self._output.prepare,
+            publish=self._output.publish,
+            on_applied=self._tell_applied,
+            on_fault=self._tell_fault,
             paused=self._settings["start_paused"],
         )
+        real_time = self._settings["real_time_factor"] == 1.0
+        self._pace = PaceWatch(self.get_logger(), self._run_clock, self._loop, real_time=real_time)
         for name, (kind, _) in INPUTS.items():
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self._offered = Services(self._loop, self._log_directory)
@@ -162,8 +149,7 @@ class TwinNode(Node):
             self._start_recording()
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
-        self._raw_publishers[SCENARIO].publish(scenario_message(self._simulation.scenario.resolved()))
-        self._publish_frame(self._simulation.snapshot)
+        self._scenario_publisher(scenario_message(self._simulation.scenario.resolved()))
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
@@ -184,13 +170,26 @@ class TwinNode(Node):
         """Stop the loop and close the logs; the node itself is destroyed by its owner."""
         self._loop.stop()
         self._offered.close()
-        if self._run is not None:
+        if self._output.run is not None:
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
-            self._run.recorder.close()
+            self._output.run.recorder.close()
             waiting.cancel()
             self._watch.look()
-            self.get_logger().info(f"log closed: {self._run.directory}")
+            self.get_logger().info(f"log closed: {self._output.run.directory}")
+
+    def _publish_function(self, topic: Topic) -> Callable[[bytes], None]:
+        """What sends the bytes of a topic."""
+        quality = QoSProfile(
+            depth=topic.depth,
+            reliability=ReliabilityPolicy[topic.reliability.upper()],
+            durability=DurabilityPolicy[topic.durability.upper()],
+        )
+        name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
+        publish = self.create_publisher(MESSAGE_TYPES[topic.type], name, quality).publish
+        if topic.name == SCENARIO:
+            self._scenario_publisher = publish
+        return publish
 
     def _build_simulation(self) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
@@ -225,7 +224,7 @@ class TwinNode(Node):
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])
         try:
-            self._run = start_run(
+            run = start_run(
                 self._simulation,
                 self._topics,
                 record_directory=directory.expanduser(),
@@ -239,50 +238,45 @@ class TwinNode(Node):
             fault = f"nothing is recorded: record_directory '{directory}': {reason}"
             self._watch = RecordingWatch(self.get_logger(), fault=fault)
             return
-        self._run.begin(self._epoch_ns)
-        live = f"; live view: rerun --bind 127.0.0.1 --connect {self._run.live_url}" if self._run.live_url else ""
-        self.get_logger().info(f"log: {self._run.directory}{live}")
+        self._output.run = run
+        live = f"; live view: rerun --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
+        self.get_logger().info(f"log: {run.directory}{live}")
         factor = self._settings["real_time_factor"]
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
-        self._watch = RecordingWatch(self.get_logger(), self._run.recorder, frame_time)
+        self._watch = RecordingWatch(self.get_logger(), run.recorder, frame_time)
         self._watch.look()
 
     def _log_directory(self) -> Path:
         """Where files of this run belong; raises RuntimeError for ~ of a user without a home."""
-        directory = self._run.directory if self._run is not None else Path(self._settings["record_directory"])
+        run = self._output.run
+        directory = run.directory if run is not None else Path(self._settings["record_directory"])
         return directory.expanduser().resolve()
 
     def _await_recorder(self) -> None:
-        """Let the logs take the first frame before time runs: laying out the view takes many frames' time."""
-        deadline = time.monotonic() + FIRST_FRAME_TIMEOUT
-        while self._run is not None and not self._run.recorder.idle and time.monotonic() < deadline:
+        """Let the logs be ready before time runs: laying out the view takes many frames' time."""
+        deadline = time.monotonic() + READY_TIMEOUT
+        run = self._output.run
+        while run is not None and not run.recorder.idle and time.monotonic() < deadline:
             time.sleep(0.005)
 
-    def _publish_frame(self, snapshot: Snapshot) -> None:
-        """Build the messages of a frame once; publish and record the same bytes."""
-        stamp_ns = self._encoder.stamp_ns(snapshot)
-        messages = self._encoder.frame(snapshot)
-        self._figures.update(snapshot)
-        if CLOCK in self._raw_publishers:
-            messages.append((CLOCK, clock_message(stamp_ns)))
-        if TF in self._raw_publishers:
-            messages.append((TF, self._encoder.transforms(snapshot)))
-        for topic, data in messages:
-            self._raw_publishers[topic].publish(data)
-        if self._run is not None:
-            self._run.split_if_due()
-            self._run.recorder.record(messages, stamp_ns, snapshot)
-            while self._settings["real_time_factor"] == 0.0 and self._run.recorder.backlog > BACKLOG:
-                time.sleep(0.01)  # as fast as possible is not faster than the disk
+    def _on_run(self, first: bool) -> None:
+        """Simulated time begins to run: the epoch is now, or it stays and stamps are behind by the pause."""
+        if first:
+            self._begin()
+        self._pace.tell_start(self._simulation.time)
 
-    def _record_applied(self, applied: AppliedCommand) -> None:
+    def _begin(self) -> None:
+        """Take the epoch and give the first frame, once."""
+        with self._begun:
+            if self._run_clock.epoch_ns is None:
+                self._output.begin(self._run_clock)
+
+    def _tell_fault(self, line: str) -> None:
+        self.get_logger().error(line)
+
+    def _tell_applied(self, applied: AppliedCommand) -> None:
         self._commands_applied += 1
-        self._figures.command(applied)
-        data = applied_command_message(applied, self._epoch_ns)
-        self._raw_publishers["applied_commands"].publish(data)
-        if self._run is not None:
-            stamp_ns = self._epoch_ns + round(applied.time * 1e9)
-            self._run.recorder.record_command(applied, data, stamp_ns)
+        self._output.apply(applied)
         if applied.source == "command_timeout":
             names = ", ".join(applied.command.values)
             self.get_logger().warning(
@@ -293,9 +287,8 @@ class TwinNode(Node):
     def _on_command(self, topic: str, data: bytes) -> None:
         """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
         kind, understand = INPUTS[topic]
-        if self._run is not None:
-            stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
-            self._run.recorder.record([(topic, data)], stamp_ns)
+        self._begin()  # a twin that waits for its start is not as it was any more
+        self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
         try:
             command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
         except CommandError as error:
@@ -352,23 +345,18 @@ class TwinNode(Node):
         values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
         self._watch.look()
         values.update(self._watch.values)
+        values.update(self._pace.look())
         level, message = self._judge(statistics)
-        stamp_ns = self._epoch_ns + round(self._loop.simulated_time * 1e9)
-        statuses = self._figures.statuses()
-        for line in self._figures.take_news():
+        stamp_ns = self._run_clock.stamp_ns(self._loop.simulated_time)
+        statuses = self._output.figures.statuses()
+        for line in self._output.figures.take_news():
             self.get_logger().warning(line)
-        summary = self._figures.summary(f"{self.get_name()}: key figures")
+        summary = self._output.figures.summary(f"{self.get_name()}: key figures")
         messages = [
             (KEY_FIGURES, diagnostics_message(stamp_ns, *statuses)),
             (DIAGNOSTICS, diagnostics_message(stamp_ns, Status(level, self.get_name(), message, values), summary)),
         ]
-        for topic, data in messages:
-            self._raw_publishers[topic].publish(data)
-        if self._run is not None:
-            self._run.recorder.record(messages, stamp_ns)
-
-    def _report_fault(self, line: str) -> None:
-        self.get_logger().error(line)
+        self._output.send(messages, stamp_ns)
 
     def _judge(self, statistics: Mapping[str, float]) -> tuple[int, str]:
         """Level and message of the diagnostics."""

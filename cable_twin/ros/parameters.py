@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("off", "file", "live")
@@ -73,6 +74,21 @@ PARAMETERS = (
     ),
     Parameter(
         "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
+    ),
+    Parameter(
+        "carrier_topics", "", "carriers that get topics of their own besides carriers/poses, as in chair_1,chair_7"
+    ),
+    *(
+        Parameter(name, default, f"{text}; a whole fraction of frame_rate, or 0 for every frame", "Hz", 0.0, 1000.0)
+        for name, default, text in (
+            ("rope_rate", EVERY_FRAME, "how often cable is published"),
+            ("path_rate", PUBLISHED["path"], "how often cable_path is published"),
+            ("log_joint_rate", EVERY_FRAME, "how often joint_states is logged"),
+            ("log_pose_rate", LOGGED["poses"], "how often poses are logged"),
+            ("log_force_rate", LOGGED["forces"], "how often forces are logged"),
+            ("log_rope_rate", LOGGED["rope"], "how often cable is logged"),
+            ("log_path_rate", LOGGED["path"], "how often cable_path is logged"),
+        )
     ),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
     Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),

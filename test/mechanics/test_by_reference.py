@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from typing import NamedTuple
 
 import numba
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.by_reference import by_reference
+from cable_twin.mechanics.by_reference import REMEMBERED, by_reference, pack
 from cable_twin.mechanics.compilation import as_python, kernel
 
 
@@ -90,3 +92,98 @@ def test_what_is_no_array_is_refused():
     read(records(np.ones((3, 2))), np.zeros(3))
     with pytest.raises((numba.TypingError, TypeError)):
         read(records(None), np.zeros(3))
+
+
+needs_jit = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is packed")
+
+
+def result_of(outer):
+    result = np.zeros(3)
+    read(outer, result)
+    return result
+
+
+@needs_jit
+def test_words_and_what_they_point_to_live_as_long_as_what_is_packed():
+    """The record, its arrays and their memory are given up by everybody else, and as much is taken again."""
+    expected = result_of(records(np.full((3, 2), 2.0)))
+    kept = pack(records(np.full((3, 2), 2.0)))
+    address = kept.address
+    for number in range(3 * REMEMBERED):
+        pack(records(np.full((3, 2), float(number))))
+    gc.collect()
+    filled = [np.full((3, 2), -1.0) for _ in range(1000)]
+    assert pack(kept) is kept  # what is packed stays as it is
+    assert kept.address == address
+    np.testing.assert_array_equal(result_of(kept), expected)
+    assert len(filled) == 1000
+
+
+@needs_jit
+def test_arrays_of_what_is_packed_may_change_in_place():
+    table = np.ones((3, 2))
+    outer = records(table)
+    kept = pack(outer)
+    before = result_of(kept)
+    table[:, 1] += 5.0
+    outer.flags[1], outer.numbers[1] = True, 7
+    np.testing.assert_array_equal(result_of(kept) - before, [5.0 + 6000.0, 5.0 + 2000.0, 5.0])
+    assert table[2, 0] == result_of(kept)[2]  # and what the kernel writes is in them
+
+
+@needs_jit
+def test_records_handed_over_last_are_remembered_and_no_others():
+    """One that is handed over again and again is not packed anew; those that are not are let go."""
+    used = records(np.ones((3, 2)))
+    kept = pack(used)
+    tables = []
+    for _ in range(2 * REMEMBERED):
+        table = np.ones((3, 2))
+        tables.append(weakref.ref(table))
+        pack(records(table))
+        assert pack(used) is kept
+    del table
+    gc.collect()
+    assert sum(table() is not None for table in tables) == REMEMBERED - 1
+
+
+def test_what_is_no_record_is_not_packed():
+    for argument in (3.0, "text", np.zeros(2), (1.0, 2.0), None):
+        assert pack(argument) is argument
+
+
+@needs_jit
+@pytest.mark.parametrize(
+    ("field", "value", "kind"),
+    [
+        ("table", None, "NoneType"),
+        ("table", [[1.0, 2.0]], "list"),
+        ("vector", (1, 2), "tuple"),
+        ("vector", ("x", 2.0), "tuple"),
+        ("weight", "heavy", "str"),
+        ("weight", 1j, "complex"),
+        ("weight", np.float32(0.5), "float32"),
+        ("count", np.int32(3), "int32"),
+        ("present", object(), "object"),
+    ],
+)
+def test_what_no_record_holds_is_named_in_one_line(field, value, kind):
+    outer = records(np.ones((3, 2)))
+    with pytest.raises(TypeError) as caught:
+        pack(outer._replace(inner=outer.inner._replace(**{field: value})))
+    assert str(caught.value).startswith(f"Inner.{field}: {kind} given; a record holds arrays, int, float, bool")
+    assert "\n" not in str(caught.value)
+
+
+@needs_jit
+def test_a_record_that_nobody_packed_is_an_error_of_a_plain_function():
+    """`kernel` packs what it is given; numba alone finds no address in a tuple."""
+
+    @numba.njit(_nrt=False)
+    def weight(inner):
+        return inner.weight
+
+    inner = records(np.ones((3, 2))).inner
+    assert weight(pack(inner)) == 0.25
+    with pytest.raises(AttributeError, match="address"):
+        weight(inner)

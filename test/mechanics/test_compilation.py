@@ -58,3 +58,24 @@ def test_kernels_are_compiled_once_and_called_from_both_sides(tmp_path, disabled
     expected = "0" if disabled == "1" else "3"  # outer, inner for it, inner for Python
     assert first == [expected, "0", "0.5"]
     assert second == ["0", "0", "0.5"]  # all from the cache, another process
+
+
+def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_mechanics(tmp_path):
+    """A constant that a kernel takes from a file beside it is part of its code, which numba does not know."""
+    folder = tmp_path / "figures"
+    folder.mkdir()
+    (folder / "program.py").write_text(
+        "from cable_twin.mechanics.compilation import MECHANICS, cache_directory, kernel\n"
+        "from constants import FACTOR\n\n"
+        "@kernel\ndef scaled(x):\n    return FACTOR * x\n\n"
+        "print(scaled(2.0), cache_directory(MECHANICS))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    outputs = []
+    for factor in (3.0, 4.0):
+        (folder / "constants.py").write_text(f"FACTOR = {factor}\n")
+        command = [sys.executable, str(folder / "program.py")]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
+        outputs.append(result.stdout.split())
+    assert [value for value, _ in outputs] == ["6.0", "8.0"]
+    assert outputs[0][1] == outputs[1][1]

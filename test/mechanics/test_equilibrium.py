@@ -9,7 +9,7 @@ from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, sol
 from cable_twin.mechanics.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
 from cable_twin.mechanics.generalized_alpha import Outcome, advance
 from cable_twin.mechanics.parameters import SPEED
-from cable_twin.mechanics.readout import support_forces
+from cable_twin.mechanics.readout import end_force
 from cable_twin.mechanics.sliding_joint import position_on_cable
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.scenario import build_system, load_scenario
@@ -113,7 +113,7 @@ def test_held_joint_reports_its_drive_force():
     simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed"}))
     a, b = simulation.cable_positions(np.array([40.0 - 1e-4, 40.0 + 1e-4]))
     along = (b - a) / np.linalg.norm(b - a)
-    exact = 1200.0 * 9.81 * along[1]
+    exact = 1200.0 * 9.81 * along[2]
     assert simulation.snapshot.carriages["one"].drive_force == pytest.approx(exact, rel=1e-6)
 
 
@@ -121,18 +121,17 @@ def test_hanging_cable_carries_its_own_weight():
     """One end free: support force m g L, and the stretch w L² / (2 EA) of a vertical rope, to 1e-9 m."""
     free = {"position": [0.0, -101.0], "support": "free"}
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.end": free, "cable.elements": 8}))
-    np.testing.assert_allclose(simulation.snapshot.supports["start"].force, [0.0, 98.1 * 101.0], atol=1e-5)
+    np.testing.assert_allclose(simulation.snapshot.supports["start"].force, [0.0, 0.0, 98.1 * 101.0], atol=1e-5)
     end = simulation.cable_positions(np.array([101.0]))[0]
-    np.testing.assert_allclose(end, [0.0, -101.0 - 98.1 * 101.0**2 / (2 * 2e7)], atol=1e-9)
+    np.testing.assert_allclose(end, [0.0, 0.0, -101.0 - 98.1 * 101.0**2 / (2 * 2e7)], atol=1e-9)
 
 
 def test_supports_of_a_hung_load():
-    """Both reactions from `support_forces` after `settle` add up to all weight: to 1e-5 N."""
+    """Both reactions from `end_force` after `settle` add up to all weight: to 1e-5 N."""
     system, state, work = prepare(loaded_span())
     settle(system, state, work)
     state.drive_mode[:] = SPEED  # held
-    forces = np.empty((2, 2))
-    support_forces(system, state, work, forces)
+    forces = np.array([end_force(system, state, end) for end in range(2)])
     np.testing.assert_allclose(forces.sum(axis=0), [0.0, 98.1 * 101.0 + 1200.0 * 9.81], atol=1e-5)
 
 
@@ -164,7 +163,7 @@ def test_a_bar_leans_until_its_weight_balances_a_moment(moment):
     """Angle asin(2 M / (m g L²)) from the plumb line, right-handed about y: to 1e-3 rad with EI of 1000 N m²."""
     end = Simulation(load_scenario(CANTILEVER, bar_on_a_pin(moment))).cable_positions(np.array([1.0]))[0]
     lean = np.arcsin(2.0 * moment / 9.81)
-    np.testing.assert_allclose(end, [-np.sin(lean), -np.cos(lean)], atol=1e-3)
+    np.testing.assert_allclose(end, [-np.sin(lean), 0.0, -np.cos(lean)], atol=1e-3)
 
 
 def test_a_weightless_cable_on_a_pin_has_no_place_of_rest():
@@ -178,9 +177,10 @@ def test_a_weightless_cable_on_a_pin_has_no_place_of_rest():
 def test_cable_of_a_vertical_span_ends_at_its_support(end, length):
     """Both ends are where they are held, exactly, taut and slack; and the weight is on both."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.end.position": end, "cable.unstrained_length": length}))
-    np.testing.assert_allclose(simulation.cable_positions(np.array([0.0, length])), [[0.0, 0.0], end], atol=1e-12)
+    ends = [[0.0, 0.0, 0.0], [end[0], 0.0, end[1]]]
+    np.testing.assert_allclose(simulation.cable_positions(np.array([0.0, length])), ends, atol=1e-12)
     forces = [simulation.snapshot.supports[name].force for name in ("start", "end")]
-    np.testing.assert_allclose(sum(forces), [0.0, 98.1 * length], atol=1e-4)
+    np.testing.assert_allclose(sum(forces), [0.0, 0.0, 98.1 * length], atol=1e-4)
 
 
 def test_ends_that_no_catenary_meets_are_named():
@@ -270,6 +270,6 @@ def test_carriage_at_the_support_takes_its_weight_there():
     """Hung 0.6 m from a pin of a level span: that pin carries nearly all of it, by the lever to 1 %."""
     simulation = Simulation(load_scenario({**LEVEL_SPAN, "carriages": hung(0.6, 2000.0)}))
     bare = Simulation(load_scenario(LEVEL_SPAN))
-    more = simulation.snapshot.supports["start"].force[1] - bare.snapshot.supports["start"].force[1]
+    more = simulation.snapshot.supports["start"].force[2] - bare.snapshot.supports["start"].force[2]
     x = simulation.snapshot.carriages["carriage"].position[0]
     assert more == pytest.approx(2000.0 * 9.81 * (1.0 - x / 100.0), rel=0.01)

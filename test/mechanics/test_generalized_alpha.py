@@ -112,9 +112,8 @@ def test_a_step_that_fails_is_taken_in_halves():
 def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     simulation = seed(**{"solver.max_iterations": 1, "solver.max_halvings": 1, "solver.tolerance": 1e-9})
     before = clone_state(simulation._state)
-    outcome = Outcome(
-        *advance(simulation.system, simulation._state, simulation._good, simulation._before, simulation._work, 5)
-    )
+    scratch = clone_state(simulation._state), clone_state(simulation._state), simulation._work
+    outcome = Outcome(*advance(simulation.system, simulation._state, *scratch, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == 2
@@ -138,7 +137,6 @@ def test_an_increment_that_is_no_number_is_seen_wherever_it_is(bad):
 def test_a_state_that_is_no_number_ends_in_a_failed_step():
     simulation = seed()
     simulation._state.nodal_velocities[2, 0, 0] = np.nan
-    outcome = Outcome(
-        *advance(simulation.system, simulation._state, simulation._good, simulation._before, simulation._work, 1)
-    )
+    scratch = clone_state(simulation._state), clone_state(simulation._state), simulation._work
+    outcome = Outcome(*advance(simulation.system, simulation._state, *scratch, 1))
     assert not outcome.converged

@@ -11,6 +11,7 @@ from cable_twin.mechanics.moving_cable import (
     add_flow,
     attach_carriers,
     flow_energy,
+    flow_integrals,
     haul_force,
     loop_coordinate,
     move_rope,
@@ -124,6 +125,22 @@ def test_kinetic_energy_is_that_of_the_velocity_of_the_cable():
     r_x, _ = fields(system, state.nodal_coordinates, shape_functions_x)
     whole = np.sum(weights[:, None] * (r_t + state.rope[1] * r_x) ** 2) - np.sum(weights[:, None] * r_t**2)
     assert flow_energy(system.cable, state) == pytest.approx(0.5 * system.cable.mass_per_length * whole, rel=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("elements", [1, 2, 3, 4, 5, 8, 11])
+def test_flow_integrals_of_any_number_of_elements(elements, dim):
+    """Whole groups of lanes, what is left over, and both: by quadrature to 1e-12."""
+    system, state, _ = moving_system(dim=dim, cable={"element_count": elements})
+    r_x, weights = fields(system, state.nodal_coordinates, shape_functions_x)
+    r_t, _ = fields(system, state.nodal_velocities, shape_functions)
+    r_tx, _ = fields(system, state.nodal_velocities, shape_functions_x)
+    r_tt, _ = fields(system, state.nodal_accelerations, shape_functions)
+    expected = [
+        system.cable.mass_per_length * np.sum(weights[:, None] * r_x * other) for other in (r_t, r_x, r_tt, r_tx)
+    ]
+    scale = expected[1]  # of the one that is a sum of squares: the others may be nearly nothing
+    np.testing.assert_allclose(flow_integrals(system.cable, state), expected, rtol=1e-12, atol=1e-12 * scale)
 
 
 def test_haul_force_is_the_rate_of_its_momentum():

@@ -28,9 +28,9 @@ def whole(tmp_path_factory):
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
     metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES)
-    log = McapLog(directory, topics(simulation.carriages), metadata, namespace="/valley/twin")
+    log = McapLog(directory, topics(simulation.layout), metadata, namespace="/valley/twin")
     log.begin(EPOCH)
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))
     applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")
     log.write(APPLIED_COMMANDS, EPOCH, applied_command_message(applied, EPOCH))

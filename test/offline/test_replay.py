@@ -46,11 +46,11 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
     """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
     drive = {f"carriages.cabin.drive.{key}": value for key, value in DRIVE.items()}
     simulation = Simulation(load_scenario(write_quick_scenario(directory), drive))
-    table = topics(simulation.carriages)
+    table = topics(simulation.layout)
     period = FRAME_STEPS * simulation.step
     run = start_run(simulation, table, record_directory=directory, frame_period=period, rerun="off")
     run.begin(EPOCH)
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     random = np.random.default_rng(seed)
 
     def put_frame() -> None:

@@ -26,10 +26,10 @@ COMMANDS = {
 def record(directory):
     """30 s of commands of all kinds, with a view."""
     simulation = short_lift()
-    table = topics(simulation.carriages)
+    table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.02)
     run.begin(EPOCH)
-    encoder = MessageEncoder(simulation.carriages, EPOCH, simulation.drives)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     off_and_on = 0
     for frame in range(1501):
         before = simulation.snapshot

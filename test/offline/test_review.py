@@ -22,7 +22,7 @@ from cable_twin.offline.review import Reading, main
 from cable_twin.offline.signals import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import Snapshot
+from cable_twin.snapshot import Snapshot
 
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
 PLOTS = {"rope.png", "tension.png", "speed.png", "swing.png", "drive.png", "contact_forces.png"}

@@ -14,9 +14,10 @@ from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import Command, Snapshot
+from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 TRIP = [
@@ -42,7 +43,7 @@ def record(directory, scenario, commands, duration):
     simulation = Simulation(load_scenario(scenario))
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(simulation, script) == []
-    table = topics(simulation.carriages, supports=simulation.supports)
+    table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.02, rerun="off")
     run.begin(EPOCH)
     frames = []

@@ -15,9 +15,9 @@ from cable_twin.offline.script import read_script
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import LogError, read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 
 SCRIPT = """\
 - {time: 0, name: cabin, speed: 6.0}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from logged_run import CARRIAGES, open_log, write_run
+from logged_run import LAYOUT, open_log, write_run
 
 from cable_twin.messages import topics
 
@@ -15,7 +15,7 @@ def directory(tmp_path):
 
 @pytest.fixture
 def finished(directory):
-    with_clock = topics(CARRIAGES, clock=True)  # a channel without messages
+    with_clock = topics(LAYOUT, clock=True)  # a channel without messages
     log = open_log(directory, with_clock)
     messages = write_run(log, 40)
     log.close()

@@ -5,19 +5,11 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from hand_made_snapshot import body_in_plane, snapshot_of
 
 from cable_twin.outlines import outline_from_pivots
 from cable_twin.recording.rerun_view import RerunView
-from cable_twin.records import (
-    AppliedCommand,
-    BodyState,
-    CableSamples,
-    CarriageState,
-    Command,
-    Snapshot,
-    SolverReport,
-    SupportState,
-)
+from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
 
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
 LOAD, HORIZONTAL = 90e3, 420e3  # N of the cabin, N of rope pull
@@ -38,7 +30,7 @@ def rope_height(x, cabin, pull):
     return chord - own - point
 
 
-def snapshot_at(moment, samples=200):
+def snapshot_at(moment, samples=200, more_supports=None):
     """A cabin that starts at 150 m, accelerates to 12 m/s, and swings in two modes; the pull follows the load."""
     ramp = min(moment, 6.0)
     speed = 2.0 * ramp + 0.15 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
@@ -48,7 +40,6 @@ def snapshot_at(moment, samples=200):
     heights = rope_height(stations, x, pull)
     slope = np.gradient(heights, stations)
     tensions = pull * np.sqrt(1.0 + slope**2) + 4e3 * (stations < x)
-    arc = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(stations), np.diff(heights)))))
     joint = np.array([x, rope_height(np.array(x), x, pull)])
 
     hanger = 0.16 * np.sin(1.1 * moment) * np.exp(-0.04 * moment)
@@ -57,14 +48,14 @@ def snapshot_at(moment, samples=200):
     hanger_mass = joint + 2.4 * down(hanger)
     cabin_mass = hanger_mass + 2.6 * down(hanger) + 1.6 * down(cabin)
     bodies = {
-        "hanger": BodyState(*hanger_mass, hanger, speed, 0.0, 0.0),
-        "cabin": BodyState(*cabin_mass, cabin, speed, 0.0, 0.0),
+        "hanger": body_in_plane(*hanger_mass, hanger, speed),
+        "cabin": body_in_plane(*cabin_mass, cabin, speed),
     }
     force = 9.0e3 * (moment < 6.0) + 12e3 + 2e3 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
-    carriage = CarriageState(float(np.interp(x, stations, arc)), speed, force, np.array([0.0, -LOAD]), joint, bodies)
+    carriage = CarriageState(float(x), speed, force, np.array([0.0, -LOAD]), joint, bodies)
     supports = {"start": SupportState(np.array([-pull, 4e4])), "end": SupportState(np.array([pull, 4e4]))}
-    cable = CableSamples(arc, np.column_stack([stations, heights]), tensions)
-    return Snapshot(moment, {"cabin": carriage}, supports, cable, SolverReport(10, 20, 0, 1e-12))
+    cable = CableSamples(stations, np.column_stack([stations, heights]), tensions)
+    return snapshot_of(moment, {"cabin": carriage}, supports | (more_supports or {}), cable)
 
 
 def commands():

@@ -5,24 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from hand_made_snapshot import body_in_plane, snapshot_of
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.records import (
     AppliedCommand,
-    BodyState,
     CableSamples,
     CarriageState,
     Command,
-    Snapshot,
-    SolverReport,
+    SupportState,
 )
+from cable_twin.snapshot import Layout, Snapshot
 
-CARRIAGES = {"cabin": ("hanger",)}
+SAMPLES = 50
+LAYOUT = Layout({"cabin": ("hanger",)}, ("start", "end"), (), np.linspace(0.0, 4.0, SAMPLES))
 EPOCH = 1_700_000_000_123_456_789
 SCENARIO_VALUES = {"description": "Prüfstand", "cable": {"elements": 24}}
-METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=50)
+METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=SAMPLES)
 
 COMMANDS = [
     AppliedCommand(0.0, Command("speed", {"cabin": 1.5}), "joint_commands"),
@@ -33,24 +34,22 @@ COMMANDS = [
 
 def open_log(directory: Path, table=None, metadata=METADATA, **options) -> McapLog:
     """A log that has begun."""
-    log = McapLog(directory, topics(CARRIAGES) if table is None else table, metadata, **options)
+    log = McapLog(directory, topics(LAYOUT) if table is None else table, metadata, **options)
     log.begin(EPOCH)
     return log
 
 
-def make_snapshot(time: float, samples: int = 50) -> Snapshot:
+def make_snapshot(time: float) -> Snapshot:
     pair = np.array([time, 1.0])
-    cabin = CarriageState(3.5, 6.0, 120.0, pair, pair, {"hanger": BodyState(time, 0.0, 0.3, 0.1, 0.0, -0.02)})
-    arc_lengths = np.linspace(0.0, 4.0, samples)
-    noise = np.random.default_rng(round(time * 1e6)).normal(size=(samples, 2))
-    return Snapshot(
-        time, {"cabin": cabin}, {}, CableSamples(arc_lengths, noise, arc_lengths), SolverReport(1, 2, 0, 0.0)
-    )
+    cabin = CarriageState(3.5, 6.0, 120.0, pair, pair, {"hanger": body_in_plane(time, 0.0, 0.3, spin=-0.02)})
+    noise = np.random.default_rng(round(time * 1e6)).normal(size=(SAMPLES, 2))
+    supports = {name: SupportState(pair) for name in LAYOUT.supports}
+    return snapshot_of(time, {"cabin": cabin}, supports, CableSamples(LAYOUT.arc_lengths, noise, LAYOUT.arc_lengths))
 
 
 def run_messages(frames: int) -> list[tuple[str, int, bytes]]:
     """Scenario, frames at 100 Hz and commands."""
-    encoder = MessageEncoder(CARRIAGES, EPOCH)
+    encoder = MessageEncoder(LAYOUT, EPOCH)
     messages = [(SCENARIO, EPOCH, scenario_message(SCENARIO_VALUES))]
     waiting = list(COMMANDS)
     for frame in range(frames):

@@ -117,12 +117,12 @@ from pathlib import Path
 from logged_run import *
 from test_recorder import *
 
-log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
 recorder = Recorder(log)
 recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
 for applied in COMMANDS[:1]:
     recorder.record_command(applied, applied_command_message(applied, EPOCH), EPOCH)
-encoder = MessageEncoder(CARRIAGES, EPOCH)
+encoder = MessageEncoder(LAYOUT, EPOCH)
 start = time.monotonic()
 for frame in range(10_000):
     snapshot = make_snapshot(frame / 100)
@@ -164,11 +164,11 @@ from logged_run import *
 from test_recorder import *
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-log = McapLog(Path(sys.argv[1]), topics(CARRIAGES), METADATA)
+log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
 view = FakeView()
 recorder = Recorder(log, view)
 recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
-encoder = MessageEncoder(CARRIAGES, EPOCH)
+encoder = MessageEncoder(LAYOUT, EPOCH)
 for frame in range(300):
     snapshot = make_snapshot(frame / 100)
     recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)

@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from logged_run import CARRIAGES, COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, make_snapshot
+from logged_run import COMMANDS, EPOCH, LAYOUT, METADATA, SCENARIO_VALUES, make_snapshot
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import MessageEncoder, scenario_message, topics
@@ -48,7 +48,7 @@ class FakeView:
 
 
 def record_run(recorder: Recorder, frames: int) -> None:
-    encoder = MessageEncoder(CARRIAGES, EPOCH)
+    encoder = MessageEncoder(LAYOUT, EPOCH)
     recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
     for applied in COMMANDS:
         recorder.record_command(applied, applied_command_message(applied, EPOCH), EPOCH + round(applied.time * 1e9))
@@ -59,7 +59,7 @@ def record_run(recorder: Recorder, frames: int) -> None:
 
 def test_recorder_writes_log_and_view(directory):
     view = FakeView()
-    recorder = Recorder(McapLog(directory, topics(CARRIAGES), METADATA), view)
+    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA), view)
     record_run(recorder, 30)
     time.sleep(0.7)
     assert recorder.backlog == 0
@@ -78,7 +78,7 @@ def test_recorder_writes_log_and_view(directory):
 
 
 def test_messages_reach_the_disk_where_no_more_follow(directory):
-    recorder = Recorder(McapLog(directory, topics(CARRIAGES), METADATA))
+    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA))
     record_run(recorder, 10)
     time.sleep(0.9)
     assert len(list(read_log(directory).messages(["joint_states"]))) == 10
@@ -87,7 +87,7 @@ def test_messages_reach_the_disk_where_no_more_follow(directory):
 
 def test_a_broken_view_does_not_stop_the_log(directory):
     view = FakeView(broken_after=3)
-    recorder = Recorder(McapLog(directory, topics(CARRIAGES), METADATA), view)
+    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA), view)
     record_run(recorder, 20)
     recorder.close()
     assert recorder.faults == ["recording: view stopped: no more paper"]

@@ -1,6 +1,5 @@
 """The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
 
-import dataclasses
 import socket
 import subprocess
 import sys
@@ -17,19 +16,18 @@ rr = pytest.importorskip("rerun")
 psutil = pytest.importorskip("psutil")  # rerun brings it
 
 from drawn_run import FRAMES, HORIZONTAL, OUTLINES, RATE, SPAN, draw, rope_height, snapshot_at  # noqa: E402
+from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
 from cable_twin.outlines import outline_from_pivots  # noqa: E402
 from cable_twin.recording.rerun_view import RerunView  # noqa: E402
-from cable_twin.recording.view_plots import describe_command  # noqa: E402
+from cable_twin.recording.view_readout import describe_command  # noqa: E402
 from cable_twin.records import (  # noqa: E402
     AppliedCommand,
-    BodyState,
     CableSamples,
     CarriageState,
     Command,
-    Snapshot,
-    SolverReport,
+    DriveState,
     SupportState,
     TowerState,
 )
@@ -147,12 +145,11 @@ def test_towers_are_drawn_with_their_loads_and_counterweights_with_their_travel(
     view = RerunView("towers", OUTLINES, path=tmp_path / "run.rrd", live=False, support_positions={"tower": place})
     loads = [2e5, 1.5e5, 0.0]
     for index, load in enumerate(loads):
-        snapshot = snapshot_at(0.05 * index)
         tower = SupportState(np.array([0.0, load]), TowerState(load, min(loads[: index + 1]), 2e5, load == 0.0))
-        end = dataclasses.replace(snapshot.supports["end"], travel=-0.25)
-        view.log(dataclasses.replace(snapshot, supports={**snapshot.supports, "end": end, "tower": tower}))
+        end = SupportState(np.array([HORIZONTAL, 4e4]), travel=-0.25)
+        view.log(snapshot_at(0.2 * index, more_supports={"end": end, "tower": tower}))
     view.close()
-    _, drawn = column(tmp_path / "run.rrd", "/plots/tower_load/tower", "Scalars:scalars")
+    _, drawn = column(tmp_path / "run.rrd", "/plots/tower_load", "Scalars:scalars")
     np.testing.assert_allclose(drawn, np.array(loads)[:, None] / 1e3)
     _, texts = column(tmp_path / "run.rrd", "/readout", "TextDocument:text")
     assert "| tower | **200 kN** |" in texts[0][0]
@@ -167,8 +164,8 @@ def test_bodies_are_drawn_where_they_are(recording):
     times, positions = column(path, "/track/carriages/cabin/hanger", "Transform3D:translation")
     _, turns = column(path, "/track/carriages/cabin/hanger", "Transform3D:quaternion")
     np.testing.assert_array_equal(times, joint_times)
-    assert len(times) == pytest.approx(FRAMES / RATE * 25.0, abs=1)
-    for row in (0, 100, 300):
+    assert len(times) == pytest.approx(FRAMES / RATE * 20.0, abs=1)
+    for row in (0, 100, 290):
         state = snapshots[round(times[row] * RATE)].carriages["cabin"]
         body = state.bodies["hanger"]
         angle = 2.0 * np.arctan2(turns[row][0][2], turns[row][0][3])
@@ -180,14 +177,15 @@ def test_bodies_are_drawn_where_they_are(recording):
         pitch = body.pitch
         world = [body.x + x * np.cos(pitch) + z * np.sin(pitch), body.z - x * np.sin(pitch) + z * np.cos(pitch)]
         np.testing.assert_allclose(drawn * (1.0, -1.0), world, atol=1e-3)
-        np.testing.assert_allclose(world, state.position, atol=1e-9)  # the hanger hangs from the joint
+        np.testing.assert_allclose(world, state.position[[0, 2]], atol=1e-9)  # the hanger hangs from the joint
 
 
 def test_rope_is_whole_and_has_its_kink(recording):
     path, snapshots = recording
     times, frames = column(path, "/track/rope", "LineStrips2D:strips")
     _, colors = column(path, "/track/rope", "LineStrips2D:colors")
-    for row in (0, 200):
+    assert len(times) == pytest.approx(FRAMES / RATE * 10.0, abs=1)
+    for row in (0, 100):
         snapshot = snapshots[round(times[row] * RATE)]
         lines = [np.array(line) for line in frames[row]]
         assert len(lines) == len(colors[row]) > 1
@@ -195,9 +193,135 @@ def test_rope_is_whole_and_has_its_kink(recording):
             np.testing.assert_array_equal(one[-1], following[0])
         rope = np.vstack([lines[0], *(line[1:] for line in lines[1:])]) * (1.0, -1.0)
         joint = snapshot.carriages["cabin"].position
-        expected = np.vstack([snapshot.cable.positions, joint])
+        expected = np.vstack([snapshot.cable.positions, joint])[:, [0, 2]]
         np.testing.assert_allclose(rope, expected[np.argsort(expected[:, 0])], atol=1e-3)
         assert all(color != other for color, other in pairwise(colors[row]))
+
+
+CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))
+CHAIR_OUTLINE = outline_from_pivots((0.0, 2.6), gyration_radius=0.6)
+
+
+def chairlift_at(moment, count=12):
+    """A rope that goes by with chairs, each with a swing of its own; from the tenth on they hang in a station."""
+    stations = np.linspace(0.0, 200.0, 50)
+    chairs = {}
+    for index, name in enumerate(CHAIRS[:count]):
+        x, pitch = 15.0 * index + 2.0 * moment, 0.01 * (index + 1) * np.cos(moment)
+        chair = body_in_plane(x - 2.6 * np.sin(pitch), -2.6 * np.cos(pitch), pitch)
+        state = CarriageState(x, 2.0, 0.0, np.zeros(2), np.array([x, 0.0]), {"chair": chair}, attached=index < 9)
+        chairs[name] = state
+    supports = {"start": SupportState(np.array([-1e5, 0.0])), "end": SupportState(np.array([1e5, 0.0]))}
+    cable = CableSamples(stations, np.column_stack([stations, 0.0 * stations]), np.linspace(1e5, 1.1e5, 50))
+    return snapshot_of(moment, chairs, supports, cable, {"haul_rope": DriveState(2.0 * moment, 2.0, 1e4)})
+
+
+def draw_chairlift(path, snapshots, outlines=None, **options):
+    if outlines is None:
+        outlines = {name: {"chair": CHAIR_OUTLINE} for name in CHAIRS}
+    view = RerunView("chairlift", outlines, path=path, live=False, carriers=CHAIRS, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for snapshot in snapshots:
+            view.log(snapshot)
+        view.close()
+
+
+def test_carriers_are_drawn_together_each_where_it_is(tmp_path):
+    snapshots = [chairlift_at(0.01 * index) for index in range(200)]
+    draw_chairlift(tmp_path / "run.rrd", snapshots, batch_frames=70)
+    rerun_command("rrd", "verify", tmp_path / "run.rrd")
+    times, frames = column(tmp_path / "run.rrd", "/track/carriers", "LineStrips2D:strips")
+    _, joints = column(tmp_path / "run.rrd", "/track/carriers", "Points2D:positions")
+    assert len(times) == 40
+    for row in (0, 30):
+        drawn = snapshots[round(times[row] * RATE)]
+        assert len(frames[row]) == len(CHAIRS)
+        for line, joint, state in zip(frames[row], joints[row], drawn.carriages.values(), strict=True):
+            np.testing.assert_allclose(line[0], state.position[[0, 2]] * (1.0, -1.0), atol=1e-4)  # it hangs there
+            np.testing.assert_allclose(joint, line[0], atol=1e-4)
+            body = state.bodies["chair"]
+            np.testing.assert_allclose(np.mean(line[2:6], axis=0), [body.x, -body.z], atol=1e-4)
+    times, places = column(tmp_path / "run.rrd", "/track/close_ups/chair_3", "Transform3D:translation")
+    shown = snapshots[round(times[-1] * RATE)].carriages["chair_3"].position
+    np.testing.assert_allclose(places[-1][0], [shown[0], -shown[2], 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4])
+def test_few_carriers_and_none_are_drawn(tmp_path, count):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0, count)])
+    rerun_command("rrd", "verify", tmp_path / "run.rrd")
+
+
+def test_carriers_without_outline_are_dots(tmp_path):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0)], outlines={})
+    _, dots = column(tmp_path / "run.rrd", "/track/carriers", "Points2D:positions")
+    assert len(dots[0]) == 2 * len(CHAIRS)  # joints and bodies
+
+
+def test_swing_of_carriers_is_that_of_those_on_the_rope(tmp_path):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.5), chairlift_at(2.5)])
+    _, swings = column(tmp_path / "run.rrd", "/plots/swing/carriers", "Scalars:scalars")
+    expected = np.rad2deg([[0.01 * np.cos(0.5), 0.09 * np.cos(0.5)], [0.09 * np.cos(2.5), 0.01 * np.cos(2.5)]])
+    np.testing.assert_allclose(np.array(swings)[:, :2], expected)
+    np.testing.assert_allclose(np.array(swings)[:, 2], np.rad2deg(0.01 * np.cos([0.5, 2.5])))
+
+
+def test_entities_do_not_grow_with_carriers(tmp_path):
+    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0)])
+    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "run.rrd").stream()}
+    assert sum("chair" in path for path in paths) == 6  # close-ups
+
+
+@pytest.mark.parametrize("batch_frames", [7, 500])
+def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
+    """Rope and vehicles of every third frame from the seventh on."""
+    snapshots = []
+    for index in range(60):
+        snapshot = chairlift_at(0.01 * index)
+        c = snapshot.columns
+        if index < 6 or index % 3:
+            bodies = (c.joint_position, c.body_position, c.body_angles)
+            for missing in (*bodies, c.rope_position, c.rope_tension, c.drive_speed):
+                missing[...] = np.nan
+        snapshots.append(snapshot)
+    known = [chairlift_at(0.01 * (index - index % 3)) for index in range(60)]
+    path = tmp_path / "run.rrd"
+    draw_chairlift(path, snapshots, batch_frames=batch_frames)
+    rerun_command("rrd", "verify", path)
+    times, frames = column(path, "/track/carriers", "LineStrips2D:strips")
+    rows = np.rint(times * RATE).astype(int)
+    assert rows.min() == 10  # the first that is due and known
+    for row, lines in zip(rows, frames, strict=True):
+        joint = known[row].carriages["chair_2"].position
+        np.testing.assert_allclose(lines[1][0], [joint[0], 0.0], atol=1e-4)
+    assert len(column(path, "/track/rope", "LineStrips2D:strips")[0]) == 5
+    _, tensions = column(path, "/plots/tension", "Scalars:scalars")
+    assert np.isnan(tensions[5]).all()
+    np.testing.assert_allclose(tensions[6:], [[110.0, 100.0, 110.0]] * 54)
+    _, texts = column(path, "/readout", "TextDocument:text")
+    assert "speed" not in texts[0][0]
+    assert "| speed | **2.00 m/s** |" in texts[1][0]
+
+
+def test_a_log_without_rope_and_vehicles_is_drawn_without_them(tmp_path):
+    snapshot = chairlift_at(0.0)
+    snapshot.numbers[1:] = np.nan
+    draw_chairlift(tmp_path / "run.rrd", [snapshot])
+    rerun_command("rrd", "verify", tmp_path / "run.rrd")
+    assert column(tmp_path / "run.rrd", "/track/rope", "LineStrips2D:strips")[1] == []
+
+
+def test_a_command_counts_from_its_frame_on_within_a_batch(tmp_path):
+    path = tmp_path / "run.rrd"
+    view = RerunView("test ropeway", OUTLINES, path=path, live=False)
+    for index in range(10):
+        view.log(snapshot_at(0.01 * index))
+    view.log_command(AppliedCommand(0.05, Command("speed", {"cabin": 3.0}), "desk"))
+    view.log_command(AppliedCommand(0.2, Command("speed", {"cabin": 4.0}), "desk"))
+    view.close()
+    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    np.testing.assert_array_equal([speed[1] for speed in speeds], [np.nan] * 5 + [3.0] * 5)
 
 
 def test_flushed_frames_survive_without_close(tmp_path):
@@ -292,7 +416,7 @@ view.close()
 @pytest.mark.parametrize("attempt", range(3))
 def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
     """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
-    paths = [str(Path(__file__).parent), str(RENDERER.parents[1])]
+    paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(RENDERER.parents[1])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
     assert run.returncode == 0, run.stderr
@@ -305,15 +429,14 @@ def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):
     view = RerunView("test rope", {}, path=path, live=False)
     arc = np.linspace(0.0, 4.0, 9)
     positions = np.column_stack([np.zeros(9), np.full(9, 7.0), -arc])
-    bodies = {"rod": BodyState(0.0, -2.5, 0.0, 0.0, 0.0, 0.0)}
+    bodies = {"rod": body_in_plane(0.0, -2.5, 0.0)}
     carriage = CarriageState(2.0, 0.0, 5.0, np.zeros(3), positions[4], bodies)
     supports = {"start": SupportState(np.zeros(3))}
     for index in range(5):
         cable = CableSamples(arc, positions, np.full(9, 40.0 * index))
-        report = SolverReport(10, 20, 0, 0.0)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            view.log(Snapshot(0.05 * index, {"a/b c": carriage}, supports, cable, report))
+            view.log(snapshot_of(0.05 * index, {"a/b c": carriage}, supports, cable))
     view.close()
     _, tensions = column(path, "/plots/tension", "Scalars:scalars")
     assert tensions[-1] == [160.0, 160.0, 160.0]

@@ -13,9 +13,10 @@ from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import LogError, read_log
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import AppliedCommand, Command, Snapshot
+from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 SCRIPT = [
@@ -31,7 +32,7 @@ def recorded(tmp_path_factory):
     directory = tmp_path_factory.mktemp("recorded")
     scenario = load_scenario(write_quick_scenario(directory))
     simulation = Simulation(scenario)
-    table = topics(simulation.carriages)
+    table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.01, rerun="off")
     run.begin(EPOCH)
     outcome = simulate(simulation, SCRIPT, duration=0.5, frame_steps=2, epoch_ns=EPOCH, run=run)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from logged_run import CARRIAGES, EPOCH, METADATA, make_snapshot, open_log, run_messages
+from logged_run import EPOCH, LAYOUT, METADATA, make_snapshot, open_log, run_messages
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -88,7 +88,7 @@ def test_directory_is_read_as_one_by_us_and_by_rosbags(directory):
 
 
 def test_metadata_comes_first_in_each_file(directory):
-    log = McapLog(directory, topics(CARRIAGES), METADATA)
+    log = McapLog(directory, topics(LAYOUT), METADATA)
     with pytest.raises(ValueError, match="has not begun"):
         log.write(*run_messages(1)[0])
     log.begin(EPOCH, STATE)
@@ -179,11 +179,11 @@ def test_disk_that_refuses_the_next_file_leaves_the_closed_ones(directory):
 
 def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path):
     simulation = Simulation(load_scenario(TRAMWAY))
-    table = topics(simulation.carriages, supports=simulation.supports)
+    table = topics(simulation.layout)
     log = McapLog(tmp_path / "run", table, METADATA)
     recorder = Recorder(log, splitting=Splitting(split_duration=1.0))
     recorder.begin(EPOCH, 0.0, scenario_message(simulation.scenario.resolved()))
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     log.path_of(1).mkdir()
     for frame in range(200):
         snapshot = simulation.advance_to(frame * 0.01)
@@ -201,13 +201,13 @@ def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path)
 def test_size_asks_for_one_file_at_a_time(tmp_path):
     """However slow the disk is, and however large the file still is that is being closed."""
     simulation = Simulation(load_scenario(TRAMWAY))
-    log = McapLog(tmp_path / "run", topics(CARRIAGES), METADATA)
+    log = McapLog(tmp_path / "run", topics(LAYOUT), METADATA)
     recorder = Recorder(log, splitting=Splitting(split_duration=0.0, split_size=1.0))
     recorder.begin(EPOCH, 0.0, scenario_message(simulation.scenario.resolved()))
-    encoder = MessageEncoder(CARRIAGES, EPOCH)
+    encoder = MessageEncoder(LAYOUT, EPOCH)
     asked = 0
     for frame in range(1500):
-        snapshot = make_snapshot(frame * 0.01, samples=500)
+        snapshot = make_snapshot(frame * 0.01)
         if recorder.split_due(snapshot.time):
             recorder.split(simulation.capture())
             assert not recorder.split_due(snapshot.time)

@@ -21,7 +21,9 @@ def frame_loop(scenario="aerial_tramway", **options):
         "frame_steps": 2,
         "real_time_factor": 1.0,
         "command_timeout": 0.5,
-        "on_frame": lambda snapshot: None,
+        "on_run": lambda first: None,
+        "prepare": lambda snapshot: snapshot,
+        "publish": lambda frame: None,
         "on_applied": lambda applied: None,
         "on_fault": lambda line: None,
     }
@@ -44,7 +46,9 @@ def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
         frame_steps=2,
         real_time_factor=1.0,
         command_timeout=0.5,
-        on_frame=take,
+        on_run=lambda first: None,
+        prepare=lambda snapshot: snapshot,
+        publish=take,
         on_applied=lambda applied: None,
         on_fault=faults.append,
     )
@@ -107,3 +111,40 @@ def test_a_frame_that_converges_ends_the_fault():
     finally:
         loop.stop()
     assert len(faults) == 1
+
+
+def test_a_frame_is_prepared_ahead_and_published_when_it_is_due():
+    """What encoding takes does not come on top of the time at which a frame is published."""
+    prepared, published = [], []
+
+    def prepare(snapshot):
+        prepared.append(time.monotonic())
+        return snapshot.time
+
+    loop = frame_loop(prepare=prepare, publish=lambda at: published.append((at, time.monotonic())))
+    loop.start()
+    wait_until(lambda: len(published) >= 30, what="30 frames")
+    loop.stop()
+    assert [at for at, _ in published] == pytest.approx([0.01 * (k + 1) for k in range(len(published))], abs=1e-9)
+    ahead = [after - before for before, (_, after) in zip(prepared, published, strict=False)]
+    assert max(ahead) > 2e-3  # a frame takes far less than its period
+
+
+def test_it_tells_when_time_begins_to_run_and_when_it_goes_on():
+    """Once at the start and after each pause; single steps are no run, but a first one is the start."""
+    runs, published = [], []
+    loop = frame_loop(on_run=runs.append, publish=published.append, paused=True)
+    loop.start()
+    loop.step().result(20.0)
+    assert runs == [True]
+    for _ in range(3):
+        loop.step().result(20.0)
+    assert runs == [True]
+    assert len(published) == 4
+    for count in (2, 3):
+        loop.pause(False)
+        wait_until(lambda count=count: len(runs) == count, what="a run that goes on")
+        loop.pause(True)
+        loop.step().result(20.0)  # answered when the loop has seen the pause
+    loop.stop()
+    assert runs == [True, False, False]

@@ -1,0 +1,46 @@
+"""Key figures as diagnostic statuses, and back: on topics, and in bags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
+from cable_twin.messages import Status, diagnostics_message
+
+OK, WARNING = 0, 1  # levels of diagnostics
+
+
+def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
+    """A status for each figure: a warning where its limit is passed."""
+    return [
+        Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
+        for figure in figures
+    ]
+
+
+def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
+    """Encode figures as a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
+    return diagnostics_message(stamp_ns, *figure_statuses(figures))
+
+
+def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
+    """The figures that `figure_statuses` was given, to the last bit.
+
+    Raises:
+        ValueError: A status is none of a key figure.
+    """
+    return [figure_from_values(status.name, status.values) for status in statuses]
+
+
+def describe(figure: KeyFigure) -> str:
+    """Value, time and place of a figure, with its limit where it has one."""
+    unit = "" if figure.unit == "-" else f" {figure.unit}"
+    parts = [f"{figure.value:.4g}{unit} at {figure.time:.2f} s"]
+    if figure.place:
+        parts.append(figure.place)
+    if figure.limit is not None:
+        parts.append(f"allowed: {figure.bound} {figure.limit:.4g}{unit} ({figure.source})")
+    return ", ".join(parts)
+
+
+__all__ = ["OK", "WARNING", "describe", "figure_statuses", "figures_message", "figures_of_statuses"]

@@ -1,0 +1,50 @@
+"""The memory of a run, as its scenario needs it."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import numpy as np
+
+from cable_twin.clearance import ground_of
+from cable_twin.key_figures.extremes import highest, lowest
+from cable_twin.key_figures.frames import DriveExtremes, Memory
+from cable_twin.scenario import Scenario
+
+
+def allocate(scenario: Scenario) -> Memory:
+    """Memory of a run of which nothing was seen."""
+    cable, vehicles, supports = scenario.cable, len(scenario.vehicles), 2 + len(scenario.towers)
+    clamped = [vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()]
+    tops = [(tower.position[0], tower.position[-1]) for tower in scenario.towers.values()]
+    return Memory(
+        length=float(cable.unstrained_length),
+        corners=np.array([(nan, nan), *tops, (nan, nan)], dtype=np.float64),
+        rails=np.where(clamped, cable.unstrained_length / cable.elements, -inf),
+        ground=ground_of(scenario),
+        tension=highest(),
+        slackest=lowest(),
+        sag=highest(supports - 1),
+        highest_load=highest(supports),
+        lowest_load=lowest(supports),
+        margin=lowest(supports),
+        farthest=highest(supports),
+        nearest=lowest(supports),
+        drives=_drive_extremes(len(scenario.drives)),
+        vehicle_drives=_drive_extremes(vehicles),
+        swing=highest(vehicles),
+        acceleration=highest(vehicles),
+        contact_force=highest(vehicles),
+        tension_ratio=lowest(vehicles),
+        clearance=lowest(1 + vehicles),
+        next_look=np.full(1, -inf),
+        passed_times=np.full(2, nan),
+        passed=np.full((2, vehicles, 3), nan),
+    )
+
+
+def _drive_extremes(count: int) -> DriveExtremes:
+    return DriveExtremes(highest(count), highest(count), highest(count), lowest(count))
+
+
+__all__ = ["allocate"]

@@ -1,0 +1,198 @@
+"""A frame taken in: what every column means for the extremes, in one call that costs a few microseconds."""
+
+from __future__ import annotations
+
+from math import isnan, nan, sqrt
+from typing import NamedTuple
+
+from cable_twin.key_figures.extremes import Extremes, take
+from cable_twin.mechanics.by_reference import by_reference
+from cable_twin.mechanics.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.ground import Ground, look_at_ground
+from cable_twin.mechanics.parameters import FloatArray
+
+CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
+
+
+@by_reference
+class DriveExtremes(NamedTuple):
+    """Speed, force and power of several drives."""
+
+    speed: Extremes  # m/s, either way
+    force: Extremes  # N, either way
+    power: Extremes  # W
+    braking_power: Extremes  # W, the least
+
+
+@by_reference
+class Memory(NamedTuple):
+    """What is kept from frame to frame, and what of the scenario it takes.
+
+    Vehicles that are off the cable do not count. Nor do forces and accelerations of a carrier on the first and the last
+    element of a moving cable: the end of the model is a point, and a mass that moves over it a singular load, where a
+    ropeway has the rails of a station.
+    """
+
+    length: float  # m, of the cable, unstrained
+    corners: FloatArray  # (spans + 1, 2) m, ends of the chords: tops of the towers, and the ends of the rope now
+    rails: FloatArray  # (vehicles,) m from either end in which forces do not count
+    ground: Ground
+    tension: Extremes  # N
+    slackest: Extremes  # N
+    sag: Extremes  # (spans,) m
+    highest_load: Extremes  # (supports,) N
+    lowest_load: Extremes  # (supports,) N
+    margin: Extremes  # (supports,) load of a tower over that at rest
+    farthest: Extremes  # (supports,) m, travel of a counterweight
+    nearest: Extremes  # (supports,) m
+    drives: DriveExtremes  # of moving cables
+    vehicle_drives: DriveExtremes  # (vehicles,)
+    swing: Extremes  # (vehicles,) rad
+    acceleration: Extremes  # (vehicles,) m/s^2
+    contact_force: Extremes  # (vehicles,) N
+    tension_ratio: Extremes  # (vehicles,) tension over the load across the rope
+    clearance: Extremes  # (1 + vehicles,) m, of the rope and of the vehicles
+    next_look: FloatArray  # (1,) s, when the clearance is due
+    passed_times: FloatArray  # (2,) s, of the last two frames; NaN where the motion does not go back so far
+    passed: FloatArray  # (2, vehicles, 3) m, places of the last bodies there
+
+
+@kernel
+def take_frame(memory, arc_lengths, columns):
+    """Take in a frame; they come in the order of time.
+
+    Args:
+        memory: takes it.
+        arc_lengths: (samples,) m, where the frame shows the cable.
+        columns: the frame.
+    """
+    time = columns.time[0]
+    for sample in range(arc_lengths.size):
+        take(memory.tension, 0, columns.rope_tension[sample], time, arc_lengths[sample])
+        take(memory.slackest, 0, columns.rope_tension[sample], time, arc_lengths[sample])
+    take_sag(memory, time, columns.rope_position)
+    take_supports(memory, time, columns)
+    for drive in range(columns.drive_position.size):
+        place, speed = columns.drive_position[drive], columns.drive_speed[drive]
+        take_drive(memory.drives, drive, time, place, speed, columns.moving_cable_force[drive])
+    take_vehicles(memory, time, arc_lengths, columns)
+    ground = memory.ground
+    if ground.terrain.shape[0] > 0 and time >= memory.next_look[0]:
+        memory.next_look[0] = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
+        look_at_ground(ground, columns.rope_position, columns.attached, columns.body_position, columns.body_angles)
+        for row in range(ground.lowest.shape[0]):
+            take(memory.clearance, row, ground.lowest[row, 0], time, ground.lowest[row, 1])
+
+
+@kernel
+def take_sag(memory, time, rope):
+    """Take in the depths below the chord of each span, from support to support; a rope that is upright has none.
+
+    A span without a point takes the next one, so that no span goes without.
+    """
+    corners, last, span, seen = memory.corners, rope.shape[0] - 1, 0, 0  # `seen`: spans with a point so far
+    spans = corners.shape[0] - 1
+    corners[0, 0], corners[0, 1] = rope[0, 0], rope[0, 2]
+    corners[spans, 0], corners[spans, 1] = rope[last, 0], rope[last, 2]
+    way = corners[spans, 0] - corners[0, 0]
+    for point in range(rope.shape[0] if abs(way) > 0.0 else 0):
+        x = rope[point, 0]
+        while span + 1 < spans and way * (x - corners[span + 1, 0]) >= 0.0:
+            span += 1
+        rise = (corners[span + 1, 1] - corners[span, 1]) / (corners[span + 1, 0] - corners[span, 0])
+        depth = corners[span, 1] + rise * (x - corners[span, 0]) - rope[point, 2]
+        for above in range(min(seen, span), span + 1):
+            take(memory.sag, above, depth, time, x)
+        seen = span + 1
+
+
+@kernel
+def take_supports(memory, time, columns):
+    """Take in loads and margins of all supports, and the travel of counterweights."""
+    for support in range(columns.support_travel.size):
+        load, travel = size(columns.support_force[support]), columns.support_travel[support]
+        take(memory.highest_load, support, load, time, nan)
+        take(memory.lowest_load, support, load, time, nan)
+        if columns.tower_rest_load[support] > 0.0:
+            margin = columns.tower_lowest_load[support] / columns.tower_rest_load[support]
+            take(memory.margin, support, margin, time, nan)
+        take(memory.farthest, support, travel, time, nan)
+        take(memory.nearest, support, travel, time, nan)
+
+
+@inlined_kernel
+def take_drive(extremes, index, time, place, speed, force):
+    """Take in place (m), speed (m/s) and force (N) of one drive."""
+    take(extremes.speed, index, abs(speed), time, place)
+    take(extremes.force, index, abs(force), time, place)
+    take(extremes.power, index, force * speed, time, place)
+    take(extremes.braking_power, index, force * speed, time, place)
+
+
+@kernel
+def take_vehicles(memory, time, arc_lengths, columns):
+    """Take in all vehicles; accelerations are second differences over three frames of equal spacing."""
+    middle_time = memory.passed_times[1]
+    period, spacing = time - middle_time, middle_time - memory.passed_times[0]
+    evenly = period > 0.0 and abs(spacing - period) < 1e-6 * period
+    for vehicle in range(columns.arc_length.size):
+        body = memory.ground.first_body[vehicle + 1] - 1  # the last one
+        here, last, before = columns.body_position[body], memory.passed[1, vehicle], memory.passed[0, vehicle]
+        place, counts = columns.arc_length[vehicle], False
+        if columns.attached[vehicle] != 0.0:
+            take_drive(
+                memory.vehicle_drives, vehicle, time, place, columns.speed[vehicle], columns.drive_force[vehicle]
+            )
+            take(memory.swing, vehicle, abs(columns.body_angles[body, 1]), time, place)
+            rails = memory.rails[vehicle]
+            counts = not (place < rails or memory.length - place < rails)
+        if counts:
+            force = columns.contact_force[vehicle]
+            take(memory.contact_force, vehicle, size(force), time, place)
+            if not isnan(place):
+                ratio = tension_ratio(arc_lengths, columns.rope_position, columns.rope_tension, place, force)
+                take(memory.tension_ratio, vehicle, ratio, time, place)
+        square = 0.0
+        for axis in range(3):
+            across = here[axis] - 2.0 * last[axis] + before[axis]
+            square += across * across
+            before[axis], last[axis] = last[axis], here[axis] if counts else nan
+        if evenly and counts:
+            take(memory.acceleration, vehicle, sqrt(square) / (period * period), middle_time, place)
+    memory.passed_times[0], memory.passed_times[1] = middle_time, time
+
+
+@kernel
+def tension_ratio(arc_lengths, rope, tensions, place, force):
+    """Tension over the part of a force (3,) in N across the rope, at an arc length (m); NaN without any."""
+    last = arc_lengths.size - 1
+    after = int(place / arc_lengths[last] * last)  # a guess, right where they are equally spaced
+    after = last if after > last else 1 if after < 1 else after
+    while after < last and arc_lengths[after] < place:
+        after += 1
+    while after > 1 and arc_lengths[after - 1] >= place:
+        after -= 1
+    # beside the kink at the joint, from the point before to the one after
+    start, end = rope[after - 1], rope[after + 1 if after < last else last]
+    along, square = 0.0, 0.0
+    for axis in range(3):
+        part = end[axis] - start[axis]
+        along += part * force[axis]
+        square += part * part
+    rest = 0.0
+    for axis in range(3):
+        part = force[axis] - along / square * (end[axis] - start[axis])
+        rest += part * part
+    share = (place - arc_lengths[after - 1]) / (arc_lengths[after] - arc_lengths[after - 1])
+    share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share  # also of a place beyond the ends
+    tension = tensions[after - 1] + share * (tensions[after] - tensions[after - 1])
+    return tension / sqrt(rest) if rest > 0.0 else nan
+
+
+@inlined_kernel
+def size(vector):
+    """Length of a vector (3,)."""
+    return sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+
+
+__all__ = ["DriveExtremes", "Memory", "take_frame"]

@@ -1,0 +1,158 @@
+"""ROS 2 messages as CDR bytes, without rclpy: the rosbags typestore lays them out, so logs are written where no ROS is.
+
+Padding is zero: equal records give equal bytes, and a replay may compare bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.stores import ros2_jazzy
+
+Time = ros2_jazzy.builtin_interfaces__msg__Time
+Header = ros2_jazzy.std_msgs__msg__Header
+
+TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
+SECOND = 1_000_000_000  # ns
+FRAME_ID = "map"
+ENCAPSULATION = 4  # bytes in front of the message proper, from which alignment counts
+STAMP = Time(0x5E5E5E5E, 0x5A5A5A5A)  # stands for every stamp of a template
+_MARKS = {"<f8": (np.uint64, 0x7FE0_0000_0000_0000), "<f4": (np.uint32, 0x7E00_0000)}  # finite, and in no message
+
+
+class Message(Protocol):
+    """Any message class of the typestore."""
+
+    __msgtype__: ClassVar[str]
+
+
+def serialize(message: Message) -> bytes:
+    """Encode a message of the typestore as little-endian CDR."""
+    return bytes(TYPESTORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
+
+
+def decode(data: bytes, message_type: str) -> Any:
+    """Read a message of the given type ("sensor_msgs/msg/JointState") into its rosbags dataclass."""
+    return TYPESTORE.deserialize_cdr(data, message_type)
+
+
+def nanoseconds(time: float) -> int:
+    """Convert simulated time (s) into nanoseconds."""
+    return round(time * SECOND)
+
+
+def time_of(stamp_ns: int) -> Time:
+    """Stamp in ns as a message."""
+    return Time(*divmod(stamp_ns, SECOND))
+
+
+def header(stamp_ns: int, frame_id: str = FRAME_ID) -> Header:
+    """Header with a stamp in ns."""
+    return Header(time_of(stamp_ns), frame_id)
+
+
+def marks(count: int, kind: str = "<f8") -> NDArray[Any]:
+    """Numbers (count,) that stand for those which a template is filled with, in their order."""
+    word, first = _MARKS[kind]
+    return (np.arange(count, dtype=word) + word(first)).view(kind)
+
+
+class Template:
+    """CDR of a message of which only stamps and numbers change: laid out once, filled in place.
+
+    The message is given with `STAMP` for every stamp and `marks` for the numbers; where they have gone is read off its
+    bytes, so nothing here knows the layout of any message.
+    """
+
+    def __init__(self, message: Message, sources: Sequence[NDArray[np.float64]], kind: str = "<f8") -> None:
+        """Find the places.
+
+        Args:
+            message: with the marks of all sources, one source after the other, each in C order.
+            sources: arrays that are copied into the message by each `fill`; (rows, ...) or (rows,).
+            kind: type of the numbers in the message, "<f8" or "<f4".
+        """
+        plain = serialize(message)
+        size = np.dtype(kind).itemsize
+        # numbers are aligned from behind the encapsulation on
+        room = np.zeros(len(plain) + 2 * size, dtype=np.uint8)
+        start = -ENCAPSULATION % size
+        self._data = room[start : start + len(plain)]
+        self._data[:] = np.frombuffer(plain, np.uint8)
+        body = room[start + ENCAPSULATION :]
+        self._numbers = body[: body.size // size * size].view(kind)
+        self._words = body[: body.size // 4 * 4].view("<u4")
+        self._stamps = np.flatnonzero(self._words == STAMP.sec)
+        if self._stamps.size == 0 or (self._words[self._stamps + 1] != STAMP.nanosec).any():
+            raise ValueError(f"template of {message.__msgtype__}: no stamp in it")
+        word, first = _MARKS[kind]
+        order = self._numbers.view(word) - word(first)
+        count = sum(source.size for source in sources)
+        where = np.flatnonzero(order < count)
+        places = where[np.argsort(order[where], kind="stable")]
+        if places.size != count:
+            raise ValueError(f"template of {message.__msgtype__}: {places.size} numbers in it, {count} are given")
+        self._copies: list[tuple[NDArray[Any], NDArray[np.float64]]] = []
+        self._scattered: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
+        taken = 0
+        for source in sources:
+            own = places[taken : taken + source.size].reshape(source.shape)
+            taken += source.size
+            target = _strided(self._numbers, own)
+            if target is not None:
+                self._copies.append((target, source))
+            else:
+                self._scattered.append((own, source))
+
+    def fill(self, stamp_ns: int) -> bytes:
+        """The message with a stamp (ns) and what the sources hold now."""
+        second, nanosecond = divmod(stamp_ns, SECOND)
+        if self._stamps.size == 1:
+            _PAIR.pack_into(self._data.data, ENCAPSULATION + 4 * int(self._stamps[0]), second, nanosecond)
+        else:
+            self._words[self._stamps], self._words[self._stamps + 1] = second, nanosecond
+        for target, source in self._copies:
+            target[...] = source
+        for places, source in self._scattered:
+            self._numbers[places] = source
+        return self._data.tobytes()
+
+
+_PAIR = struct.Struct("<2I")
+
+
+def _strided(numbers: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any] | None:
+    """View of the numbers at `places`, where those are evenly spaced along each axis; else None."""
+    if places.size == 0:
+        return numbers[:0].reshape(places.shape)
+    steps = []
+    for axis in range(places.ndim):
+        differences = np.diff(places, axis=axis)
+        if differences.size and (differences != differences.flat[0]).any():
+            return None
+        steps.append(int(differences.flat[0]) if differences.size else 1)
+    first, size = int(places.flat[0]), numbers.itemsize
+    return np.ndarray(places.shape, numbers.dtype, numbers, first * size, tuple(step * size for step in steps))
+
+
+__all__ = [
+    "FRAME_ID",
+    "SECOND",
+    "STAMP",
+    "TYPESTORE",
+    "Header",
+    "Message",
+    "Template",
+    "Time",
+    "decode",
+    "header",
+    "marks",
+    "nanoseconds",
+    "serialize",
+    "time_of",
+]

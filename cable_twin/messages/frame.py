@@ -1,0 +1,235 @@
+"""Frames of the simulation as ROS 2 messages: from columns to bytes.
+
+A message is built once; the same bytes go to the publisher (`publisher.publish(data)`) and into the log. Names never
+change in a run, so each message is a template into which the columns of a frame are copied.
+
+Frame `map`: x along the track, y lateral, z up (REP-103). A stamp is the epoch of the run plus simulated time, in
+nanoseconds: one clock for messages, tf and logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.stores import ros2_jazzy
+
+from cable_twin.messages.cdr import FRAME_ID, SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
+from cable_twin.messages.topics import (
+    CABLE,
+    CABLE_PATH,
+    CARRIER_FORCES,
+    CARRIER_POSES,
+    CLOCK,
+    JOINT_STATES,
+    TF,
+    Clock,
+    JointState,
+    Path,
+    PointCloud2,
+    PoseArray,
+    PoseStamped,
+    TFMessage,
+    WrenchStamped,
+    contact_force_topic,
+    pose_topic,
+    support_force_topic,
+)
+from cable_twin.snapshot import Layout, Snapshot
+
+Point = ros2_jazzy.geometry_msgs__msg__Point
+Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
+Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
+Pose = ros2_jazzy.geometry_msgs__msg__Pose
+Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
+Transform = ros2_jazzy.geometry_msgs__msg__Transform
+TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
+PointField = ros2_jazzy.sensor_msgs__msg__PointField
+
+CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
+FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
+HEADER = Header(STAMP, FRAME_ID)
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+FloatArray = NDArray[np.float64]
+
+
+class MessageEncoder:
+    """Messages of snapshots of one run.
+
+    Attributes:
+        epoch_ns: wall time (ns since 1970) of simulated time zero.
+    """
+
+    def __init__(self, layout: Layout, epoch_ns: int = 0, *, own: Sequence[str] = ()) -> None:
+        """Prepare what stays the same.
+
+        Args:
+            layout: Of the snapshots.
+            epoch_ns: Wall time (ns since 1970) of simulated time zero.
+            own: Names of carriers that have topics of their own besides.
+        """
+        self.epoch_ns = epoch_ns
+        self._layout = layout
+        self._numbers = np.zeros(layout.size)
+        self._columns = layout.columns(self._numbers)
+        self._encoders: dict[str, Callable[[int], bytes]] = {}
+        self._makers: dict[str, Callable[[], Template]] = {
+            JOINT_STATES: self._joint_states,
+            CABLE: self._cable,
+            CABLE_PATH: self._cable_path,
+            TF: self._transforms,
+        }
+        for vehicle in (*layout.carriages, *own):
+            self._offer_vehicle(vehicle)
+        if layout.carriers:
+            self._makers[CARRIER_POSES] = self._carrier_poses
+            self._makers[CARRIER_FORCES] = self._carrier_forces
+        for row, support in enumerate(layout.supports):
+            self._makers[support_force_topic(support)] = _maker(_wrench, self._columns.support_force[row])
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of all topics that it has messages for."""
+        return (*self._makers, CLOCK)
+
+    def stamp_ns(self, snapshot: Snapshot) -> int:
+        """Give the stamp (ns) of all messages of a snapshot."""
+        return self.epoch_ns + nanoseconds(snapshot.time)
+
+    def frame(self, snapshot: Snapshot, names: Iterable[str] | None = None) -> list[tuple[str, bytes]]:
+        """Encode messages of a snapshot.
+
+        Args:
+            snapshot: The twin at the time of the frame.
+            names: Relative names of the topics; all but `/clock` and `/tf` where None.
+
+        Returns:
+            Pairs of relative topic name and CDR, in the order of the names.
+        """
+        np.copyto(self._numbers, snapshot.numbers)
+        stamp = self.stamp_ns(snapshot)
+        if names is None:
+            names = [name for name in self._makers if name != TF]
+        return [(name, (self._encoders.get(name) or self._prepare(name))(stamp)) for name in names]
+
+    def _prepare(self, name: str) -> Callable[[int], bytes]:
+        """Lay out the message of a topic when it is first wanted."""
+        self._encoders[name] = clock_message if name == CLOCK else self._makers[name]().fill
+        return self._encoders[name]
+
+    def _offer_vehicle(self, vehicle: str) -> None:
+        """Topics of one vehicle by its name."""
+        layout, columns = self._layout, self._columns
+        row = [*layout.vehicles].index(vehicle)
+        self._makers[pose_topic(vehicle)] = _maker(_joint_pose, columns.joint_position[row])
+        for body, name in enumerate(layout.vehicles[vehicle], layout.first_body[row]):
+            position, orientation = columns.body_position[body], columns.body_orientation[body]
+            self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, position, orientation)
+        self._makers[contact_force_topic(vehicle)] = _maker(_wrench, columns.contact_force[row])
+
+    def _joint_states(self) -> Template:
+        """Carriages, drives, then bodies: place or pitch, its rate, and the force along the cable."""
+        layout, c = self._layout, self._columns
+        names = [*layout.vehicles, *layout.drives, *layout.bodies]
+        sources = [c.arc_length, c.drive_position, c.body_angles[:, 1]]
+        sources += [c.speed, c.drive_speed, c.body_angular_velocity[:, 1]]
+        sources += [c.drive_force, c.moving_cable_force]
+        driven = len(layout.vehicles) + len(layout.drives)
+        numbers = marks(2 * len(names) + driven)
+        effort = np.concatenate([numbers[2 * len(names) :], np.zeros(len(layout.bodies))])
+        message = JointState(HEADER, names, numbers[: len(names)], numbers[len(names) : 2 * len(names)], effort)
+        return Template(message, sources)
+
+    def _cable(self) -> Template:
+        c, arc_lengths = self._columns, self._layout.arc_lengths
+        return _cloud(CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]])
+
+    def _cable_path(self) -> Template:
+        positions = self._columns.rope_position
+        poses = [PoseStamped(HEADER, _pose(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
+        return Template(Path(HEADER, poses), [positions])
+
+    def _carrier_poses(self) -> Template:
+        """All bodies of all carriers, in the order of `joint_states`."""
+        first = self._layout.first_body[len(self._layout.carriages)]
+        positions, orientations = self._columns.body_position[first:], self._columns.body_orientation[first:]
+        numbers = marks(positions.size + orientations.size)
+        places = numbers[: positions.size].reshape(-1, 3)
+        turns = numbers[positions.size :].reshape(-1, 4)
+        poses = [_pose(place, turn) for place, turn in zip(places, turns, strict=True)]
+        return Template(PoseArray(HEADER, poses), [positions, orientations])
+
+    def _carrier_forces(self) -> Template:
+        """Joint and contact force of all carriers, in the order of `joint_states`."""
+        first = len(self._layout.carriages)
+        return _cloud(FORCE_FIELDS, [self._columns.joint_position[first:], self._columns.contact_force[first:]])
+
+    def _transforms(self) -> Template:
+        """`map` to each vehicle ("cabin") and to each body ("cabin/hanger")."""
+        layout, c = self._layout, self._columns
+        joints, bodies, turns = c.joint_position, c.body_position, c.body_orientation
+        numbers = marks(joints.size + bodies.size + turns.size)
+        joint_marks = numbers[: joints.size].reshape(-1, 3)
+        body_marks = numbers[joints.size : joints.size + bodies.size].reshape(-1, 3)
+        turn_marks = numbers[joints.size + bodies.size :].reshape(-1, 4)
+        transforms = []
+        for row, name in enumerate(layout.vehicles):
+            transforms.append(_transform(name, joint_marks[row], UPRIGHT))
+            transforms += [
+                _transform(layout.bodies[body], body_marks[body], turn_marks[body])
+                for body in range(layout.first_body[row], layout.first_body[row + 1])
+            ]
+        return Template(TFMessage(transforms), [joints, bodies, turns])
+
+
+def clock_message(stamp_ns: int) -> bytes:
+    """Encode rosgraph_msgs/Clock."""
+    return serialize(Clock(time_of(stamp_ns)))
+
+
+def _maker(make: Callable[..., Template], *sources: FloatArray) -> Callable[[], Template]:
+    return lambda: make(*sources)
+
+
+def _pose(position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray) -> Pose:
+    return Pose(Point(*map(float, position)), Quaternion(*map(float, orientation)))
+
+
+def _joint_pose(position: FloatArray) -> Template:
+    return Template(PoseStamped(HEADER, _pose(marks(3), UPRIGHT)), [position])
+
+
+def _body_pose(position: FloatArray, orientation: FloatArray) -> Template:
+    numbers = marks(7)
+    return Template(PoseStamped(HEADER, _pose(numbers[:3], numbers[3:])), [position, orientation])
+
+
+def _wrench(force: FloatArray) -> Template:
+    """WrenchStamped of a force (3,) in N without a moment."""
+    message = WrenchStamped(HEADER, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0)))
+    return Template(message, [force])
+
+
+def _transform(child: str, position: FloatArray, orientation: Sequence[float] | FloatArray) -> TransformStamped:
+    turn = Quaternion(*map(float, orientation))
+    return TransformStamped(HEADER, child, Transform(Vector3(*map(float, position)), turn))
+
+
+def _cloud(fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
+    """PointCloud2 of float32 fields, a point a row of the sources (n, k)."""
+    count, step = len(sources[0]), 4 * len(fields)
+    numbers = marks(count * len(fields), "<f4")
+    points = np.empty((count, len(fields)), "<f4")
+    taken = column = 0
+    for source in sources:
+        width = source.shape[1]
+        points[:, column : column + width] = numbers[taken : taken + source.size].reshape(source.shape)
+        taken, column = taken + source.size, column + width
+    described = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(fields)]
+    data = points.view(np.uint8).reshape(-1)
+    message = PointCloud2(HEADER, 1, count, described, False, step, count * step, data, True)
+    return Template(message, sources, "<f4")
+
+
+__all__ = ["CABLE_FIELDS", "FORCE_FIELDS", "SECOND", "MessageEncoder", "clock_message"]

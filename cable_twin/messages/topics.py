@@ -1,0 +1,167 @@
+"""The topics of the twin: names, types, QoS, and how often each is due.
+
+Carriages, which have names of their own, have topics of their own; carriers, many of one kind, come in columns, so
+that the number of topics does not grow with them. A few carriers may be asked for by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from rosbags.typesys.stores import ros2_jazzy
+
+from cable_twin.rates import EVERY_FRAME, frames_between
+from cable_twin.snapshot import Layout
+
+String = ros2_jazzy.std_msgs__msg__String
+Clock = ros2_jazzy.rosgraph_msgs__msg__Clock
+Vector3Stamped = ros2_jazzy.geometry_msgs__msg__Vector3Stamped
+PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
+PoseArray = ros2_jazzy.geometry_msgs__msg__PoseArray
+WrenchStamped = ros2_jazzy.geometry_msgs__msg__WrenchStamped
+TFMessage = ros2_jazzy.tf2_msgs__msg__TFMessage
+Path = ros2_jazzy.nav_msgs__msg__Path
+JointState = ros2_jazzy.sensor_msgs__msg__JointState
+PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
+DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
+
+NAMESPACE = "/cable_twin"
+JOINT_STATES = "joint_states"
+CABLE = "cable"
+CABLE_PATH = "cable_path"
+CARRIER_POSES = "carriers/poses"
+CARRIER_FORCES = "carriers/forces"
+SCENARIO = "scenario"
+JOINT_COMMANDS = "joint_commands"
+PAYLOAD = "payload"
+WIND = "wind"
+APPLIED_COMMANDS = "applied_commands"
+KEY_FIGURES = "key_figures"
+DIAGNOSTICS = "/diagnostics"
+CLOCK = "/clock"
+TF = "/tf"
+
+Group = Literal["joints", "poses", "forces", "rope", "path", "clock", ""]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic: its name, relative to the node ("joint_states") or absolute ("/tf"), its type and its QoS."""
+
+    name: str
+    type: str  # such as "sensor_msgs/msg/JointState"
+    reliability: Literal["reliable", "best_effort"] = "reliable"
+    durability: Literal["volatile", "transient_local"] = "volatile"
+    depth: int = 10
+    group: Group = ""  # of what is due with it, frame by frame; none for what comes as it happens
+
+
+def topics(layout: Layout, *, own: Sequence[str] = (), clock: bool = False, tf: bool = False) -> tuple[Topic, ...]:
+    """Tell what the twin publishes.
+
+    Args:
+        layout: Of its frames.
+        own: Names of carriers that have topics of their own besides.
+        clock: With `/clock`, off by default.
+        tf: With `/tf`, only where tf2_msgs exists.
+
+    Returns:
+        Every topic, in a fixed order.
+    """
+    table = [
+        Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
+        Topic(JOINT_COMMANDS, JointState.__msgtype__, depth=50),  # as received
+        Topic(PAYLOAD, JointState.__msgtype__, depth=50),
+        Topic(WIND, Vector3Stamped.__msgtype__, depth=50),
+        Topic(APPLIED_COMMANDS, JointState.__msgtype__),
+        Topic(JOINT_STATES, JointState.__msgtype__, group="joints"),
+        Topic(CABLE, PointCloud2.__msgtype__, group="rope"),
+        Topic(CABLE_PATH, Path.__msgtype__, group="path"),
+    ]
+    for vehicle in (*layout.carriages, *own):
+        table.append(Topic(pose_topic(vehicle), PoseStamped.__msgtype__, group="poses"))
+        table += [
+            Topic(pose_topic(vehicle, body), PoseStamped.__msgtype__, group="poses")
+            for body in layout.vehicles[vehicle]
+        ]
+        table.append(Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces"))
+    if layout.carriers:
+        table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
+        table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
+    table += [
+        Topic(support_force_topic(support), WrenchStamped.__msgtype__, group="forces") for support in layout.supports
+    ]
+    table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
+    table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
+    if clock:
+        table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))
+    if tf:
+        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="poses"))
+    return tuple(table)
+
+
+def pose_topic(vehicle: str, body: str | None = None) -> str:
+    """Give the relative name of the pose topic of a vehicle, or of one of its bodies."""
+    return f"carriages/{vehicle}/pose" if body is None else f"carriages/{vehicle}/{body}/pose"
+
+
+def contact_force_topic(vehicle: str) -> str:
+    """Give the relative name of the topic with the force (N) of the cable on a vehicle."""
+    return f"carriages/{vehicle}/contact_force"
+
+
+def support_force_topic(support: str) -> str:
+    """Give the relative name of the topic with the force (N) of a support on the cable."""
+    return f"supports/{support}/force"
+
+
+def full_name(name: str, namespace: str = NAMESPACE) -> str:
+    """Give the absolute name of a topic of the node whose full name is `namespace`."""
+    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
+
+
+class Due(NamedTuple):
+    """Topics of one frame."""
+
+    names: tuple[str, ...]  # all that anybody takes
+    taken: tuple[tuple[int, ...], ...]  # for each taker the numbers of its names
+
+
+class Schedule:
+    """Which topics are due at which frame, counted from the start of the run, for one or more takers.
+
+    Args:
+        table: the topics; those without a group come as they happen and are in no schedule.
+        frame_rate: Hz.
+        rates: for each taker Hz by group, every frame where there is none; one that does not divide the frame rate is
+            lowered to the next that does.
+    """
+
+    def __init__(self, table: Sequence[Topic], frame_rate: float, *rates: Mapping[str, float]) -> None:
+        groups = list(dict.fromkeys(topic.group for topic in table if topic.group))
+        self._names = [tuple(topic.name for topic in table if topic.group == group) for group in groups]
+        self._periods = [[frames_between(frame_rate, one.get(group, EVERY_FRAME)) for group in groups] for one in rates]
+        self._known: dict[tuple[bool, ...], Due] = {}
+
+    def due(self, frame: int, *, everything: bool = False) -> Due:
+        """Topics that are due at a frame, or all that ever are."""
+        wanted = tuple([everything or frame % period == 0 for periods in self._periods for period in periods])
+        if wanted not in self._known:
+            self._known[wanted] = self._gather(wanted)
+        return self._known[wanted]
+
+    def _gather(self, wanted: Sequence[bool]) -> Due:
+        count = len(self._names)
+        takers = [wanted[first : first + count] for first in range(0, len(wanted), count)]
+        names: list[str] = []
+        taken: list[list[int]] = [[] for _ in takers]
+        for group, own in enumerate(self._names):
+            if any(taker[group] for taker in takers):
+                numbers = range(len(names), len(names) + len(own))
+                names += own
+                for indexes, taker in zip(taken, takers, strict=True):
+                    if taker[group]:
+                        indexes.extend(numbers)
+        return Due(tuple(names), tuple(map(tuple, taken)))

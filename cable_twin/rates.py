@@ -1,0 +1,32 @@
+"""How often groups of topics are due: rates, and frames from one to the next. Loads nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+EVERY_FRAME = 0.0  # Hz, of a group that is due at every frame
+PUBLISHED: Mapping[str, float] = {"path": 10.0}  # Hz, of groups that are not published every frame
+LOGGED: Mapping[str, float] = {"poses": 20.0, "forces": 20.0, "rope": 10.0, "path": 1.0}  # Hz, the same of logs
+
+
+def frames_between(frame_rate: float, rate: float) -> int:
+    """Frames from one that is due to the next, as often as a rate (Hz) allows; 1 for every frame."""
+    if rate == EVERY_FRAME or rate >= frame_rate:
+        return 1
+    return math.ceil(frame_rate / rate * (1.0 - 1e-9))
+
+
+def divides(frame_rate: float, rate: float) -> bool:
+    """Whether a rate (Hz) can be kept to: every frame, or one in a whole number of frames."""
+    return rate == EVERY_FRAME or math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=1e-9)
+
+
+def fault(called: str, rate: float, frame_rate: float) -> str | None:
+    """What is wrong with a rate (Hz) that somebody asks for by a name, in a line; None when nothing is."""
+    if divides(frame_rate, rate):
+        return None
+    return (
+        f"{called} is {rate:g} Hz; allowed are whole fractions of the frame rate, as {frame_rate:g}, "
+        f"{frame_rate / 2:g} or {frame_rate / 5:g} Hz, and 0 for every frame"
+    )

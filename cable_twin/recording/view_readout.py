@@ -1,0 +1,69 @@
+"""What is written of a run: the numbers of a moment, and its commands."""
+
+from __future__ import annotations
+
+from math import isnan
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.records import AppliedCommand, FloatArray
+from cable_twin.snapshot import ENDS, Columns, Layout
+
+
+class Driven(NamedTuple):
+    """State of what is driven, see `driven_names`."""
+
+    place: FloatArray  # (..., names) m
+    speed: FloatArray  # (..., names) m/s
+    force: FloatArray  # (..., names) N
+
+
+def driven_names(layout: Layout) -> tuple[str, ...]:
+    """Return what is driven: a moving cable, else each vehicle."""
+    return layout.drives or tuple(layout.vehicles)
+
+
+def driven(layout: Layout, c: Columns) -> Driven:
+    """Return what is driven in one frame, or in several."""
+    if layout.drives:
+        return Driven(c.drive_position, c.drive_speed, c.moving_cable_force)
+    return Driven(c.arc_length, c.speed, c.drive_force)
+
+
+def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
+    """Return the numbers of a frame as Markdown, forces times `scale` in `unit`; without those that are not known."""
+    lines: list[tuple[str, float, str]] = []
+    movers = driven(layout, c)
+    at = "by" if layout.drives else "at"
+    for name, place, speed, force in zip(driven_names(layout), *(row.tolist() for row in movers), strict=True):
+        lines += (
+            (f"{name} {at}", place, f"{place:.2f} m"),
+            ("speed", speed, f"{speed:.2f} m/s"),
+            ("drive force", force, f"{force * scale:.3g} {unit}"),
+        )
+    if layout.drives:
+        on_line = c.attached == 1.0
+        bodies = np.repeat(on_line, np.diff(layout.first_body))
+        swing = float(np.abs(c.body_angles[bodies, 1]).max(initial=0.0))
+        lines += (
+            ("on the line", 0.0, f"{on_line.sum()} of {len(layout.vehicles)}"),
+            ("largest swing", swing, f"{np.rad2deg(swing):.1f} deg"),
+        )
+    low, high = float(c.rope_tension.min()) * scale, float(c.rope_tension.max()) * scale
+    lines.append(("tension", low + high, f"{low:.4g} … {high:.4g} {unit}"))
+    first = len(ENDS)
+    for name, load in zip(layout.supports[first:], c.tower_load[first:].tolist(), strict=True):
+        lines.append((name, load, "lifted off" if load == 0.0 else f"{load * scale:.4g} {unit}"))
+    lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
+    shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]
+    return "\n".join([f"## {title}", f"| time | {c.time[0]:.2f} s |", "| :-- | --: |", *shown])
+
+
+def describe_command(applied: AppliedCommand) -> str:
+    """Return a command in one line: what, for whom, with unit, from where."""
+    command = applied.command
+    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
+    values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
+    kind = command.kind.replace("_", " ")
+    return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

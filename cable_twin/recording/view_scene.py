@@ -1,0 +1,66 @@
+"""What stands still: ground, supports and masts, and how large the scene is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from cable_twin.recording.view_geometry import default_ground, pixels, plane
+from cable_twin.records import FloatArray
+
+QUIET = 0x8A93A6FF
+GROUND = 0x84735DFF
+
+
+class Scene(NamedTuple):
+    """What is in the picture at the start."""
+
+    cable: FloatArray  # (n, 2) m, x and z
+    vehicles: list[FloatArray]  # of each (m, 2) m, its joint and then its bodies
+    supports: Mapping[str, FloatArray]  # (2,) m
+    ground: FloatArray  # (k, 2) m
+
+
+def scene_of(
+    cable: FloatArray,
+    vehicles: list[FloatArray],
+    names: tuple[str, ...],
+    support_positions: Mapping[str, FloatArray],
+    ground: FloatArray | None,
+) -> Scene:
+    """Return the scene around a cable (n, 2) m, which may have gaps (NaN), with the supports of these names."""
+    cable = cable[~np.isnan(cable).any(axis=1)]
+    if len(cable) < 2:  # not known yet
+        cable = np.vstack([(0.0, 0.0), (1.0, 0.0), *support_positions.values()])
+    ends = {name: cable[index] for name, index in (("start", 0), ("end", -1)) if name in names}
+    known = [points for points in vehicles if len(points)]
+    ground = default_ground(cable, known) if ground is None else ground
+    return Scene(cable, known, {**ends, **support_positions}, ground)
+
+
+def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the lower left and the upper right corner (2,) m of all that is in a scene."""
+    points = np.vstack([scene.cable, *scene.vehicles, scene.ground])
+    return points.min(axis=0), points.max(axis=0)
+
+
+def draw_scene(stream: rr.RecordingStream, scene: Scene) -> None:
+    """Log ground, supports and their masts."""
+    ground, supports = scene.ground, scene.supports
+    stream.log("track/ground", rr.LineStrips2D([plane(ground)], colors=[GROUND], radii=pixels(1.5)), static=True)
+    masts = [[(x, z), (x, float(np.interp(x, ground[:, 0], ground[:, 1])))] for x, z in supports.values()]
+    stream.log(
+        "track/supports",
+        rr.LineStrips2D([plane(np.array(mast)) for mast in masts], colors=[QUIET], radii=pixels(2.0)),
+        rr.Points2D(
+            [plane(where) for where in supports.values()],
+            colors=[QUIET],
+            radii=pixels(5.0),
+            labels=list(supports),
+            show_labels=True,
+        ),
+        static=True,
+    )

@@ -1,0 +1,104 @@
+"""Commands as messages, and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cable_twin.command_messages import (
+    applied_command_from_message,
+    applied_command_message,
+    command_from_joint_state,
+    payload_from_joint_state,
+    wind_from_vector,
+)
+from cable_twin.messages import JointState, header, serialize
+from cable_twin.records import AppliedCommand, Command, CommandError
+
+EPOCH = 1_700_000_000_123_456_789
+
+
+@pytest.mark.parametrize(
+    "applied",
+    [
+        AppliedCommand(0.0, Command("speed", {"cabin": 6.000000000000001}), "joint_commands"),
+        AppliedCommand(1234.567891, Command("force", {"load": -1e-300, "cabin": 0.1}), "script"),
+        AppliedCommand(0.2, Command("payload", {"cabin": 640.0, "load": 0.1}), "payload"),
+        AppliedCommand(0.2, Command("wind", {"x": -12.3, "z": 0.7}), "wind"),
+        AppliedCommand(0.3, Command("emergency_stop", {}), "service"),
+        AppliedCommand(86_400.000001, Command("release", {}), "service"),
+        AppliedCommand(0.000001, Command("reset", {}), "odd:source"),
+        AppliedCommand(2.0, Command("speed", {"cabin": 0.0}), "command_timeout"),
+    ],
+)
+def test_applied_command_round_trip_is_exact(applied):
+    data = applied_command_message(applied, EPOCH)
+    assert applied_command_from_message(data, EPOCH) == applied
+    assert applied_command_message(applied_command_from_message(data, EPOCH), EPOCH) == data
+
+
+def test_times_of_whole_microseconds_survive():
+    for micros in np.random.default_rng(1).integers(0, 10**12, 2000).tolist():
+        applied = AppliedCommand(micros / 10**6, Command("reset", {}), "service")
+        assert applied_command_from_message(applied_command_message(applied, EPOCH), EPOCH) == applied
+
+
+def test_foreign_message_is_no_applied_command():
+    with pytest.raises(ValueError, match="KIND:SOURCE"):
+        applied_command_from_message(serialize(JointState(header(EPOCH), ["cabin"], *[np.zeros(1)] * 3)), EPOCH)
+
+
+@pytest.mark.parametrize("make", [list, np.array])
+def test_commands_understood(make):
+    speed = command_from_joint_state(["a", "b"], make([]), make([1.0, -2.0]), make([]))
+    assert speed == Command("speed", {"a": 1.0, "b": -2.0})
+    assert command_from_joint_state(["a"], make([]), make([]), make([5.0])) == Command("force", {"a": 5.0})
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (([], [], [1.0], []), "without names"),
+        ((["a"], [1.0], [1.0], []), "1 positions"),
+        ((["a"], [], [], []), "neither velocity nor effort"),
+        ((["a"], [], [1.0], [1.0]), "both velocity and effort"),
+        ((["a", "b"], [], [1.0], []), "2 names and 1 values of velocity"),
+        ((["a"], [], [], [1.0, 2.0]), "1 names and 2 values of effort"),
+        ((["a", "a"], [], [1.0, 2.0], []), "'a' more than once"),
+        ((["a"], [], [math.nan], []), r"velocity of 'a' is nan.*m/s"),
+        ((["a"], [], [], [-math.inf]), r"effort of 'a' is -inf.*\(N\)"),
+    ],
+)
+def test_commands_refused_in_one_line(given, complaint):
+    with pytest.raises(CommandError, match=complaint) as caught:
+        command_from_joint_state(*given)
+    assert "\n" not in str(caught.value)
+
+
+def test_payload_understood():
+    assert payload_from_joint_state(["a", "b"], [], [], [640.0, 0.0]) == Command("payload", {"a": 640.0, "b": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (([], [], [], []), r"0 names.*mass \(kg\)"),
+        ((["a"], [], [], []), "0 values of effort"),
+        ((["a"], [], [2.0], []), "1 velocities"),
+        ((["a"], [1.0], [], [2.0]), "1 positions"),
+        ((["a", "a"], [], [], [1.0, 2.0]), "more than once"),
+        ((["a"], [], [], [np.nan]), "finite"),
+    ],
+)
+def test_payloads_refused_in_one_line(given, complaint):
+    with pytest.raises(CommandError, match=complaint) as caught:
+        payload_from_joint_state(*given)
+    assert "\n" not in str(caught.value)
+
+
+def test_wind_is_in_the_plane_of_the_track():
+    assert wind_from_vector(-3.0, 0.0, 0.5) == Command("wind", {"x": -3.0, "z": 0.5})
+    with pytest.raises(CommandError, match=r"wind y is 2 m/s; allowed is 0"):
+        wind_from_vector(1.0, 2.0, 0.0)

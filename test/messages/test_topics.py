@@ -1,0 +1,98 @@
+"""The table of topics, and when each is due."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.messages import Schedule, full_name, topics
+from cable_twin.rates import LOGGED, PUBLISHED, divides
+from cable_twin.snapshot import Layout
+
+BODIES = ("hanger", "cabin")
+
+
+def lift(carriers: int, carriages: int = 1) -> Layout:
+    """A layout with some carriages of two bodies and many chairs."""
+    vehicles = {f"cabin_{number}": BODIES for number in range(1, carriages + 1)}
+    vehicles |= {f"chair_{number}": ("chair",) for number in range(1, carriers + 1)}
+    return Layout(vehicles, ("start", "end", "tower"), ("haul_rope",), np.linspace(0.0, 1.0, 3), carriers=carriers)
+
+
+def names(table) -> set[str]:
+    return {topic.name for topic in table}
+
+
+def test_nothing_is_there_twice():
+    table = topics(lift(3), own=["chair_2"], clock=True, tf=True)
+    assert len(names(table)) == len(table)
+    assert names(table) - names(topics(lift(3), own=["chair_2"])) == {"/clock", "/tf"}
+    assert next(topic for topic in table if topic.name == "scenario").durability == "transient_local"
+
+
+def test_topics_do_not_grow_with_carriers_but_with_carriages_and_names_that_are_asked_for():
+    assert names(topics(lift(3))) == names(topics(lift(300)))
+    assert "carriers/poses" not in names(topics(lift(0)))
+    assert names(topics(lift(3, 2))) - names(topics(lift(3))) == {
+        "carriages/cabin_2/pose",
+        "carriages/cabin_2/hanger/pose",
+        "carriages/cabin_2/cabin/pose",
+        "carriages/cabin_2/contact_force",
+    }
+    assert names(topics(lift(3), own=["chair_2"])) - names(topics(lift(3))) == {
+        "carriages/chair_2/pose",
+        "carriages/chair_2/chair/pose",
+        "carriages/chair_2/contact_force",
+    }
+
+
+def test_full_names_follow_the_node():
+    assert full_name("joint_states") == "/cable_twin/joint_states"
+    assert full_name("joint_states", "/site/twin") == "/site/twin/joint_states"
+    assert full_name("/tf", "/site/twin") == "/tf"
+
+
+@pytest.mark.parametrize("frame_rate", [7.0, 50.0, 60.0, 100.0, 250.0, 1000.0])
+def test_each_group_comes_as_often_as_it_may(frame_rate):
+    """Never more often than the rate that is asked for, and at most one frame later than that."""
+    table = topics(lift(3), tf=True)
+    schedule = Schedule(table, frame_rate, PUBLISHED, LOGGED)
+    groups = {topic.name: topic.group for topic in table}
+    for taker, rates in enumerate((PUBLISHED, LOGGED)):
+        frames: dict[str, list[int]] = {}
+        for frame in range(3 * round(frame_rate)):
+            due = schedule.due(frame)
+            for number in due.taken[taker]:
+                frames.setdefault(groups[due.names[number]], []).append(frame)
+        assert set(frames) == {group for group in groups.values() if group}
+        for group, given in frames.items():
+            (period,) = set(np.diff(sorted(set(given))))
+            rate = rates.get(group, 0.0) or frame_rate
+            assert given[0] == 0
+            assert frame_rate / rate - 1e-9 <= max(period, frame_rate / rate) < frame_rate / rate + 1.0
+            assert period >= 1
+
+
+def test_a_frame_has_each_topic_once_for_all_takers():
+    schedule = Schedule(topics(lift(3)), 100.0, PUBLISHED, LOGGED)
+    for frame in range(200):
+        due = schedule.due(frame)
+        assert len(set(due.names)) == len(due.names)
+        assert sorted({number for taken in due.taken for number in taken}) == list(range(len(due.names)))
+    assert schedule.due(0) is schedule.due(100)  # made once
+
+
+def test_everything_is_due_when_it_is_asked_for():
+    table = topics(lift(3))
+    schedule = Schedule(table, 100.0, LOGGED)
+    everything = {topic.name for topic in table if topic.group}
+    assert set(schedule.due(3, everything=True).names) == everything
+    assert set(schedule.due(3).names) == {"joint_states"}
+
+
+@pytest.mark.parametrize(
+    ("frame_rate", "rate", "expected"),
+    [(100.0, 20.0, True), (100.0, 0.0, True), (100.0, 100.0, True), (100.0, 30.0, False), (100.0, 200.0, False)],
+)
+def test_rates_that_can_be_kept(frame_rate, rate, expected):
+    assert divides(frame_rate, rate) is expected

@@ -1,0 +1,222 @@
+"""A ski lift as a node: carriers in columns, stamps on the clock, rates."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from twin_process import COMPILING, TwinProcess, stamps
+
+from cable_twin.messages import SECOND
+from cable_twin.recording.log_reader import read_log
+from cable_twin.scenario import config_directory
+
+pytest.importorskip("rclpy")
+from geometry_msgs.msg import PoseArray, PoseStamped, WrenchStamped
+from nav_msgs.msg import Path as PathMessage
+from ros_participant import Participant
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import SetBool
+
+CHAIRS = 14
+FRAME = 10_000_000  # ns
+WINDOW = 200  # messages whose age is judged
+
+
+def write_lift(directory: Path, chairs: int = CHAIRS) -> Path:
+    """The chairlift with so many chairs on the same loop, and a mesh that costs little."""
+    yaml = YAML()
+    content = yaml.load((config_directory() / "chairlift.yaml").read_text(encoding="utf-8"))
+    content["carriers"].update(count=chairs, spacing=1680.0 / chairs)
+    content["cable"]["elements"] = 300
+    path = directory / f"lift_{chairs}.yaml"
+    with path.open("w", encoding="utf-8") as stream:
+        yaml.dump(content, stream)
+    return path
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """A lift under way with a topic of its own for one chair, and everything that it published."""
+    directory = tmp_path_factory.mktemp("lift")
+    arguments = ["--scenario", str(write_lift(directory)), "--carrier-topics", "chair_3, chair_5", "--rope-rate", "20"]
+    process = TwinProcess(directory, *arguments, "--log-rope-rate", "5", "--log-pose-rate", "50")
+    participant = Participant(process.domain)
+    for topic, kind in (
+        ("carriers/poses", PoseArray),
+        ("carriers/forces", PointCloud2),
+        ("carriages/chair_3/chair/pose", PoseStamped),
+        ("carriages/chair_5/contact_force", WrenchStamped),
+        ("supports/tower_1/force", WrenchStamped),
+        ("cable", PointCloud2),
+        ("cable_path", PathMessage),
+    ):
+        participant.subscribe(topic, kind)
+    participant.subscribe_standard()
+    with participant.stream(name=["haul_rope"], velocity=[2.0]):
+        participant.until(lambda: participant.received["carriers/poses"], COMPILING)
+        yield process, participant
+    participant.close()
+    process.kill()
+
+
+def publishers(directory: Path, chairs: int) -> set[str]:
+    """Topics that the node of a lift publishes."""
+    process = TwinProcess(directory, "--scenario", str(write_lift(directory, chairs)), "--record", "false")
+    participant = Participant(process.domain)
+    try:
+        participant.subscribe_standard()
+        node = participant.node
+        participant.until(lambda: "cable_twin" in node.get_node_names(), what="the node in the graph")
+        last = "/diagnostics"  # of its topics, so that all are known when this one is
+
+        def found() -> set[str]:
+            return {name for name, _ in node.get_publisher_names_and_types_by_node("cable_twin", "/")}
+
+        participant.until(lambda: last in found(), what=last)
+        names = found()
+        assert process.end() == 0
+        return names
+    finally:
+        participant.close()
+        process.kill()
+
+
+def test_the_number_of_publishers_does_not_depend_on_the_number_of_chairs(tmp_path):
+    few, many = publishers(tmp_path, CHAIRS), publishers(tmp_path, 8 * CHAIRS)
+    assert few == many
+    assert "/cable_twin/carriers/poses" in few
+    assert not any("chair_" in name for name in few)
+
+
+def common(*topics: list) -> list[tuple]:
+    """Messages of the same stamp of several topics."""
+    by_stamp = [dict(zip(stamps(messages), messages, strict=True)) for messages in topics]
+    shared = sorted(set.intersection(*map(set, by_stamp)))
+    return [tuple(one[stamp] for one in by_stamp) for stamp in shared]
+
+
+def test_carriers_come_in_columns_in_the_order_of_joint_states(running):
+    _, participant = running
+    topics = ("joint_states", "carriers/poses", "carriers/forces", "carriages/chair_3/chair/pose")
+    received = participant.received
+    participant.until(lambda: len(common(*(received[topic] for topic in topics))) > 50)
+    for joints, poses, forces, own in common(*(received[topic] for topic in topics)):
+        assert joints.name[:CHAIRS] == [f"chair_{number}" for number in range(1, CHAIRS + 1)]
+        assert len(poses.poses) == forces.width == CHAIRS
+        assert poses.poses[2] == own.pose
+        pitch = joints.position[joints.name.index("chair_3/chair")]
+        assert poses.poses[2].orientation.y == pytest.approx(np.sin(0.5 * pitch), abs=1e-12)
+        points = forces.data.view("<f4").reshape(CHAIRS, 6)
+        below = np.array([pose.position.z for pose in poses.poses]) - points[:, 2]
+        assert np.all((below < -2.0) & (below > -2.7))  # each body hangs 2.6 m below its joint
+    force = received["carriages/chair_5/contact_force"][-1].wrench.force
+    assert force.z > 3e3
+
+
+def test_rates_of_topics_are_those_that_were_asked_for(running):
+    _, participant = running
+    received = participant.received
+    for topic, period in (("cable", 5), ("cable_path", 10), ("carriers/forces", 1)):
+        participant.until(lambda topic=topic: len(received[topic]) > 20)
+        taken = stamps(received[topic])
+        assert {after - before for before, after in pairwise(taken)} == {period * FRAME}, topic
+
+
+def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]:
+    """Median and 99th percentile (ms) of the age of the next messages where they are taken."""
+    ages: list[float] = []
+
+    def take(data: bytes) -> None:
+        sec, nanosec = np.frombuffer(data, "<u4", 2, 4).tolist()
+        ages.append((time.time_ns() - sec * SECOND - nanosec) * 1e-6)
+
+    subscription = participant.node.create_subscription(kind, f"{participant.twin}/{topic}", take, 100, raw=True)
+    participant.until(lambda: len(ages) >= WINDOW, what=f"{WINDOW} messages of {topic}")
+    participant.node.destroy_subscription(subscription)
+    assert min(ages) > -1.0  # ms; none is from the future
+    return float(np.median(ages)), float(np.percentile(ages, 99))
+
+
+def test_stamps_are_on_the_clock(processes, participants, tmp_path):
+    """Age as `ros2 topic delay` has it: 2 ms in the median, 10 ms in all but one of a hundred; also after a late start.
+
+    A machine that stalls makes messages old, so the best of some windows counts; a wrong epoch spoils all of them.
+    """
+    process = processes("--scenario", str(write_lift(tmp_path)), "--start-paused", "true")
+    participant = participants(process.domain)
+    participant.subscribe_standard(paused=True)
+    assert not participant.received["joint_states"]
+    participant.spin(1.0)
+    assert participant.call("pause", SetBool, data=False).success
+    participant.until(lambda: participant.received["joint_states"])
+    assert stamps(participant.received["joint_states"][:1])[0] > time.time_ns() - 20 * SECOND
+    windows = []
+
+    def within() -> bool:
+        windows.append(age(participant, "joint_states", JointState))
+        return windows[-1][0] < 2.0 and windows[-1][1] < 10.0
+
+    participant.until(within, 120.0, what=f"stamps on the clock; median and p99 in ms: {windows}")
+    _, _, values = participant.next_diagnostics()
+    assert abs(float(values["stamps_behind_clock_s"])) < 1.0
+    assert "stood still" not in process.output
+    assert participant.call("pause", SetBool, data=True).success
+    participant.spin(1.5)
+    assert participant.call("pause", SetBool, data=False).success
+    participant.until(lambda: "it stood still, so stamps are" in process.output, what="a line about the pause")
+    median, _ = age(participant, "joint_states", JointState)
+    assert 1000.0 < median < 60_000.0
+
+
+def test_all_topics_of_a_frame_have_one_stamp(running):
+    _, participant = running
+    received = participant.received
+    topics = ("joint_states", "carriers/poses", "carriers/forces", "supports/tower_1/force")
+    participant.until(lambda: all(len(received[topic]) > 100 for topic in topics))
+    taken = {topic: set(stamps(received[topic])) for topic in topics}
+    first, last = max(map(min, taken.values())), min(map(max, taken.values()))
+    frames = [{stamp for stamp in one if first <= stamp <= last} for one in taken.values()]
+    assert all(frame == frames[0] for frame in frames)
+
+
+def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
+    """Last of its module: ends the twin."""
+    process, participant = running
+    assert process.end() == 0, process.output
+    log = read_log(process.run_directory)
+    taken: dict[str, list[int]] = {}
+    for topic, stamp_ns, _ in log.messages(["joint_states", "cable", "carriers/poses", "carriers/forces"]):
+        taken.setdefault(topic, []).append(stamp_ns)
+    periods = {topic: {after - before for before, after in pairwise(given)} for topic, given in taken.items()}
+    assert periods == {
+        "joint_states": {FRAME},
+        "cable": {20 * FRAME},
+        "carriers/poses": {2 * FRAME},
+        "carriers/forces": {5 * FRAME},
+    }
+    assert participant.received["carriers/poses"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "lines"),
+    [
+        (["--carrier-topics", "chair_1,chair_99"], ["'carrier_topics' names 'chair_99'", "chair_1 to chair_14"]),
+        (
+            ["--log-rope-rate", "30"],
+            ["'log_rope_rate' is 30 Hz", "whole fractions of the frame rate, as 100, 50 or 20"],
+        ),
+        (["--rope-rate", "-1"], ["'rope_rate' is -1.0; allowed are 0 to 1000 Hz"]),
+        (["--split-duration", "100", "--keep-age", "50"], ["'keep_age' is 50 s, less than a file"]),
+    ],
+)
+def test_wrong_rates_and_names_are_a_line_each(processes, tmp_path, arguments, lines):
+    process = processes("--scenario", str(write_lift(tmp_path)), *arguments)
+    assert process.wait(COMPILING) != 0
+    assert len(process.output.strip().splitlines()) == 1, process.output
+    for line in lines:
+        assert line in process.output
