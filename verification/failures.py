@@ -2,7 +2,7 @@
 
 Each case starts the node `sim` on a disk of its own: an ext4 file system in a file, mounted over a loop device, which
 can be filled, stalled (`fsfreeze`), broken and switched off. A second process listens to the topics meanwhile. This
-needs root on Linux. The tests run the same cases; this prints them as the table in the README:
+needs root on Linux. The tests run the same cases; this prints them as the table in docs/logs.md:
 
     sudo .venv/bin/python -m verification.failures
 """
