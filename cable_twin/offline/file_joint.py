@@ -50,8 +50,10 @@ def join(
         if exactly or not whole:
             raise
         return True  # of another version, and not needed
-    if not whole or full.time - result.end > 1.5 * file.frame_period:
+    # what is logged more seldom than every frame may be missing for as long
+    if not whole or full.time - result.end > 1.5 * max(file.frame_period, result.interval):
         simulation.restore(full)
+        result.end = full.time
         result.restarts.append(f"{file.path.name}: what comes before {full.time:.2f} s is lost; goes on from its state")
         return False
     if exactly:

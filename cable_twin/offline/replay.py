@@ -81,7 +81,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     table = topics(layout, own=layout.carriers, tf=True)
     types = {topic.name: topic.type for topic in table if topic.group}
     waiting: deque[AppliedCommand] = deque()
-    result = Comparison()
+    result = Comparison(end=simulation.time)
     task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None
     position = 0
 
@@ -114,6 +114,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
             stamp = stamp_ns
             time = (stamp_ns - log.epoch_ns) / SECOND
             snapshot = advance(time)
+            result.interval = max(result.interval, time - result.end)
             result.end = time
             if progress is not None and task is not None:
                 progress.update(task, completed=position, simulated=f"{time:.1f} s")

