@@ -25,6 +25,7 @@ from cable_twin.scenario import config_directory
 COMPILING = 180.0  # s within which a fresh machine has compiled the kernels
 PATIENCE = 20.0  # s for anything else; a machine that builds something beside may stall for seconds
 PACKAGE_PARENT = Path(cable_twin.__file__).resolve().parents[1]
+LOG_EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope", "path")]  # of sim and simulate
 _locks: list[Any] = []
 
 

@@ -97,7 +97,7 @@ def test_model_ahead_feels_a_tower(plans, capsys):
     )
     options = Namespace(at="tower", window=5.0, speed=3.0, slowest=1.0, settle=1.0, unshaped=False)
     options.at, options.window = tower_pass.find_place(link, options)
-    assert np.linalg.norm(simulation.cable_positions([options.at])[0] - [500.0, 80.0]) < 0.5
+    assert np.linalg.norm(simulation.cable_positions([options.at])[0] - [500.0, 0.0, 80.0]) < 0.5
     assert options.window == 17.0  # half of 24 m of shoe, and 5 m
     slow, fast = (tower_pass.predict(link, options, tower_pass.trip(link, options, speed)) for speed in (1.0, 2.4))
     assert fast.acceleration > 1.2 * slow.acceleration

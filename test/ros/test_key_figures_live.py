@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 from small_tramway import TRAMWAY
+from twin_process import LOG_EVERY_FRAME
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import SECOND, decode
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.snapshot_reader import RecordedFigures, read_snapshots
 from cable_twin.records import AppliedCommand
 from cable_twin.scenario import load_scenario
 
@@ -22,7 +23,7 @@ SWING = "cabin: swing along the track"
 def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participants, tmp_path):
     limited = load_scenario(TRAMWAY, {"limits.swing": 0.02})
     (tmp_path / "tramway.yaml").write_text(limited.to_yaml())
-    sim = processes("--scenario", "tramway.yaml")
+    sim = processes("--scenario", "tramway.yaml", *LOG_EVERY_FRAME)
     participant = participants(sim.domain)
     participant.subscribe("key_figures", DiagnosticArray)
     participant.subscribe("supports/tower_1/force", WrenchStamped)
@@ -56,6 +57,8 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     told_at = (stamp_ns - log.epoch_ns) / SECOND
     before, after = KeyFigures(limited), KeyFigures(limited)  # a frame may be computed and not yet be gathered
     for item in read_snapshots(log):
+        if isinstance(item, RecordedFigures):
+            continue
         for figures_so_far, until in ((before, told_at - 0.025), (after, told_at + 0.015)):
             if item.time <= until:
                 take = figures_so_far.command if isinstance(item, AppliedCommand) else figures_so_far.update

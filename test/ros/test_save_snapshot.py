@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from bags import bag
 from rosbags.highlevel import AnyReader
-from twin_process import allocate_domain, environment, run_module, write_quick_scenario
+from twin_process import LOG_EVERY_FRAME, allocate_domain, environment, run_module, write_quick_scenario
 
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.simulation import Simulation
@@ -29,7 +29,7 @@ def motion(log: Log) -> dict[tuple[str, int], bytes]:
 
 def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path):
     scenario = str(write_quick_scenario(tmp_path))
-    first = processes("--scenario", scenario, "--rerun", "off", "--record-directory", "first")
+    first = processes("--scenario", scenario, "--rerun", "off", "--record-directory", "first", *LOG_EVERY_FRAME)
     participant = participants(first.domain)
     participant.subscribe_standard()
     with participant.stream(name=["cabin"], velocity=[4.0]):
@@ -48,7 +48,7 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     participant.spin(2.0)
     assert first.end() == 0, first.output
 
-    second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second")
+    second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second", *LOG_EVERY_FRAME)
     observer = participants(second.domain)
     observer.subscribe_standard()
     second.wait_for(f"'quick' runs at 100 Hz from {saved:.3f} s of the snapshot on")
