@@ -101,9 +101,20 @@ def test_parts_that_were_not_run_stay(tmp_path):
     records = json.loads((tmp_path / "benchmarks.json").read_text())
     assert list(records) == ["scaling", "frame"]
     assert records["frame"] == frame
-    stages = {row["stage"]: row["wall per frame [µs]"] for row in frame["tables"][0]["rows"]}
-    assert {"solve", "sample", "serialise", "MCAP", "rerun"} <= stages.keys()
-    assert stages.pop("all") == pytest.approx(sum(stages.values()))
+    ratios, stages = (table["rows"] for table in frame["tables"])
+    (lift,) = ratios
+    before, solver, bare, logged = (
+        *numbers(ratios, "solver of 757d35a [µs a frame]"),
+        *numbers(ratios, "solver [µs]"),
+        *numbers(ratios, "no logs [µs]"),
+        *numbers(ratios, "all logs [µs]"),
+    )
+    assert lift["scenario"] == "chairlift"
+    assert lift["no logs, times the solver"] == pytest.approx(1.0 + (bare - solver) / before)
+    assert lift["all logs, times the solver"] == pytest.approx(1.0 + (logged - solver) / before)
+    assert {"solve", "observe", "key figures", "encode", "MCAP", "rerun"} <= {row["stage"] for row in stages}
+    shares = [wall / 100.0 for wall in numbers(stages, "wall per frame [µs]")]
+    assert numbers(stages, "of a frame of 10 ms [%]") == pytest.approx(shares)
     over_elements, over_carriages, exponents = (table["rows"] for table in records["scaling"]["tables"])
     walls = numbers(over_elements, "wall per step [µs]")
     assert walls[-1] > walls[0]  # 3200 elements against 12

@@ -77,7 +77,7 @@ class Reading:
         except ScenarioError as error:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
         self._gathered = KeyFigures(self.scenario)
-        self._recorded: RecordedFigures | None = None
+        self._recorded: list[KeyFigure] | None = None  # the last ones
         self.signals = Signals()
         self.view: _View | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
@@ -105,9 +105,7 @@ class Reading:
     @property
     def figures(self) -> list[KeyFigure]:
         """Key figures as the run had them from all its frames; where none were recorded, those of the frames here."""
-        if self._recorded is None:
-            return self._gathered.figures()
-        return figures_of_statuses(self._recorded.statuses)
+        return self._gathered.figures() if self._recorded is None else self._recorded
 
     def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
         if isinstance(item, AppliedCommand):
@@ -117,7 +115,7 @@ class Reading:
                 self.view.log_command(item)
             return
         if isinstance(item, RecordedFigures):
-            self._recorded = item
+            self._recorded = self._understand(item)
             return
         values = signal_values(item)
         self._gathered.update(item)
@@ -127,6 +125,12 @@ class Reading:
         self.frames += 1
         self.end = item.time
         yield item.time, values
+
+    def _understand(self, recorded: RecordedFigures) -> list[KeyFigure]:
+        try:
+            return figures_of_statuses(recorded.statuses)
+        except ValueError as error:
+            raise LogError(f"{self.log.path}: key figures at {recorded.time:.6f} s are unreadable: {error}") from error
 
     def summary(self) -> str:
         """One line about the run."""

@@ -32,23 +32,25 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
     names, speeds, forces = (*layout.vehicles,), c.speed, c.drive_force
     if layout.drives:  # of a moving cable for all that is clamped to it
         names, speeds, forces = layout.drives, c.drive_speed, c.moving_cable_force
-    values |= _named("arc_length", layout.vehicles, here * c.arc_length)
-    swings = np.degrees(c.body_angles[:, 1]) * np.repeat(here, np.diff(layout.first_body))
-    values |= _named("swing", layout.bodies, swings)
+    values |= _named("arc_length", layout.vehicles, c.arc_length, here)
+    swings = np.degrees(c.body_angles[:, 1])
+    values |= _named("swing", layout.bodies, swings, np.repeat(here, np.diff(layout.first_body)))
     values |= _named("speed", names, speeds)
     values |= _named("drive_force", names, forces)
     values |= _named("drive_power", names, forces * speeds)
-    values |= _named("contact_force", layout.vehicles, here * np.linalg.norm(c.contact_force, axis=1))
+    values |= _named("contact_force", layout.vehicles, np.linalg.norm(c.contact_force, axis=1), here)
     values |= _named("support_force", layout.supports, np.linalg.norm(c.support_force, axis=1))
     travels = zip(layout.supports, c.support_travel.tolist(), strict=True)
     return values | {f"travel/{name}": travel for name, travel in travels if not math.isnan(travel)}
 
 
-def _named(quantity: str, names: Iterable[str], values: FloatArray) -> dict[str, float]:
-    """Signals of one quantity, none of them where there is no number among the values."""
+def _named(
+    quantity: str, names: Iterable[str], values: FloatArray, shown: FloatArray | float = 1.0
+) -> dict[str, float]:
+    """Signals of one quantity, none of them where no value is known; with gaps where `shown` is NaN instead of 1."""
     if np.isnan(values).all():
         return {}
-    return {f"{quantity}/{name}": value for name, value in zip(names, values.tolist(), strict=True)}
+    return {f"{quantity}/{name}": value for name, value in zip(names, (shown * values).tolist(), strict=True)}
 
 
 UNITS: Mapping[str, str] = {
@@ -202,6 +204,8 @@ def compare(
         second: The same of the other run; both are read to their ends.
     """
     result = Comparison()
+    named: tuple[set[str], set[str]] = (set(), set())
+    first, second = _noting(first, named[0]), _noting(second, named[1])
     a, b = next(first, None), next(second, None)
     while a is not None or b is not None:
         if a is not None and b is not None and abs(a[0] - b[0]) < 5e-4:
@@ -209,11 +213,19 @@ def compare(
             for name, value in a[1].items():
                 if name in b[1]:
                     result.differences.setdefault(name, Difference()).update(a[0], value, b[1][name])
-            result.only_in[0].update(a[1].keys() - b[1].keys())
-            result.only_in[1].update(b[1].keys() - a[1].keys())
             a, b = next(first, None), next(second, None)
         elif b is None or (a is not None and a[0] < b[0]):
             a = next(first, None)
         else:
             b = next(second, None)
+    result.only_in = (named[0] - named[1], named[1] - named[0])
     return result
+
+
+def _noting(
+    frames: Iterator[tuple[float, Mapping[str, float]]], names: set[str]
+) -> Iterator[tuple[float, Mapping[str, float]]]:
+    """Pass frames on and note the names of all signals: a log may hold some of them at a few frames only."""
+    for frame in frames:
+        names.update(frame[1])
+        yield frame

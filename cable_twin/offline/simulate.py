@@ -253,17 +253,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     if round(duration / simulation.step) == 0:
         print(f"simulate: --duration {duration:g} s given; a solver step takes {simulation.step:g} s", file=sys.stderr)
         return UNUSABLE
-    try:
-        run = _start(simulation, options, splitting, frame_steps)
-    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
-        print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
-        return FAILED
-    epoch_ns = time.time_ns() - nanoseconds(simulation.time)
-    if run is not None:
-        run.begin(epoch_ns)
-    started = simulation.time
-    figures = KeyFigures(simulation.scenario)
-    with _signals() as ended:  # to the end: a second Ctrl-C spares the logs that are being closed, too
+    with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
+        try:
+            run = _start(simulation, options, splitting, frame_steps)
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
+            return FAILED
+        epoch_ns = time.time_ns() - nanoseconds(simulation.time)
+        if run is not None:
+            run.begin(epoch_ns)
+        started = simulation.time
+        figures = KeyFigures(simulation.scenario)
         try:
             with _progress(console, started, duration) as on_frame:
                 outcome = simulate(
@@ -357,15 +357,19 @@ def _progress(console: Console, start: float, duration: float) -> Iterator[Calla
 
 
 @contextmanager
-def _signals() -> Iterator[threading.Event]:
-    """SIGINT and SIGTERM as a flag, so that the logs are closed."""
+def _signals(*, last: bool) -> Iterator[threading.Event]:
+    """SIGINT and SIGTERM as a flag, so that the logs are closed.
+
+    Where this is the last that a process does, and one of them has come, it takes no more: Python would have it killed
+    while it leaves, and the exit code would be another one.
+    """
     flag = threading.Event()
     before = {number: signal.signal(number, lambda *_: flag.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield flag
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_IGN if last and flag.is_set() else handler)
 
 
 def _report(

@@ -91,7 +91,7 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
                 frames.command(applied)
                 yield applied
             else:
-                yield RecordedFigures((stamp_ns - log.epoch_ns) / SECOND, statuses_of_message(data))
+                yield frames.figures(stamp_ns, data)
         whole = file.complete and not file.damage
     if (snapshot := frames.take()) is not None:
         yield snapshot
@@ -143,12 +143,11 @@ class _Frames:
 
     def read(self, topic: str, stamp_ns: int, data: bytes) -> None:
         """Take a message of a frame in; raises LogError where it is unreadable."""
-        time = (stamp_ns - self._log.epoch_ns) / SECOND
         try:
             self.readers[topic](data)
         except UNREADABLE as error:
-            raise LogError(f"{self._log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
-        self._columns.time[0] = time
+            raise self._unreadable(topic, stamp_ns, error) from error
+        self._columns.time[0] = self._time(stamp_ns)
         self._empty = False
 
     def take(self) -> Snapshot | None:
@@ -178,11 +177,26 @@ class _Frames:
             self._payloads = self._first_payloads()
             self._lowest_loads = self._rest_loads.copy()
 
+    def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
+        """Read recorded key figures; raises LogError where they are unreadable."""
+        try:
+            return RecordedFigures(self._time(stamp_ns), statuses_of_message(data))
+        except UNREADABLE as error:
+            raise self._unreadable(KEY_FIGURES, stamp_ns, error) from error
+
     def go_on_from(self, file: LogFile) -> None:
         """Take over what was attached to a file, where commands before it are lost."""
         if (full := _full_state(file.snapshot())) is not None:
             self._full = full
             self._go_to(full.state.payload, full.state.tower_load)
+
+    def _time(self, stamp_ns: int) -> float:
+        """Simulated time (s) of a stamp."""
+        return (stamp_ns - self._log.epoch_ns) / SECOND
+
+    def _unreadable(self, topic: str, stamp_ns: int, error: Exception) -> LogError:
+        when = f"{self._time(stamp_ns):.6f} s"
+        return LogError(f"{self._log.path}: {topic} at {when} is unreadable: {one_line(error)}")
 
     def _first_payloads(self) -> FloatArray:
         """Payloads (vehicles,) in kg at the start of the run."""

@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 import pytest
-from bags import NO_BAGS, alter, bag
+from bags import NO_BAGS, alter, bag, cut_short
 from matplotlib.image import imread
 from rich.console import Console
 from twin_process import environment, run_module, write_quick_scenario
@@ -71,9 +71,7 @@ def test_key_figures_are_those_of_the_run(runs, capsys):
 
 
 def test_bag_cut_short_is_read_without_a_flag(runs, tmp_path, capsys):
-    content = bag(runs[0]).read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(content[: len(content) // 2])
+    cut = cut_short(bag(runs[0]), tmp_path / "cut.mcap", 0.5)
     assert main([str(cut), "--no-viewer", "--plots", str(tmp_path / "plots")]) == 0
     output = capsys.readouterr().out
     assert "cut short, read as far as it goes; scenario quick, " in output
@@ -161,11 +159,11 @@ def test_on_a_narrow_terminal_names_are_whole_and_the_rest_is_below_them(runs, c
     reading = Reading(read_log(runs[0]))
     for _ in reading.values():
         pass
-    print_figures(Console(width=80), [reading.figures.figures()])
+    print_figures(Console(width=80), [reading.figures])
     lines = capsys.readouterr().out.splitlines()
     table = lines[: lines.index("  (1) EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope")]
     assert max(map(len, table)) <= 80
-    for figure in reading.figures.figures():
+    for figure in reading.figures:
         (index,) = [index for index, line in enumerate(table) if line.startswith(f" {figure.name}"[:40])]
         assert any(f"{figure.time:.2f} s" in line for line in table[index + 1 : index + 3])
     assert "…" not in "".join(table)

@@ -8,6 +8,7 @@ from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
 from twin_process import run_module
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand, check_script
 from cable_twin.offline.scripted_run import simulate
@@ -39,7 +40,7 @@ RIDE = [
 
 
 def record(directory, scenario, commands, duration):
-    """A run of `simulate` with its snapshots."""
+    """A run of `simulate` with its snapshots, and a log of all of every frame."""
     simulation = Simulation(load_scenario(scenario))
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(simulation, script) == []
@@ -54,7 +55,9 @@ def record(directory, scenario, commands, duration):
         frame_steps=round(0.02 / simulation.step),
         epoch_ns=EPOCH,
         run=run,
+        figures=KeyFigures(simulation.scenario),
         on_frame=lambda _: frames.append(simulation.snapshot),
+        rates={},
     )
     run.recorder.close()
     assert (outcome.applied, outcome.refused, outcome.fault) == (len(commands), [], "")

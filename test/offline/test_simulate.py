@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import time
+from collections import Counter
 
 import pytest
 from bags import NO_BAGS, bag
@@ -66,7 +67,9 @@ def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(s
         (7.5, Command("force", {"cabin": 3e4})),
         (9.0, Command("reset", {})),
     ]
-    assert sum(1 for _ in log.messages(["cable"])) == 1001
+    counts = Counter(topic for topic, *_ in log.messages())
+    assert (counts["joint_states"], counts["carriages/cabin/pose"], counts["supports/start/force"]) == (1001, 201, 201)
+    assert (counts["cable"], counts["cable_path"], counts["key_figures"]) == (101, 11, 2)  # every 10 s and at the end
     assert replay.main([str(run)]) == 0
     assert "every sample agrees to the last bit" in capsys.readouterr().out
 
@@ -115,7 +118,9 @@ def test_frame_rate_and_duration_are_as_asked(scripted, tmp_path, capsys):
         capsys.readouterr().err
     )
     log = read_log(the_run(tmp_path))
-    assert sum(1 for _ in log.messages(["cable"])) == 30
+    counts = Counter(topic for topic, *_ in log.messages(["joint_states", "carriages/cabin/pose", "cable"]))
+    # of 28.57 Hz each second frame for at most 20 Hz, each third for at most 10 Hz
+    assert counts == {"joint_states": 30, "carriages/cabin/pose": 15, "cable": 10}
     assert log.end == pytest.approx(29 * 0.035)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bags import alter, bag
+from test_moving_cable_twin import SHORT
 from twin_process import write_quick_scenario
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
@@ -26,18 +28,39 @@ SCRIPT = [
 ]
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    """A run of 0.5 s, and its frames as the simulation gives them again."""
-    directory = tmp_path_factory.mktemp("recorded")
-    scenario = load_scenario(write_quick_scenario(directory))
+def record(directory, scenario, script, duration, **options):
+    """A run at 100 Hz, and its frames as they were handed over."""
     simulation = Simulation(scenario)
     table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.01, rerun="off")
     run.begin(EPOCH)
-    outcome = simulate(simulation, SCRIPT, duration=0.5, frame_steps=2, epoch_ns=EPOCH, run=run)
+    figures = KeyFigures(scenario)
+    frames = []
+    outcome = simulate(
+        simulation,
+        script,
+        duration=duration,
+        frame_steps=round(0.01 / simulation.step),
+        epoch_ns=EPOCH,
+        run=run,
+        figures=figures,
+        on_frame=lambda _: frames.append(simulation.snapshot),
+        **options,
+    )
     run.recorder.close()
-    assert (outcome.applied, outcome.refused, outcome.fault, run.recorder.faults) == (3, [], "", [])
+    assert (outcome.applied, outcome.refused, outcome.fault, run.recorder.faults) == (len(script), [], "", [])
+    return run.directory, frames
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    return load_scenario(write_quick_scenario(tmp_path_factory.mktemp("quick")))
+
+
+@pytest.fixture(scope="module")
+def recorded(scenario, tmp_path_factory):
+    """A run of 0.5 s with all of every frame, and its frames as the simulation gives them again."""
+    directory, _ = record(tmp_path_factory.mktemp("recorded"), scenario, SCRIPT, 0.5, rates={})
     again = Simulation(scenario)
     waiting = list(SCRIPT)
     frames = []
@@ -47,14 +70,18 @@ def recorded(tmp_path_factory):
             again.advance_to(item.time)
             again.apply(item.command)
         frames.append(again.advance_to(frame * 0.01))
-    return run.directory, frames
+    return directory, frames
+
+
+def snapshots_of(directory):
+    return [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)]
 
 
 def test_frames_and_commands_come_back_in_order(recorded):
     directory, frames = recorded
     items = list(read_snapshots(read_log(directory)))
-    kinds = ["S" if isinstance(item, Snapshot) else item.command.kind for item in items]
-    assert kinds == ["S", "speed", *"S" * 11, "emergency_stop", *"S" * 9, "release", *"S" * 30]
+    kinds = [item.command.kind if isinstance(item, AppliedCommand) else type(item).__name__[0] for item in items]
+    assert kinds == ["S", "speed", *"S" * 11, "emergency_stop", *"S" * 9, "release", *"S" * 30, "R"]
     assert [item.time for item in items if isinstance(item, AppliedCommand)] == [0.0, 0.115, 0.2]
     snapshots = [item for item in items if isinstance(item, Snapshot)]
     assert len(snapshots) == len(frames)
@@ -62,7 +89,7 @@ def test_frames_and_commands_come_back_in_order(recorded):
         assert read.time == frame.time
         np.testing.assert_array_equal(read.cable.positions, frame.cable.positions.astype("f4"))
         np.testing.assert_array_equal(read.cable.tensions, frame.cable.tensions.astype("f4"))
-        np.testing.assert_array_equal(read.cable.arc_lengths, frame.cable.arc_lengths.astype("f4"))
+        np.testing.assert_array_equal(read.cable.arc_lengths, frame.cable.arc_lengths)
         for name, support in frame.supports.items():
             np.testing.assert_array_equal(read.supports[name].force, support.force)
         state, expected = read.carriages["cabin"], frame.carriages["cabin"]
@@ -73,7 +100,59 @@ def test_frames_and_commands_come_back_in_order(recorded):
         assert list(state.bodies) == list(expected.bodies)
         for name, body in expected.bodies.items():
             got = state.bodies[name]
-            assert (got.x, got.z, got.pitch, got.pitch_rate) == (body.x, body.z, body.pitch, body.pitch_rate)
+            assert (got.x, got.z, got.pitch) == (body.x, body.z, body.pitch)
+            assert got.angular_velocity[1] == body.angular_velocity[1]
+
+
+JOINTS = ("arc_length", "speed", "drive_force", "drive_position", "drive_speed", "moving_cable_force", "attached")
+PLACES = ("joint_position", "body_position", "body_orientation")
+FORCES = ("contact_force", "support_force")
+ROPE = ("rope_position", "rope_tension")
+
+
+def assert_columns(read, frame, names, *, held: bool, single=()) -> None:
+    """What was held comes back to the last bit, of single precision where it is logged so; the rest is NaN."""
+    for name in names:
+        got, expected = getattr(read.columns, name), getattr(frame.columns, name)
+        kept = expected.astype("f4") if name in single else expected
+        np.testing.assert_array_equal(got, kept if held else np.full_like(expected, np.nan), f"{name}, {read.time} s")
+
+
+def test_each_group_is_there_at_its_frames_and_nan_between(scenario, tmp_path):
+    directory, frames = record(tmp_path, scenario, SCRIPT, 0.5)
+    read = snapshots_of(directory)
+    assert [one.time for one in read] == [frame.time for frame in frames]
+    for number, (got, frame) in enumerate(zip(read, frames, strict=True)):
+        assert_columns(got, frame, JOINTS, held=True)
+        np.testing.assert_array_equal(got.columns.body_angles[:, 1], frame.columns.body_angles[:, 1])
+        np.testing.assert_array_equal(
+            got.columns.body_angular_velocity[:, 1], frame.columns.body_angular_velocity[:, 1]
+        )
+        assert_columns(got, frame, (*PLACES, *FORCES), held=number % 5 == 0)  # 20 of 100 Hz
+        assert_columns(got, frame, ROPE, held=number % 10 == 0, single=ROPE)
+
+
+def test_rates_that_are_asked_for_are_those_that_come_back(scenario, tmp_path):
+    rates = {"joints": 50.0, "poses": 0.0, "forces": 10.0, "rope": 25.0}
+    directory, frames = record(tmp_path, scenario, [], 0.2, rates=rates)
+    for number, (got, frame) in enumerate(zip(snapshots_of(directory), frames, strict=True)):
+        assert_columns(got, frame, JOINTS, held=number % 2 == 0)
+        assert_columns(got, frame, PLACES, held=True)
+        assert_columns(got, frame, FORCES, held=number % 10 == 0)
+        assert_columns(got, frame, ROPE, held=number % 4 == 0, single=ROPE)
+
+
+def test_carriers_come_back_from_their_columns(tmp_path):
+    script = [ScriptedCommand(0.0, Command("speed", {"haul_rope": 5.0}), "script", "")]
+    directory, frames = record(tmp_path, load_scenario(SHORT), script, 0.3)
+    named = {topic for topic, *_ in read_log(directory).messages()}
+    assert {"carriers/poses", "carriers/forces"} <= named
+    assert not [topic for topic in named if topic.startswith("carriages/")]
+    single = ("joint_position", "contact_force", *ROPE)
+    for number, (got, frame) in enumerate(zip(snapshots_of(directory), frames, strict=True)):
+        assert_columns(got, frame, JOINTS, held=True)
+        assert_columns(got, frame, (*PLACES, *FORCES), held=number % 5 == 0, single=single)
+        assert_columns(got, frame, ROPE, held=number % 10 == 0, single=single)
 
 
 def test_log_without_forces_reads_as_nan(recorded, tmp_path):
@@ -86,12 +165,15 @@ def test_log_without_forces_reads_as_nan(recorded, tmp_path):
     assert np.isfinite(first.cable.tensions).all()
 
 
-@pytest.mark.parametrize("topic", ["cable", "joint_states", "carriages/cabin/pose", "applied_commands"])
-def test_unreadable_message_is_named_with_topic_and_time(recorded, tmp_path, topic):
+@pytest.mark.parametrize(
+    ("topic", "time"),
+    [("cable", 0.0), ("joint_states", 0.0), ("carriages/cabin/pose", 0.0), ("command", 0.0), ("key_figures", 0.5)],
+)
+def test_unreadable_message_is_named_with_topic_and_time(recorded, tmp_path, topic, time):
     broken = alter(
-        bag(recorded[0]), tmp_path / "broken.mcap", lambda name, _, data: data[:30] if name == topic else data
+        bag(recorded[0]), tmp_path / "broken.mcap", lambda name, _, data: data[:30] if topic in name else data
     )
-    with pytest.raises(LogError, match=r"broken.mcap: .* at 0.000000 s is unreadable"):
+    with pytest.raises(LogError, match=rf"broken.mcap: {topic} at {time:.6f} s is unreadable"):
         list(read_snapshots(read_log(broken)))
 
 
