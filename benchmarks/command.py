@@ -79,7 +79,12 @@ def main() -> int:
     parser.add_argument(
         "--minutes", type=duration, metavar="N", help="of live; default: 2, a tenth of one with --quick"
     )
-    parser.add_argument("--scenario", metavar="NAME", help="of live, name or path; default: aerial_tramway")
+    parser.add_argument(
+        "--scenario",
+        action="append",
+        metavar="NAME",
+        help="of live, name or path; may be given often; default: aerial_tramway",
+    )
     parser.add_argument("--output", type=Path, metavar="DIR", help="write benchmarks.md, .json and pictures there")
     options = parser.parse_args()
 
@@ -88,7 +93,7 @@ def main() -> int:
         if getattr(options, name) is not None and "live" not in chosen:
             parser.error(f"--{name} is of the part live, which was not asked for")
     repetitions = options.repetitions or (1 if options.quick else 5)
-    effort = Effort(options.quick, repetitions, options.minutes, options.scenario)
+    effort = Effort(options.quick, repetitions, options.minutes, tuple(options.scenario or ()))
     console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
     columns = (TextColumn("{task.description:<48}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     faults = []

@@ -78,24 +78,28 @@ class Result:
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Run twin and bare timers beside each other."""
-    scenario = effort.scenario or SCENARIO
-    result = measure(scenario, effort.minutes or (QUICK_MINUTES if effort.quick else MINUTES), progress)
+    """Run twin and bare timers beside each other, one scenario after the other."""
+    minutes = effort.minutes or (QUICK_MINUTES if effort.quick else MINUTES)
+    results = [measure(scenario, minutes, progress) for scenario in effort.scenarios or (SCENARIO,)]
     return Part(
-        f"Live: {result.minutes:.3g} minutes at {1.0 / PERIOD:g} Hz with all logs",
+        f"Live: {minutes:.3g} minutes at {1.0 / PERIOD:g} Hz with all logs",
         [
-            Table("lateness of frames", _lateness(result)),
-            Table("process", [_process(result)]),
-            Table("the seconds in which the twin was latest", _worst(result.seconds)),
+            table
+            for result in results
+            for table in (
+                Table(f"{result.scenario}: lateness of frames", _lateness(result)),
+                Table(f"{result.scenario}: process", [_process(result)]),
+                Table(f"{result.scenario}: the seconds in which the twin was latest", _worst(result.seconds)),
+            )
         ],
         [
-            f"`sim --scenario {scenario}` with all logs, given another speed every 1.5 s over DDS. A bare timer in "
+            "`sim --scenario NAME` with all logs, given another speed every 1.5 s over DDS. A bare timer in "
             "another process waits for the same period.",
             "Watchers do as the bare timer, on one core each. A missed frame (later than a period) is the machine's "
             "where in that second, or one beside it, one of these missed its period too.",
         ],
-        faults(result),
-        _pictures(result),
+        [fault for result in results for fault in faults(result)],
+        {name: picture for result in results for name, picture in _pictures(result).items()},
     )
 
 
@@ -166,22 +170,20 @@ def faults(result: Result) -> list[str]:
     """What is not as it should be, a line each."""
     found = []
     if result.unexplained:
-        found.append(f"live: {result.unexplained} missed frames that no stall of the machine explains")
+        found.append(f"{result.unexplained} missed frames that no stall of the machine explains")
     late, bare = (one["lateness_p99.9_ms"] for one in (result.twin, result.bare))
     if late > MOST_LATE:
-        found.append(f"live: lateness p99.9 of {late:.2f} ms, allowed are {MOST_LATE:g} ms (bare timer: {bare:.2f} ms)")
+        found.append(f"lateness p99.9 of {late:.2f} ms, allowed are {MOST_LATE:g} ms (bare timer: {bare:.2f} ms)")
     most = MOST_PROCESSOR.get(result.scenario, MOST_PROCESSOR_OF_LIFTS)
     if result.processor > most:
-        found.append(f"live: {result.processor:.1f} % of a core, allowed are {most:g} %")
+        found.append(f"{result.processor:.1f} % of a core, allowed are {most:g} %")
     for key, allowed in (("lateness_median_ms", MOST_DELAY), ("lateness_p99_ms", MOST_RARE_DELAY)):
         if result.delay.get(key, 0.0) > allowed:
             name = key.removeprefix("lateness_").removesuffix("_ms")
-            found.append(
-                f"live: {name} of {result.delay[key]:.2f} ms from stamp to subscriber, allowed: {allowed:g} ms"
-            )
+            found.append(f"{name} of {result.delay[key]:.2f} ms from stamp to subscriber, allowed: {allowed:g} ms")
     if result.dropped:
-        found.append(f"live: {result.dropped} frames are missing in the logs")
-    return found
+        found.append(f"{result.dropped} frames are missing in the logs")
+    return [f"live: {result.scenario}: {line}" for line in found]
 
 
 def _lateness(result: Result) -> list[dict[str, Value]]:
@@ -252,10 +254,10 @@ def _pictures(result: Result) -> dict[str, bytes]:
         axes.bar_label(bars, [f"{count:.0f}" for count in counts], fontsize=8)
     axes.set(yscale="log", ylim=(1e-4, 1000.0), xlabel="lateness", ylabel="frames [%]")
     axes.set_xticks(places, [_interval(name) for name in COARSE_NAMES])
-    axes.set_title(f"{1.0 / PERIOD:g} Hz for {result.minutes:.3g} min, all logs on", loc="left")
+    axes.set_title(f"{result.scenario}: {1.0 / PERIOD:g} Hz for {result.minutes:.3g} min, all logs on", loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     plt.close(figure)
-    return {PICTURE: buffer.getvalue()}
+    return {PICTURE if result.scenario == SCENARIO else f"live_{result.scenario}.png": buffer.getvalue()}

@@ -31,7 +31,7 @@ class Effort:
     quick: bool  # fewer and shorter cases
     repetitions: int
     minutes: float | None = None  # of the live twin; None for its own choice
-    scenario: str | None = None  # of the live twin
+    scenarios: tuple[str, ...] = ()  # of the live twin; none for its own choice
 
 
 @dataclass(frozen=True, slots=True)

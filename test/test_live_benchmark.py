@@ -54,10 +54,10 @@ def test_each_limit_is_named_when_it_is_missed():
     assert faults(result) == []
     late = replace(result, seconds=seconds((2, 0.1, 0.1)), processor=26.0, dropped=4, twin={"lateness_p99.9_ms": 3.1})
     assert faults(late) == [
-        "live: 2 missed frames that no stall of the machine explains",
-        "live: lateness p99.9 of 3.10 ms, allowed are 3 ms (bare timer: 0.50 ms)",
-        "live: 26.0 % of a core, allowed are 25 %",
-        "live: 4 frames are missing in the logs",
+        "live: aerial_tramway: 2 missed frames that no stall of the machine explains",
+        "live: aerial_tramway: lateness p99.9 of 3.10 ms, allowed are 3 ms (bare timer: 0.50 ms)",
+        "live: aerial_tramway: 26.0 % of a core, allowed are 25 %",
+        "live: aerial_tramway: 4 frames are missing in the logs",
     ]
 
 

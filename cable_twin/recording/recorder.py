@@ -1,7 +1,7 @@
 """The thread between the frame loop and the disk: takes what is handed to it and writes log and view in its own time.
 
 The frame loop never waits: `record` only appends to a queue. The thread sleeps, takes all that has come, and gives way
-after each frame, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes,
+after some frames, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes,
 splits and closes them. There is no lock anywhere, so a signal handler may do anything at any time.
 
 Whoever makes frames asks before each whether a new file is due, and then hands over the full state of that moment:
@@ -31,6 +31,7 @@ from cable_twin.snapshot import Snapshot
 from cable_twin.snapshot_file import FullState
 
 SLEEP = 0.05  # s between looks into the queue
+TURN = 16  # frames that are written, in about half a millisecond, before others get the interpreter for sure
 CAPACITY = 6000  # frames, a minute at 100 Hz
 TICK = 1e-9  # s, what two times may differ by that mean the same
 
@@ -269,6 +270,7 @@ class Recorder:
 
     def _drain(self) -> None:
         self._writing = True  # before the queue gets empty
+        taken = 0
         while self._queue:
             item = self._queue.popleft()
             if isinstance(item, _Beginning):
@@ -276,7 +278,9 @@ class Recorder:
             else:
                 for sink in tuple(self._sinks):
                     self._attempt(sink, sink.write, item)
-            time.sleep(0)  # the frame loop may be waiting for the interpreter
+            taken += 1
+            if taken % TURN == 0:
+                time.sleep(0)  # the frame loop may be waiting for the interpreter
         self._writing = False
 
     def _begin_files(self, beginning: _Beginning) -> None:

@@ -25,6 +25,7 @@ from cable_twin.recording.view_stream import flush_stream, live_url, open_stream
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.snapshot import Layout, Snapshot
 
+BATCH = 500  # frames
 WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
 
 _LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
@@ -74,7 +75,7 @@ class RerunView:
             rope_rate: Hz, at which the rope is drawn. At 20 Hz files have a quarter more bytes than at 10 Hz, where
                 the joints of the shipped ropeways are some centimetres off the rope that is shown.
             batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
-                live, else 500, for a small file and a small index.
+                live, else 500, for a small file and a small index; a flush sends what there is.
             stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
 
         Raises:
@@ -109,7 +110,7 @@ class RerunView:
         if live:
             self.url = live_url(live_port)
 
-        self._batch = Batch(batch_frames or (20 if live else 500))
+        self._batch = Batch(batch_frames or (20 if live else BATCH))
         self._layout: Layout | None = None  # until the first snapshot
         self._picture: Picture | None = None  # until the first batch
         self._laid_out = False  # in this file

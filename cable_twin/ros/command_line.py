@@ -15,6 +15,9 @@ INSTALL_HINT = (
 )
 
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
 class Ending:
     """SIGINT and SIGTERM, once or often, as a flag; while `starting` they end the process at once.
 
@@ -25,12 +28,17 @@ class Ending:
         self.starting = True  # nothing is open yet that wants to be closed
         self._command = command
         self._flag = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
             signal.signal(number, self._on_signal)
 
     def is_set(self) -> bool:
         """Whether a signal has come."""
         return self._flag.is_set()
+
+    def close(self) -> None:
+        """Let signals do nothing any more: all is closed, and Python on its way out would put their defaults back."""
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
     def _on_signal(self, *_: object) -> None:
         self._flag.set()

@@ -97,6 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+        ending.close()
     return 1 if node.failed else 0
 
 
