@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.command import main
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -122,19 +124,24 @@ def test_parts_that_were_not_run_stay(tmp_path):
     assert [row["over"] for row in exponents] == ["elements", "carriages"]
 
 
-def test_refuses_what_it_does_not_know(tmp_path):
-    result = run("speed")
-    assert result.returncode == 2
-    assert (
-        "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, convergence, live" in result.stderr
-    )
-    assert run("--repetitions", "0").returncode == 2
-    result = run("scaling", "--minutes", "3")
-    assert result.returncode == 2
-    assert "--minutes is of the part live, which was not asked for" in result.stderr
-    result = run("live", "--minutes", "-1")
-    assert result.returncode == 2
-    assert "'-1' given; allowed are numbers above 0" in result.stderr
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["speed"], "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, convergence, live"),
+        (["--repetitions", "0"], "--repetitions"),
+        (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
+        (["live", "--minutes", "-1"], "'-1' given; allowed are numbers above 0"),
+    ],
+)
+def test_refuses_what_it_does_not_know(monkeypatch, capsys, arguments, said):
+    monkeypatch.setattr(sys, "argv", ["benchmarks", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_refuses_results_that_are_not_its_own(tmp_path):
     (tmp_path / "benchmarks.json").write_text("[]")
     result = run("scaling", "--quick", "--output", tmp_path)
     assert result.returncode == 1
