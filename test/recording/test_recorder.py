@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from logged_run import COMMANDS, EPOCH, LAYOUT, METADATA, SCENARIO_VALUES, make_snapshot
+from twin_process import wait_until
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import MessageEncoder, scenario_message, topics
@@ -61,9 +62,7 @@ def test_recorder_writes_log_and_view(directory):
     view = FakeView()
     recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA), view)
     record_run(recorder, 30)
-    time.sleep(0.7)
-    assert recorder.backlog == 0
-    assert view.flushes >= 1
+    wait_until(lambda: recorder.idle and view.flushes >= 1)
     recorder.close()
     recorder.close()
     assert recorder.faults == []
@@ -78,10 +77,11 @@ def test_recorder_writes_log_and_view(directory):
 
 
 def test_messages_reach_the_disk_where_no_more_follow(directory):
-    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA))
+    log = McapLog(directory, topics(LAYOUT), METADATA)
+    recorder = Recorder(log)
     record_run(recorder, 10)
-    time.sleep(0.9)
-    assert len(list(read_log(directory).messages(["joint_states"]))) == 10
+    wait_until(lambda: recorder.idle and log.safe_until >= COMMANDS[-1].time)  # which stand before the frames
+    wait_until(lambda: len(list(read_log(directory).messages(["joint_states"]))) == 10)
     recorder.close()
 
 
