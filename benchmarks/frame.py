@@ -13,7 +13,7 @@ import sys
 import tarfile
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from rich.progress import Progress
 from benchmarks.frame_stages import stages_table
 from benchmarks.measure import ROOT, BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
+from cable_twin.mechanics.compilation import MECHANICS, cache_directory
 
 YARDSTICK = "757d35a"  # commit whose solver is the unit
 PIECE, QUICK_PIECE = 10.0, 0.5  # s of simulated time in a turn
@@ -203,9 +204,14 @@ def _yardstick() -> Iterator[tuple[Path, str]]:
     if archive.returncode != 0:
         yield ROOT, f"**The unit is the solver of this checkout**, as the commit {YARDSTICK} is not in its history."
         return
-    with tempfile.TemporaryDirectory(prefix="yardstick_") as directory:
-        with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as sources:
-            sources.extractall(directory, filter="data") if sys.version_info >= (3, 12) else sources.extractall(
-                directory
-            )
-        yield Path(directory), f"The unit is the solver of commit {YARDSTICK}, run beside."
+    kept = cache_directory(MECHANICS)
+    with tempfile.TemporaryDirectory(prefix="yardstick_", dir=None if kept is None else kept.parent) as directory:
+        sources = Path(directory) / "sources"
+        with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as content:
+            content.extractall(sources, filter="data") if sys.version_info >= (3, 12) else content.extractall(sources)
+        if kept is not None:  # its kernels are compiled once: numba knows them by the place of their sources
+            place = kept.parent / f"yardstick-{YARDSTICK}"
+            with suppress(OSError):  # they are there
+                sources.rename(place)
+            sources = place
+        yield sources, f"The unit is the solver of commit {YARDSTICK}, run beside."

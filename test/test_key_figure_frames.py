@@ -42,6 +42,22 @@ def test_what_a_log_does_not_hold_is_no_value():
     assert gathered(figures) == before
 
 
+def test_frames_without_places_leave_accelerations_to_those_that_have_some():
+    """Places at every fifth frame, as in a log: the figures are those of these frames alone."""
+    sparse, alone = KeyFigures(scenario()), KeyFigures(scenario())
+    for number in range(41):
+        moment = number * PERIOD
+        one = snapshot(moment, place=500.0 + 0.5 * 1.2 * moment**2)
+        if number % 5:
+            one.columns.body_position[:] = math.nan
+        else:
+            alone.update(one)
+        sparse.update(one)
+    name = "cabin: vehicle acceleration"
+    assert gathered(sparse)[name] == gathered(alone)[name]
+    assert gathered(sparse)[name].value == pytest.approx(1.2, rel=0.05)
+
+
 def test_frames_of_another_scenario_are_refused():
     with pytest.raises(ValueError, match="another scenario"):
         KeyFigures(scenario()).update(supported(0.0))

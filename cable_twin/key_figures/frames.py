@@ -53,7 +53,7 @@ class Memory(NamedTuple):
     tension_ratio: Extremes  # (vehicles,) tension over the load across the rope
     clearance: Extremes  # (1 + vehicles,) m, of the rope and of the vehicles
     next_look: FloatArray  # (1,) s, when the clearance is due
-    passed_times: FloatArray  # (2,) s, of the last two frames; NaN where the motion does not go back so far
+    passed_times: FloatArray  # (2,) s, of the last two frames with places; NaN where the motion does not go back so far
     passed: FloatArray  # (2, vehicles, 3) m, places of the last bodies there
 
 
@@ -131,10 +131,15 @@ def take_drive(extremes, index, time, place, speed, force):
 
 @kernel
 def take_vehicles(memory, time, arc_lengths, columns):
-    """Take in all vehicles; accelerations are second differences over three frames of equal spacing."""
+    """Take in all vehicles; accelerations are second differences over three placed frames of equal spacing."""
     middle_time = memory.passed_times[1]
     period, spacing = time - middle_time, middle_time - memory.passed_times[0]
     evenly = period > 0.0 and abs(spacing - period) < 1e-6 * period
+    placed = False
+    for body in range(columns.body_position.shape[0]):
+        if not isnan(columns.body_position[body, 0]):
+            placed = True
+            break
     for vehicle in range(columns.arc_length.size):
         body = memory.ground.first_body[vehicle + 1] - 1  # the last one
         here, last, before = columns.body_position[body], memory.passed[1, vehicle], memory.passed[0, vehicle]
@@ -152,6 +157,8 @@ def take_vehicles(memory, time, arc_lengths, columns):
             if not isnan(place):
                 ratio = tension_ratio(arc_lengths, columns.rope_position, columns.rope_tension, place, force)
                 take(memory.tension_ratio, vehicle, ratio, time, place)
+        if not placed:
+            continue
         square = 0.0
         for axis in range(3):
             across = here[axis] - 2.0 * last[axis] + before[axis]
@@ -159,7 +166,8 @@ def take_vehicles(memory, time, arc_lengths, columns):
             before[axis], last[axis] = last[axis], here[axis] if counts else nan
         if evenly and counts:
             take(memory.acceleration, vehicle, sqrt(square) / (period * period), middle_time, place)
-    memory.passed_times[0], memory.passed_times[1] = middle_time, time
+    if placed:
+        memory.passed_times[0], memory.passed_times[1] = middle_time, time
 
 
 @kernel

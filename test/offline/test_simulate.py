@@ -129,7 +129,7 @@ def test_nothing_is_written_where_nothing_is_to_be_recorded(scripted, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("pauses", [(0.0,), (0.05, 0.1, 0.0)])  # s; also of one who is impatient
+@pytest.mark.parametrize("pauses", [(0.0,), (0.05, 0.1, 0.0), (0.01,) * 100])  # s; also of one who is impatient
 def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses):
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--record", "bag", "--output", "logs")
     process = TwinProcess(
@@ -142,17 +142,37 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
         wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
         for pause in pauses:
-            process.send(signal.SIGINT)
+            process.send(signal.SIGINT)  # to one that has ended, too, which Popen leaves alone
             time.sleep(pause)
         assert process.wait() == 1
     finally:
         process.kill()
-    assert "simulate: ended by a signal" in process.output
+    assert process.output.count("simulate: ended by a signal\n") == 1
     assert "rope tension, highest" in process.output
     assert "Traceback" not in process.output
     log = read_log(the_run(tmp_path / "logs"))
     assert log.complete
     assert log.end > 0.5
+
+
+def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
+    """Between the bag and the first frame lies the rerun recording, half a second."""
+    arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
+    process = TwinProcess(
+        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
+        module="simulate",
+        command=[os.sys.executable],
+        variables=environment(tmp_path, 0),
+    )
+    try:
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        process.send(signal.SIGINT)
+        assert process.wait() == 1
+    finally:
+        process.kill()
+    assert "simulate: ended by a signal" in process.output
+    assert "Traceback" not in process.output
+    assert read_log(the_run(tmp_path / "logs")).complete
 
 
 def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path, monkeypatch, capsys):
@@ -167,7 +187,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     )
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
-        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 500_000, 60.0)
+        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000, 60.0)
     finally:
         process.kill()
     run = the_run(tmp_path / "logs")
@@ -190,6 +210,21 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         (["--set", "cable.elements=[1"], "'cable.elements=[1' given, the value is not YAML"),
         (["--duration", "0"], "'0' given, more than 0 s is allowed"),
         (["--frame-rate", "0.5"], "'0.5' given, 1 to 1000 Hz are allowed"),
+        (["--log-pose-rate", "-1"], "--log-pose-rate: '-1' given, 0 to 1000 Hz are allowed"),
+        (["--log-force-rate", "1001"], "--log-force-rate: '1001' given, 0 to 1000 Hz are allowed"),
+        (["--log-joint-rate", "nan"], "--log-joint-rate: 'nan' given, 0 to 1000 Hz are allowed"),
+        (["--log-path-rate", "often"], "--log-path-rate: 'often' given, 0 to 1000 Hz are allowed"),
+        (["--log-poses-rate", "20"], "unrecognized arguments: --log-poses-rate;"),
+        (
+            ["--log-rope-rate", "30"],
+            "--log-rope-rate is 30 Hz; allowed are whole fractions of the frame rate, as 100, 50 or 20 Hz, "
+            "and 0 for every frame",
+        ),
+        (
+            ["--log-joint-rate", "100", "--frame-rate", "50"],
+            "--log-joint-rate is 100 Hz; allowed are whole fractions of the frame rate, as 50, 25 or 10 Hz, "
+            "and 0 for every frame",
+        ),
         (["--script", "none.yaml"], "none.yaml: No such file or directory"),
         (["--script", "a.yaml", "--from-bag", "b"], "not allowed with argument"),
         (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage 'gondola'; known: cabin"),
@@ -197,14 +232,18 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
     ],
 )
-def test_wrong_input_is_named_in_a_line(tmp_path, arguments, said):
+def test_wrong_input_is_named_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
     first = "- {time: 0, name: cabin, speed: 1}\n"
     (tmp_path / "unknown.yaml").write_text(f"{first}- {{time: 1, name: gondola, speed: 1}}\n")
     (tmp_path / "fast.yaml").write_text("- {time: 0, name: cabin, speed: 60}\n")
     (tmp_path / "stopped.yaml").write_text(f"- {{time: 0, event: emergency_stop}}\n{first}")
-    result = run_module("offline.simulate", *arguments, directory=tmp_path)
-    assert result.returncode == 2
-    (line,) = result.stderr.splitlines()
+    try:
+        code = main(arguments)
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("simulate: ")
     assert said in line
     assert not (tmp_path / "cable_twin_logs").exists()
