@@ -260,4 +260,4 @@ def _pictures(result: Result) -> dict[str, bytes]:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     plt.close(figure)
-    return {PICTURE if result.scenario == SCENARIO else f"live_{result.scenario}.png": buffer.getvalue()}
+    return {PICTURE if result.scenario == SCENARIO else f"live_{Path(result.scenario).stem}.png": buffer.getvalue()}
