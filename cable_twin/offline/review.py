@@ -42,6 +42,7 @@ from cable_twin.scenario.schema import Carriers
 from cable_twin.snapshot import Snapshot
 
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
+FIGURES_AGE = 1.5  # s before the end at which the last key figures may have been recorded without a word
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 EPILOG = """\
 exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read, 130 ended by Ctrl-C
@@ -78,6 +79,7 @@ class Reading:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
         self._gathered = KeyFigures(self.scenario)
         self._recorded: list[KeyFigure] | None = None  # the last ones
+        self._figures_time = 0.0  # s, of those
         self.signals = Signals()
         self.view: _View | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
@@ -115,7 +117,7 @@ class Reading:
                 self.view.log_command(item)
             return
         if isinstance(item, RecordedFigures):
-            self._recorded = self._understand(item)
+            self._recorded, self._figures_time = self._understand(item), item.time
             return
         values = signal_values(item)
         self._gathered.update(item)
@@ -134,9 +136,11 @@ class Reading:
 
     def summary(self) -> str:
         """One line about the run."""
+        whole = self._recorded is None or self.end - self._figures_time < FIGURES_AGE
         return (
             f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
             f"{self.frames} frames, {self.commands} commands"
+            + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )
 
 

@@ -103,7 +103,9 @@ def test_log_cut_short_has_the_figures_of_its_last_record(sparse, tmp_path):
     assert 10.5 < reading.end < 19.5  # the records of 10 s are in it, those of 20 s are not
     assert reading.figures == figures_again(log, 10.0)
     shorter = printed(simulate.main, "--from-bag", log, "--duration", 10, "--record", "off")
-    assert table(printed(review.main, cut, "--no-viewer")) == table(shorter)
+    shown = printed(review.main, cut, "--no-viewer")
+    assert table(shown) == table(shorter)
+    assert "key figures as of 10.00 s, their last record" in shown
 
 
 def test_log_cut_before_its_first_record_has_the_figures_of_its_frames(sparse, tmp_path):
