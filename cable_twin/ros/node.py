@@ -14,10 +14,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
+from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 
@@ -62,7 +63,7 @@ MESSAGE_TYPES = {
         PoseStamped,
         WrenchStamped,
         PathMessage,
-        Clock,
+        ClockMessage,
         JointState,
         PointCloud2,
         String,
@@ -135,7 +136,8 @@ class TwinNode(Node):
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self._offered = Services(self._loop, self._log_directory)
         self._offered.offer(self)
-        self.create_timer(1.0, self._publish_diagnostics)
+        # on a clock of its own: somebody who sets use_sim_time would stop the node's
+        self.create_timer(1.0, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_on_set_parameters_callback(self._on_parameters)
 
     @property

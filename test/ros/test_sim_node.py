@@ -297,6 +297,17 @@ def test_only_the_command_timeout_may_change_and_within_its_range(twin):
         twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="speed by a single command")
 
 
+def test_diagnostics_go_on_where_somebody_sets_use_sim_time(twin):
+    """Nobody publishes a clock that the node would listen to: its own timer must not wait for one."""
+    parameter = Parameter(name="use_sim_time", value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True))
+    (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
+    assert result.successful
+    for _ in range(2):
+        twin.next_diagnostics()
+    parameter.value.bool_value = False
+    assert twin.call("set_parameters", SetParameters, parameters=[parameter]).results[0].successful
+
+
 def test_time_has_never_gone_back(running):
     """Looks at the same collected topics as the tests before it, with all their resets."""
     _, participant = running
