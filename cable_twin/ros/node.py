@@ -125,6 +125,7 @@ class TwinNode(Node):
             on_run=self._on_run,
             prepare=self._output.prepare,
             publish=self._output.publish,
+            before_command=self._begin,
             on_applied=self._tell_applied,
             on_fault=self._tell_fault,
             paused=self._settings["start_paused"],
@@ -171,6 +172,7 @@ class TwinNode(Node):
         self._loop.stop()
         self._offered.close()
         if self._output.run is not None:
+            self._begin()  # a log of a twin that never ran has its scenario, and is one
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
             self._output.run.recorder.close()
@@ -266,7 +268,7 @@ class TwinNode(Node):
         self._pace.tell_start(self._simulation.time)
 
     def _begin(self) -> None:
-        """Take the epoch and give the first frame, once."""
+        """Take the epoch and give the first frame, once: before time runs and before anything changes the twin."""
         with self._begun:
             if self._run_clock.epoch_ns is None:
                 self._output.begin(self._run_clock)
