@@ -157,6 +157,10 @@ class TwinNode(Node):
         start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
+        factor = self._settings["real_time_factor"]
+        if factor != 1.0:
+            pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
+            self.get_logger().info(f"time runs {pace}, and so do stamps: they leave the clock of this machine")
         scenario = self._simulation.scenario
         names = list(scenario.carriages)
         if scenario.carriers is not None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, MessageEncoder, Schedule, Topic
+from cable_twin.messages import APPLIED_COMMANDS, MessageEncoder, Schedule, Topic, nanoseconds
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
 from cable_twin.ros.figure_watch import FigureWatch
@@ -127,4 +127,4 @@ class Output:
         data = applied_command_message(applied, epoch_ns)
         self._publishers[APPLIED_COMMANDS](data)
         if self.run is not None:
-            self.run.recorder.record_command(applied, data, epoch_ns + round(applied.time * 1e9))
+            self.run.recorder.record_command(applied, data, epoch_ns + nanoseconds(applied.time))
