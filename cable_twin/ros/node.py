@@ -177,6 +177,7 @@ class TwinNode(Node):
         self._offered.close()
         if self._output.run is not None:
             self._begin()  # a log of a twin that never ran has its scenario, and is one
+            self._output.finish()
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
             self._output.run.recorder.close()
