@@ -9,17 +9,21 @@ EVERY_FRAME = 0.0  # Hz, of a group that is due at every frame
 PUBLISHED: Mapping[str, float] = {"path": 10.0}  # Hz, of groups that are not published every frame
 LOGGED: Mapping[str, float] = {"poses": 20.0, "forces": 20.0, "rope": 10.0, "path": 1.0}  # Hz, the same of logs
 
+ROUNDING = 1e-5  # of a rate that somebody types with six digits, as messages have them
+
 
 def frames_between(frame_rate: float, rate: float) -> int:
     """Frames from one that is due to the next, as often as a rate (Hz) allows; 1 for every frame."""
     if rate == EVERY_FRAME or rate >= frame_rate:
         return 1
-    return math.ceil(frame_rate / rate * (1.0 - 1e-9))
+    count = frame_rate / rate
+    nearest = round(count)
+    return nearest if math.isclose(count, nearest, rel_tol=ROUNDING) else math.ceil(count)
 
 
 def divides(frame_rate: float, rate: float) -> bool:
     """Whether a rate (Hz) can be kept to: every frame, or one in a whole number of frames."""
-    return rate == EVERY_FRAME or math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=1e-9)
+    return rate == EVERY_FRAME or math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=ROUNDING)
 
 
 def fault(called: str, rate: float, frame_rate: float) -> str | None:

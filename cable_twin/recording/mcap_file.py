@@ -69,7 +69,7 @@ class McapFile:
             topics: Everything that may be written.
 
         Raises:
-            OSError: The disk refuses, or the file exists.
+            OSError: The disk refuses, and there is no file; or it exists.
         """
         self.path = path
         self.size = 0
@@ -89,6 +89,8 @@ class McapFile:
             sync(path.resolve().parent)
         except OSError:
             self.abandon()
+            with suppress(OSError):
+                path.unlink()  # nothing is in it, and a reader would take it for a damaged part of the run
             raise
 
     @property

@@ -65,6 +65,7 @@ class FrameLoop:
             for single steps after the first one.
         prepare: called with every new snapshot as soon as it is computed; the one to start from is not new.
         publish: called with what `prepare` gave, when it is due.
+        before_command: called before a command takes effect, be it the first thing that happens to a paused twin.
         on_applied: called with every command as it takes effect, before the frame that shows it.
         on_fault: called with a line about what failed.
         paused: wait for `pause(False)` or `step`.
@@ -80,6 +81,7 @@ class FrameLoop:
         on_run: Callable[[bool], None],
         prepare: Callable[[Snapshot], Any],
         publish: Callable[[Any], None],
+        before_command: Callable[[], None],
         on_applied: Callable[[AppliedCommand], None],
         on_fault: Callable[[str], None],
         paused: bool = False,
@@ -92,7 +94,7 @@ class FrameLoop:
         self._simulation = simulation
         self._factor = real_time_factor
         self._on_run, self._prepare, self._publish = on_run, prepare, publish
-        self._on_applied, self._on_fault = on_applied, on_fault
+        self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
@@ -248,6 +250,7 @@ class FrameLoop:
         return stepping
 
     def _apply(self, command: Command, source: str) -> AppliedCommand:
+        self._before_command()
         applied = self._simulation.apply(command, source)
         if command.kind in ("speed", "force"):
             self._hold(command)

@@ -126,6 +126,7 @@ class TwinNode(Node):
             on_run=self._on_run,
             prepare=self._output.prepare,
             publish=self._output.publish,
+            before_command=self._begin,
             on_applied=self._tell_applied,
             on_fault=self._tell_fault,
             paused=self._settings["start_paused"],
@@ -158,6 +159,10 @@ class TwinNode(Node):
         start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         rate = 1.0 / self._loop.frame_period
+        factor = self._settings["real_time_factor"]
+        if factor != 1.0:
+            pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
+            self.get_logger().info(f"time runs {pace}, and so do stamps: they leave the clock of this machine")
         scenario = self._simulation.scenario
         names = list(scenario.carriages)
         if scenario.carriers is not None:
@@ -173,6 +178,8 @@ class TwinNode(Node):
         self._loop.stop()
         self._offered.close()
         if self._output.run is not None:
+            self._begin()  # a log of a twin that never ran has its scenario, and is one
+            self._output.finish()
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
             self._output.run.recorder.close()
@@ -268,7 +275,7 @@ class TwinNode(Node):
         self._pace.tell_start(self._simulation.time)
 
     def _begin(self) -> None:
-        """Take the epoch and give the first frame, once."""
+        """Take the epoch and give the first frame, once: before time runs and before anything changes the twin."""
         with self._begun:
             if self._run_clock.epoch_ns is None:
                 self._output.begin(self._run_clock)

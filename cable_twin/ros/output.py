@@ -8,7 +8,15 @@ from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, MessageEncoder, Schedule, Topic
+from cable_twin.messages import (
+    APPLIED_COMMANDS,
+    KEY_FIGURES,
+    MessageEncoder,
+    Schedule,
+    Topic,
+    diagnostics_message,
+    nanoseconds,
+)
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
 from cable_twin.ros.figure_watch import FigureWatch
@@ -63,6 +71,7 @@ class Output:
         self._schedule = Schedule(table, frame_rate, *rates)
         self._encoder = MessageEncoder(simulation.layout, own=own)
         self._frame = 0
+        self._last_ns = 0  # newest stamp that was published
         self._paced = paced
         # what is laid out, or compiled, at the first use
         self._encoder.frame(simulation.snapshot, self._schedule.due(0, everything=True).names)
@@ -73,14 +82,10 @@ class Output:
         self._encoder.epoch_ns = clock.begin(self._simulation.time)
         if self.run is not None:
             self.run.begin(self._encoder.epoch_ns)
-        self.publish(self._encode(self._simulation.snapshot))
+        self._send_frame(self.prepare(self._simulation.snapshot))  # whose figures are taken already
 
     def prepare(self, snapshot: Snapshot) -> Prepared:
-        """Take in a new frame and encode what is due with it; the simulation is at its time."""
-        self.figures.update(snapshot)
-        return self._encode(snapshot)
-
-    def _encode(self, snapshot: Snapshot) -> Prepared:
+        """Encode what is due with a new frame; the simulation is at its time."""
         split = None
         if self.run is not None and self.run.recorder.split_due(snapshot.time):
             split = self._simulation.capture()
@@ -97,7 +102,16 @@ class Output:
         )
 
     def publish(self, frame: Prepared) -> None:
-        """Send a frame: its time has come."""
+        """Send a frame: its time has come; then take it in, so that key figures are those of published frames."""
+        self._send_frame(frame)
+        self.figures.update(frame.snapshot)
+
+    def finish(self) -> None:
+        """Record the key figures of all frames, in the end."""
+        self.record([(KEY_FIGURES, diagnostics_message(self._last_ns, *self.figures.statuses()))], self._last_ns)
+
+    def _send_frame(self, frame: Prepared) -> None:
+        self._last_ns = frame.stamp_ns
         for publish, data in frame.published:
             publish(data)
         if self.run is None:
@@ -111,6 +125,7 @@ class Output:
 
     def send(self, messages: Messages, stamp_ns: int) -> None:
         """Publish and record what is no part of a frame."""
+        self._last_ns = stamp_ns
         for topic, data in messages:
             self._publishers[topic](data)
         self.record(messages, stamp_ns)
@@ -127,4 +142,4 @@ class Output:
         data = applied_command_message(applied, epoch_ns)
         self._publishers[APPLIED_COMMANDS](data)
         if self.run is not None:
-            self.run.recorder.record_command(applied, data, epoch_ns + round(applied.time * 1e9))
+            self.run.recorder.record_command(applied, data, epoch_ns + nanoseconds(applied.time))

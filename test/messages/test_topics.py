@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_twin.messages import Schedule, full_name, topics
-from cable_twin.rates import LOGGED, PUBLISHED, divides
+from cable_twin.rates import LOGGED, PUBLISHED, divides, fault, frames_between
 from cable_twin.snapshot import Layout
 
 BODIES = ("hanger", "cabin")
@@ -96,3 +96,13 @@ def test_everything_is_due_when_it_is_asked_for():
 )
 def test_rates_that_can_be_kept(frame_rate, rate, expected):
     assert divides(frame_rate, rate) is expected
+
+
+@pytest.mark.parametrize("steps", [3, 7, 143])  # of 1 ms in a frame
+def test_rates_that_a_message_allows_can_be_given(steps):
+    """The frame rate has no end of digits then, and a message six of them."""
+    frame_rate = 1e3 / steps
+    line = fault("rope_rate", 0.9 * frame_rate, frame_rate)
+    allowed = line.partition("frame rate, as ")[2].partition(" Hz")[0].replace(" or ", ", ").split(", ")
+    assert [frames_between(frame_rate, float(rate)) for rate in allowed] == [1, 2, 5]
+    assert all(divides(frame_rate, float(rate)) for rate in allowed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from errno import ENOSPC
+
 import pytest
 from logged_run import EPOCH, LAYOUT, METADATA, make_snapshot, open_log, run_messages
 from mcap.reader import make_reader
@@ -10,7 +12,9 @@ from ruamel.yaml import YAML
 from small_tramway import TRAMWAY
 
 from cable_twin.messages import SECOND, MessageEncoder, scenario_message, topics
+from cable_twin.recording import mcap_file
 from cable_twin.recording.log_reader import LogError, read_log
+from cable_twin.recording.mcap_file import McapFile
 from cable_twin.recording.mcap_log import McapLog
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import UNSPLIT, ClosedSize, Splitting
@@ -175,6 +179,22 @@ def test_disk_that_refuses_the_next_file_leaves_the_closed_ones(directory):
     assert read_log(directory).condition == "files 0 to 1, complete"
     with AnyReader([directory]) as reader:
         assert reader.message_count == 2 * len(run_messages(5))
+
+
+def test_disk_without_room_for_the_next_file_leaves_no_empty_one(directory, monkeypatch):
+    log = open_log(directory)
+    write_split(log, 2)
+
+    def refuse(path):
+        raise OSError(ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(mcap_file, "sync", refuse)  # the last thing that a new file does before it is taken
+    with pytest.raises(OSError, match="No space left"):
+        McapFile(log.path_of(2), log._topics)
+    monkeypatch.undo()
+    log.close()
+    assert not log.path_of(2).exists()
+    assert read_log(directory).condition == "files 0 to 1, complete"
 
 
 def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path):

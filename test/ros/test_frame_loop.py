@@ -24,6 +24,7 @@ def frame_loop(scenario="aerial_tramway", **options):
         "on_run": lambda first: None,
         "prepare": lambda snapshot: snapshot,
         "publish": lambda frame: None,
+        "before_command": lambda: None,
         "on_applied": lambda applied: None,
         "on_fault": lambda line: None,
     }
@@ -49,6 +50,7 @@ def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
         on_run=lambda first: None,
         prepare=lambda snapshot: snapshot,
         publish=take,
+        before_command=lambda: None,
         on_applied=lambda applied: None,
         on_fault=faults.append,
     )
@@ -148,3 +150,28 @@ def test_it_tells_when_time_begins_to_run_and_when_it_goes_on():
         loop.step().result(20.0)  # answered when the loop has seen the pause
     loop.stop()
     assert runs == [True, False, False]
+
+
+def test_it_tells_of_a_command_before_that_changes_a_twin_that_waits_for_its_start():
+    """Also of its own stop of what a snapshot has moving: the run has to begin before, with the state as it was."""
+    told = []
+    loop = frame_loop(
+        "single_span",
+        paused=True,
+        command_timeout=0.05,
+        on_run=told.append,
+        before_command=lambda: told.append("command"),
+    )
+    loop._simulation.command("cabin", speed=2.0)
+    loop.start()
+    try:
+        loop.submit(Command("emergency_stop", {}), "service").result(20.0)
+        assert told == ["command"]
+        loop.submit(Command("release", {}), "service").result(20.0)
+        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(20.0)
+        time.sleep(0.1)
+        loop.pause(False)
+        wait_until(lambda: True in told, what="the start")
+    finally:
+        loop.stop()
+    assert told[:4] == ["command"] * 4  # the last one for the silence

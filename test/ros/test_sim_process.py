@@ -172,12 +172,32 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
     assert result.returncode == 0, result.stdout + result.stderr
 
 
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participants, tmp_path, stop):
+    """Be it with a first command that comes from a service, and not on a topic."""
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--start-paused", "true")
+    participant = participants(sim.domain)
+    participant.subscribe_standard(paused=True)
+    if stop:
+        assert participant.call("emergency_stop", SetBool, data=True).success
+        assert participant.call("step", Trigger).success
+    assert sim.end() == 0
+    assert "recording: " not in sim.output
+    log = read_log(sim.run_directory)
+    assert log.complete
+    assert [applied.command.kind for applied in log.commands] == ["emergency_stop"] * stop
+    taken = [stamp for _, stamp, _ in log.messages(["joint_states"])]
+    assert [stamp - log.epoch_ns for stamp in taken] == [0, FRAME][: 1 + stop]
+    assert run_module("offline.replay", str(sim.run_directory), directory=tmp_path).returncode == 0
+
+
 def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
     arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "off"]
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments)
     participant = participants(sim.domain)
     participant.subscribe_standard(paused=True)
     assert not participant.received["joint_states"]  # time has not begun to run
+    assert "time runs as fast as possible, and so do stamps" in sim.output
     assert participant.call("step", Trigger).success
     participant.until(lambda: len(participant.received["joint_states"]) == 2, what="the start and one frame")
     assert participant.call("pause", SetBool, data=False).success
