@@ -9,6 +9,7 @@ EVERY_FRAME = 0.0  # Hz, of a group that is due at every frame
 PUBLISHED: Mapping[str, float] = {"path": 10.0}  # Hz, of groups that are not published every frame
 LOGGED: Mapping[str, float] = {"poses": 20.0, "forces": 20.0, "rope": 10.0, "path": 1.0}  # Hz, the same of logs
 
+MOST_FRAMES = 1e9  # from one that is due to the next: a run has fewer
 ROUNDING = 1e-5  # of a rate that somebody types with six digits, as messages have them
 
 
@@ -23,7 +24,11 @@ def frames_between(frame_rate: float, rate: float) -> int:
 
 def divides(frame_rate: float, rate: float) -> bool:
     """Whether a rate (Hz) can be kept to: every frame, or one in a whole number of frames."""
-    return rate == EVERY_FRAME or math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=ROUNDING)
+    if rate == EVERY_FRAME:
+        return True
+    if rate * MOST_FRAMES < frame_rate:
+        return False
+    return math.isclose(frames_between(frame_rate, rate) * rate, frame_rate, rel_tol=ROUNDING)
 
 
 def fault(called: str, rate: float, frame_rate: float) -> str | None:

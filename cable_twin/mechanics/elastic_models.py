@@ -262,16 +262,8 @@ def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
     return continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
-@kernel
-def mean_tension(cable, state, element):
-    """Tension (N) of an element, see `tension_of`."""
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
-    return tension_of(cable, d, a, b, d_dot, a_dot, b_dot)
-
-
 @inlined_kernel
-def tension_of(cable, d, a, b, d_dot, a_dot, b_dot):
+def mean_tension(cable, d, a, b, d_dot, a_dot, b_dot):
     """Mean of EA (ε + τ ε_dot) in N over an element, from its chord and slopes (dim,) in m and their rates in m/s.
 
     Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain

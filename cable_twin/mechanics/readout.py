@@ -11,7 +11,7 @@ from cable_twin.mechanics.cable_element import end_forces
 from cable_twin.mechanics.carriage import pivot
 from cable_twin.mechanics.compilation import kernel
 from cable_twin.mechanics.counterweight import counterweight_energies, counterweight_motion
-from cable_twin.mechanics.elastic_models import elastic_energy, tension_of
+from cable_twin.mechanics.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.haul_rope import haul_energies, rope_force
 from cable_twin.mechanics.lanes import WIDTH, gather, spread
 from cable_twin.mechanics.memory import copy_array, flat
@@ -161,7 +161,7 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(state.nodal_velocities, group * WIDTH, like)
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        spread((tension_of(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
+        spread((mean_tension(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
     mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:
