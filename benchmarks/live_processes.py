@@ -120,7 +120,7 @@ class Twin:
         self._limits = {name: drive.limits.speed or 1.0 for name, drive in driven.items()}
         self._joint_state = JointState
         self._random = np.random.default_rng(4)
-        self._next_speeds = 0.0
+        self._next_speeds = self._next_command = 0.0
         self._speeds: list[float] = []
         self.commands_sent = 0
         self.reports: list[dict[str, str]] = []
@@ -162,7 +162,8 @@ class Twin:
                 )
             if time.monotonic() > deadline:
                 raise BenchmarkError(f"no report on /diagnostics within {timeout:g} s:\n{self._log.read_text()}")
-            if self.reports:  # else it is still on its way
+            if self.reports and time.monotonic() >= self._next_command:  # else it is still on its way
+                self._next_command = time.monotonic() + COMMAND_PERIOD
                 self._command()
             self._executor.spin_once(timeout_sec=COMMAND_PERIOD)
         return self.reports[-1]
