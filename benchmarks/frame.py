@@ -22,7 +22,7 @@ from rich.progress import Progress
 from benchmarks.frame_stages import stages_table
 from benchmarks.measure import ROOT, BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
-from cable_twin.mechanics.compilation import MECHANICS, cache_directory
+from cable_twin.mechanics.language.compilation import MECHANICS, cache_directory
 
 YARDSTICK = "757d35a"  # commit whose solver is the unit
 PIECE, QUICK_PIECE = 30.0, 0.5  # s of simulated time in a turn

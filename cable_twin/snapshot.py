@@ -13,7 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from cable_twin.mechanics.readout import Columns
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
     BodyState,
     CableSamples,

@@ -38,7 +38,7 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cable_twin.outlines import body_outlines
+from cable_twin.geometry.outlines import body_outlines
 from cable_twin.records import BodyState, FloatArray
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError

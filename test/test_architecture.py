@@ -22,9 +22,7 @@ BELOW_RECORDING = (
     "records",
     "simulation",
     "snapshot",
-    "snapshot_file",
-    "first_compilation",
-    "outlines",
+    "geometry",
     "mechanics",
     "scenario",
 )
@@ -33,44 +31,31 @@ ALLOWED = {
     "rates": (),
     "records": (),
     "scenario": ("mechanics.parameters",),
-    "first_compilation": ("mechanics", "scenario"),
     "snapshot": ("mechanics.readout", "records", "scenario"),
-    "outlines": ("scenario",),
-    "clearance": ("mechanics.ground", "mechanics.parameters", "outlines", "records", "scenario"),
-    "command_checks": ("mechanics", "records", "scenario"),
-    "snapshot_file": ("mechanics.state", "records", "scenario"),
-    "driving": ("mechanics",),
-    "observer": ("mechanics", "records", "scenario", "snapshot"),
-    "simulation": (
-        "clearance",
-        "command_checks",
-        "driving",
-        "first_compilation",
-        "mechanics",
-        "observer",
-        "records",
-        "snapshot",
-        "snapshot_file",
-        "scenario",
-    ),
+    "geometry": ("mechanics.parameters", "mechanics.readout", "records", "scenario"),
+    "simulation": ("geometry", "mechanics", "records", "scenario", "snapshot"),
     "messages": ("rates", "records", "snapshot"),
     "command_messages": ("messages", "records"),
     "figure_messages": ("key_figures", "messages"),
-    "key_figures": ("clearance", "mechanics", "records", "scenario", "snapshot"),
+    "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
-    "recording": (
-        "messages",
-        "command_messages",
-        "outlines",
-        "records",
-        "simulation",
-        "scenario",
-        "snapshot",
-        "snapshot_file",
-    ),
+    "recording": ("messages", "command_messages", "geometry", "records", "simulation", "scenario", "snapshot"),
     "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "figure_messages", "command_line", "command_checks", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
 }
+
+# the same between the folders of the mechanics, and the two modules beside them
+WITHIN_MECHANICS = {
+    "language": (),
+    "parameters": ("language",),
+    "state": ("language", "parameters"),
+    "rope": ("language", "parameters"),
+    "on_rope": ("language", "parameters", "state", "rope"),
+    "drives": ("language", "parameters", "rope", "on_rope"),
+    "readout": ("language", "parameters", "rope", "on_rope", "drives"),
+    "solution": ("language", "parameters", "state", "rope", "on_rope", "drives", "readout"),
+}
+MOST_ARROWS = 25
 
 
 def modules() -> dict[str, Path]:
@@ -114,6 +99,23 @@ def test_imports_point_down(name):
         if not any(is_within(module, allowed) for allowed in (part, *ALLOWED[part]))
     }
     assert not wrong
+
+
+def test_mechanics_is_a_house_with_floors():
+    """Arrows between the folders of the mechanics are few, and all point down: each part is below those that use it."""
+    arrows = set()
+    for name, path in modules().items():
+        if is_within(name, "mechanics") and name != "mechanics":
+            source = name.split(".")[1]
+            targets = {module.split(".")[1] for module in imports(name, path) if is_within(module, "mechanics")}
+            arrows |= {(source, target) for target in targets - {source}}
+    wrong = {arrow for arrow in arrows if arrow[1] not in WITHIN_MECHANICS[arrow[0]]}
+    assert not wrong
+    assert len(arrows) <= MOST_ARROWS
+    seen: list[str] = []
+    for part, below in WITHIN_MECHANICS.items():
+        assert set(below) <= set(seen), f"{part} stands beside or below what it uses"
+        seen.append(part)
 
 
 def test_kernels_call_what_their_cache_knows():

@@ -13,9 +13,9 @@ ROOT = Path(cable_twin.__file__).resolve().parents[1]
 # callers are compiled anew, as one from the cache would ask for nothing; in a process where no other test has been
 CODE = """
 import numba
-from cable_twin.first_compilation import begin_with
-from cable_twin.mechanics.equations_of_motion import assemble
-from cable_twin.mechanics.generalized_alpha import drive_force, limited_step
+from cable_twin.simulation.first_compilation import begin_with
+from cable_twin.mechanics.solution.equations_of_motion import assemble
+from cable_twin.mechanics.solution.generalized_alpha import drive_force, limited_step
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
@@ -55,7 +55,7 @@ def test_kernels_compiled_ahead_are_those_that_are_called():
 def test_the_second_process_ends_well():
     """It would fail in silence, and the first start would take longer."""
     result = subprocess.run(
-        [sys.executable, "-m", "cable_twin.first_compilation", "generalized_alpha"],
+        [sys.executable, "-m", "cable_twin.simulation.first_compilation", "generalized_alpha"],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
@@ -66,7 +66,7 @@ def test_the_second_process_ends_well():
 
 
 def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
-    code = "from cable_twin.mechanics.compilation import keeps_kernels; print(keeps_kernels())"
+    code = "from cable_twin.mechanics.language.compilation import keeps_kernels; print(keeps_kernels())"
     result = subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": os.devnull},

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_simulation import numbers, same
 
-from cable_twin.outlines import body_outline
+from cable_twin.geometry.outlines import body_outline
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation

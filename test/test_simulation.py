@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from twin_process import COMPILING, environment
 
-from cable_twin.mechanics.compilation import Kernel
+from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SolverError

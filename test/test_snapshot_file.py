@@ -16,8 +16,8 @@ from twin_process import write_quick_scenario
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SnapshotError
+from cable_twin.simulation.snapshot_file import FORMAT_VERSION, package_version
 from cable_twin.snapshot import Snapshot
-from cable_twin.snapshot_file import FORMAT_VERSION, package_version
 from verification import JIT
 from verification.supports import tramway
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.catenary import rest_over_supports
+from cable_twin.mechanics.solution.catenary import rest_over_supports
 from cable_twin.scenario import ScenarioError, build_system, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 from verification import JIT

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.generalized_alpha import coefficients
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.shape_functions import MASS
+from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.solution.generalized_alpha import coefficients
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import GRAVITY, beam, observed_order, seed, start_moving

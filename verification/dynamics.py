@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.runge_kutta import stable_step
+from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from verification import Result, case

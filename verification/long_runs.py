@@ -18,14 +18,16 @@ from pathlib import Path
 import numpy as np
 from rich.progress import Progress
 
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.haul_rope import rope_damping, rope_length
+from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load
+from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.sliding_joint import friction_force, joint_place
+from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.shape_functions import shape_functions_x
-from cable_twin.mechanics.sliding_joint import friction_force, interpolate, joint_place, mobilise
+from cable_twin.mechanics.rope.point import interpolate
+from cable_twin.mechanics.rope.shape_functions import shape_functions_x
 from cable_twin.mechanics.state import State
-from cable_twin.mechanics.support import contact_frame, normal_force, slid
-from cable_twin.mechanics.vectors import add_scaled, dot, load
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot

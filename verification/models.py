@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.equations_of_motion import solve_accelerations
+from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import eig
 
-from cable_twin.mechanics.cable_element import add_cable
-from cable_twin.mechanics.equations_of_motion import assemble
-from cable_twin.mechanics.equilibrium import catenary, relax
 from cable_twin.mechanics.parameters import Cable, FloatArray
-from cable_twin.mechanics.readout import end_force
+from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.solution.equations_of_motion import assemble
+from cable_twin.mechanics.solution.equilibrium import catenary, relax
 from cable_twin.mechanics.state import clone_state
 from cable_twin.simulation import Simulation
 from verification import Result, case

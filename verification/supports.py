@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from cable_twin.mechanics.equilibrium import relax
-from cable_twin.mechanics.readout import end_force
+from cable_twin.mechanics.on_rope.tower import settle_supports
+from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.state import clone_state
-from cable_twin.mechanics.support import settle_supports
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case

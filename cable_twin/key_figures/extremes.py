@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.mechanics.by_reference import by_reference
-from cable_twin.mechanics.compilation import inlined_kernel
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel
 from cable_twin.mechanics.parameters import FloatArray
 
 

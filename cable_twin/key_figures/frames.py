@@ -6,10 +6,10 @@ from math import isnan, nan, sqrt
 from typing import NamedTuple
 
 from cable_twin.key_figures.extremes import Extremes, take
-from cable_twin.mechanics.by_reference import by_reference
-from cable_twin.mechanics.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.ground import Ground, look_at_ground
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
 

@@ -14,7 +14,7 @@ from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
 from cable_twin.key_figures.frames import DriveExtremes, take_frame
 from cable_twin.key_figures.stops import Stops
-from cable_twin.mechanics.by_reference import pack
+from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Limits

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.by_reference import by_reference
+from cable_twin.mechanics.language.by_reference import by_reference
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

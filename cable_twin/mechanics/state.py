@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.by_reference import by_reference
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.lanes import WIDTH
-from cable_twin.mechanics.memory import copy_array
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.lanes import WIDTH
+from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.parameters import FREE, HAULED, SPEED, FloatArray, System
 
 

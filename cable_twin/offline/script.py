@@ -12,10 +12,10 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cable_twin.command_checks import check_room
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError, CommandKind
 from cable_twin.simulation import Simulation
+from cable_twin.simulation.command_checks import check_room
 
 # What a script may say. A kind of command that gives a named thing a number is one more line in VALUES; one that needs
 # no number is one more word in EVENTS.

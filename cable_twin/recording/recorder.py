@@ -27,8 +27,8 @@ from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, nanoseconds
 from cable_twin.recording.mcap_log import McapLog
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
 from cable_twin.records import AppliedCommand
+from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
-from cable_twin.snapshot_file import FullState
 
 SLEEP = 0.05  # s between looks into the queue
 TURN = 16  # frames that are written, in about half a millisecond, before others get the interpreter for sure

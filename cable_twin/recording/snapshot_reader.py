@@ -39,8 +39,8 @@ from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import ENDS, Layout, Snapshot
-from cable_twin.snapshot_file import FullState, SnapshotError, read_full_state
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 POSE = 7  # numbers: place and quaternion

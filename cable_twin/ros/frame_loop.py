@@ -21,8 +21,8 @@ from cable_twin.records import AppliedCommand, Command, CommandError
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
+from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
-from cable_twin.snapshot_file import FullState
 
 IDLE = 0.005  # s between two looks at the queue while paused
 STEP, CAPTURE = "step", "capture"  # requests that are no commands

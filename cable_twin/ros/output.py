@@ -22,8 +22,8 @@ from cable_twin.records import AppliedCommand
 from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.simulation import Simulation
+from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
-from cable_twin.snapshot_file import FullState
 
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
 Publish = Callable[[bytes], None]

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.snapshot_file import SUFFIX, FullState
+from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s
 WRITING_TIMEOUT = 0.2  # s that an answer waits for the disk, and commands with it

@@ -6,10 +6,10 @@ from systems import disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, rows
 from test_haul_rope import check_newton_step
 
-from cable_twin.mechanics.air import POINTS, drag_bodies, drag_rope
+from cable_twin.mechanics.on_rope.air import POINTS, drag_bodies, drag_rope
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
-from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
-from cable_twin.mechanics.sliding_joint import place_joint
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
 
 ROPE_DRAG = 2.5  # kg/m^2
 WIND = np.array([4.0, -1.5])

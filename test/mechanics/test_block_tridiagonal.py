@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from systems import dense_matrix
 
-from cable_twin.mechanics.block_tridiagonal import solve_block_tridiagonal
+from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
 LIKE = {2: (0.0, 0.0), 3: (0.0, 0.0, 0.0)}
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.by_reference import REMEMBERED, by_reference, pack
-from cable_twin.mechanics.compilation import as_python, kernel
+from cable_twin.mechanics.language.by_reference import REMEMBERED, by_reference, pack
+from cable_twin.mechanics.language.compilation import as_python, kernel
 
 
 @by_reference

@@ -14,9 +14,9 @@ import cable_twin
 ROOT = Path(cable_twin.__file__).resolve().parents[1]
 CODE = """
 from numba.core import event
-from cable_twin.mechanics.generalized_alpha import coefficients
-from cable_twin.mechanics.shape_functions import shape_functions
-from cable_twin.mechanics.compilation import kernel
+from cable_twin.mechanics.solution.generalized_alpha import coefficients
+from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.language.compilation import kernel
 
 @kernel
 def inner(x):
@@ -65,7 +65,7 @@ def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_m
     folder = tmp_path / "figures"
     folder.mkdir()
     (folder / "program.py").write_text(
-        "from cable_twin.mechanics.compilation import MECHANICS, cache_directory, kernel\n"
+        "from cable_twin.mechanics.language.compilation import MECHANICS, cache_directory, kernel\n"
         "from constants import FACTOR\n\n"
         "@kernel\ndef scaled(x):\n    return FACTOR * x\n\n"
         "print(scaled(2.0), cache_directory(MECHANICS))\n"

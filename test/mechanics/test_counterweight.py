@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from systems import dense_blocks, difference, disturbed_state, make_system
 
-from cable_twin.mechanics.counterweight import add_counterweights, buffer_force, counterweight_energies
+from cable_twin.mechanics.on_rope.counterweight import add_counterweights, buffer_force, counterweight_energies
 from cable_twin.mechanics.state import clone_state
 
 DIRECTION = np.array([0.6, 0.8])

@@ -3,7 +3,7 @@ from math import inf, sqrt
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.drive import advance_reference, braking_speed
+from cable_twin.mechanics.drives.reference import advance_reference, braking_speed
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import build_system, load_scenario

@@ -7,20 +7,20 @@ its own tests. Their derivatives are differences of fourth order.
 import numpy as np
 import pytest
 from systems import difference, disturbed_state, make_system, second_difference
-from test_carriage import chain_residual, gaps
+from test_chain import chain_residual, gaps
 
-from cable_twin.mechanics.cable_element import add_cable
-from cable_twin.mechanics.equations_of_motion import (
+from cable_twin.mechanics.on_rope.sliding_joint import friction_force, place_joint, stop_force
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
+from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.flow import add_flow
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.solution.equations_of_motion import (
     assemble,
     measure_gap_accelerations,
     measure_gaps,
     solve,
     solve_accelerations,
 )
-from cable_twin.mechanics.moving_cable import add_flow
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
-from cable_twin.mechanics.shape_functions import shape_functions, shape_functions_x
-from cable_twin.mechanics.sliding_joint import friction_force, place_joint, stop_force
 from cable_twin.mechanics.state import clone_state
 
 ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from cable_twin.mechanics import equilibrium
-from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve_accelerations
-from cable_twin.mechanics.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
-from cable_twin.mechanics.generalized_alpha import Outcome, advance
 from cable_twin.mechanics.parameters import SPEED
-from cable_twin.mechanics.readout import end_force
-from cable_twin.mechanics.sliding_joint import position_on_cable
+from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.rope.point import position_on_cable
+from cable_twin.mechanics.solution import equilibrium
+from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve_accelerations
+from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
+from cable_twin.mechanics.solution.generalized_alpha import Outcome, advance
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError

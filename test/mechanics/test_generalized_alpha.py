@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.generalized_alpha import Outcome, advance, coefficients, correct, largest_increment, predict
+from cable_twin.mechanics.solution.generalized_alpha import (
+    Outcome,
+    advance,
+    coefficients,
+    correct,
+    largest_increment,
+    predict,
+)
 from cable_twin.mechanics.state import clone_state
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

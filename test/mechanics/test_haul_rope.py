@@ -5,10 +5,10 @@ import pytest
 from systems import difference, disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split
 
-from cable_twin.mechanics.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.haul_rope import hang_in_rope, haul_energies, rope_force, sheave_force
+from cable_twin.mechanics.drives.haul_rope import hang_in_rope, haul_energies, rope_force, sheave_force
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
-from cable_twin.mechanics.sliding_joint import place_joint
+from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 

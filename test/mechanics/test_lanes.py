@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system
 
-from cable_twin.mechanics import cable_element, elastic_models
-from cable_twin.mechanics.compilation import kernel
-from cable_twin.mechanics.lanes import WIDTH, gather, spread, square_root
-from cable_twin.mechanics.memory import clear_array, combine_arrays, copy_array, flat
-from cable_twin.mechanics.vectors import dot, scale
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.lanes import WIDTH, gather, spread, square_root
+from cable_twin.mechanics.language.memory import clear_array, combine_arrays, copy_array, flat
+from cable_twin.mechanics.language.vectors import dot, scale
+from cable_twin.mechanics.rope import elastic_models
+from cable_twin.mechanics.rope import element as cable_element
 
 RNG = np.random.default_rng(7)
 

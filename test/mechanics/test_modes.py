@@ -6,10 +6,10 @@ from scipy.linalg import eigh
 from systems import difference
 from test_equilibrium import loaded_span, prepare
 
-from cable_twin.mechanics import modes
-from cable_twin.mechanics.equations_of_motion import solve_accelerations
-from cable_twin.mechanics.equilibrium import settle
-from cable_twin.mechanics.modes import natural_modes
+from cable_twin.mechanics.solution import modes
+from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
+from cable_twin.mechanics.solution.equilibrium import settle
+from cable_twin.mechanics.solution.modes import natural_modes
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.statics import CANTILEVER, LEVEL_SPAN

@@ -3,7 +3,7 @@ import warnings
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.runge_kutta import stable_step
+from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from verification import JIT

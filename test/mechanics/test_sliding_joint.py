@@ -6,19 +6,18 @@ import numpy as np
 import pytest
 from systems import difference, disturbed_state, make_system, second_difference
 
-from cable_twin.mechanics.sliding_joint import (
+from cable_twin.mechanics.on_rope.sliding_joint import (
     deflection,
     driven_force,
     friction_force,
     joint_position,
     joint_velocity,
-    locate,
     place_joint,
-    position_on_cable,
     settle_friction,
     stop_force,
     velocity_acceleration,
 )
+from cable_twin.mechanics.rope.point import locate, position_on_cable
 
 ROUGH = {"rolling_friction": np.array([0.3]), "viscous_friction": np.array([5.0])}
 

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from cable_twin.mechanics import vectors as v
+from cable_twin.mechanics.language import vectors as v
 
 
 def everything(c, d, a, b, m, n, s, row):

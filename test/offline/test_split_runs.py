@@ -28,7 +28,7 @@ from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import UNSPLIT, Splitting
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot_file import read_full_state
+from cable_twin.simulation.snapshot_file import read_full_state
 
 RERUN = Path(sys.executable).with_name("rerun")
 DURATION = 7.5  # s

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 from hand_made_snapshot import body_in_plane, snapshot_of
 
-from cable_twin.outlines import outline_from_pivots
+from cable_twin.geometry.outlines import outline_from_pivots
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
 

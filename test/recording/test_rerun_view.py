@@ -19,7 +19,7 @@ from drawn_run import FRAMES, HORIZONTAL, OUTLINES, RATE, SPAN, draw, rope_heigh
 from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
-from cable_twin.outlines import outline_from_pivots  # noqa: E402
+from cable_twin.geometry.outlines import outline_from_pivots  # noqa: E402
 from cable_twin.recording.rerun_view import RerunView  # noqa: E402
 from cable_twin.recording.view_readout import describe_command  # noqa: E402
 from cable_twin.records import (  # noqa: E402

@@ -1,0 +1,42 @@
+"""Height of rope and vehicles above the ground of the scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import chain
+
+import numpy as np
+
+from cable_twin.geometry.outlines import body_outlines
+from cable_twin.mechanics.parameters import IntArray
+from cable_twin.mechanics.readout.ground import Ground
+from cable_twin.records import Clearance, FloatArray, Place
+from cable_twin.scenario import Scenario
+
+
+def ground_of(scenario: Scenario) -> Ground:
+    """Ground and outlines of a scenario, as `look_at_ground` takes them; without terrain there are no points of it."""
+    outlines = [list(bodies.values()) for bodies in body_outlines(scenario).values()]
+    lines = list(chain.from_iterable(outlines))
+    return Ground(
+        terrain=np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2),
+        first_body=_firsts(map(len, outlines)),
+        first_corner=_firsts(map(len, lines)),
+        corners=np.concatenate([np.empty((0, 2)), *lines]),
+        line=np.zeros((max(map(len, lines), default=0), 3)),
+        lowest=np.full((1 + len(outlines), 3), np.nan),
+    )
+
+
+def _firsts(counts: Iterable[int]) -> IntArray:
+    """Number of the first thing of each group, and one after the last."""
+    return np.cumsum([0, *counts], dtype=np.int64)
+
+
+def clearance_seen(ground: Ground, names: Iterable[str], attached: FloatArray) -> Clearance:
+    """What `look_at_ground` has found, by name of the vehicles (vehicles,) that are attached."""
+    rope, *vehicles = (Place(*row) for row in ground.lowest.tolist())
+    return Clearance(rope, {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on})
+
+
+__all__ = ["clearance_seen", "ground_of"]

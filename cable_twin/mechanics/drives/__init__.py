@@ -1,0 +1,1 @@
+"""What moves vehicles and ropes: references, haul ropes, ropes that move along themselves."""

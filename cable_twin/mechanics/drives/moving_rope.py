@@ -1,0 +1,136 @@
+"""A cable that moves along itself on a mesh that stands still, and what is clamped to it.
+
+The description is arbitrary Lagrangian-Eulerian: the arc length of the mesh stays between the held ends, and the cable
+goes by at v (m/s of unstrained length, the same everywhere). A point of the cable has the velocity r_t + v r_x and the
+acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x. What is clamped to it is a driven joint at s = s_0 + ∫ v dt on a loop
+of which the mesh is the first part. Beyond the mesh it hangs at rest in the nearer station and takes no part.
+"""
+
+from __future__ import annotations
+
+from math import floor, inf
+
+from cable_twin.mechanics.drives.reference import ramp
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load
+from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.sliding_joint import joint_place, joint_velocity, place_joint, velocity_acceleration
+from cable_twin.mechanics.on_rope.tower import contact_force
+from cable_twin.mechanics.rope.flow import flow_integrals
+from cable_twin.mechanics.rope.point import interpolate, locate, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import (
+    shape_functions,
+    shape_functions_x,
+)
+
+
+@kernel
+def haul_force(system, state):
+    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ λ·r_x - Σ F·r_x.
+
+    λ is of what is clamped, F of the contacts of towers on the cable: their friction, since they press across r_x.
+    The equation of motion of the cable that has gone by. Times v it is the power into the strand and all that hangs
+    on it, when what the cable itself carries out at one end it brings back at the other: round a closed loop.
+    """
+    cable = system.cable
+    speed, rate = state.rope[1], state.rope[2]
+    _, squared, by_acceleration, by_rate = flow_integrals(cable, state)
+    force = by_acceleration + rate * squared + 2.0 * speed * by_rate
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage] and state.attached[carriage]:
+            element, x = joint_place(cable, state, carriage)
+            shape = shape_functions_x(x, cable.element_length)
+            r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
+            force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
+    for contact in range(system.supports.stiffness.size):
+        element, x = locate(cable, state.support_arc_length[contact])
+        shape = shape_functions_x(x, cable.element_length)
+        r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
+        force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
+    return force
+
+
+@kernel
+def loop_coordinate(system, state, carriage):
+    """Place (m) from 0 to the length of the loop of what is clamped; on the mesh up to the length of the cable."""
+    length = system.moving_cable.loop_length
+    place = system.carriages.loop_place[carriage] + state.rope[0]
+    return place - length * floor(place / length)
+
+
+@kernel
+def move_rope(system, state, duration):
+    """Move the cable by `duration` (s) as its drive has it, and the references of all that is clamped to it.
+
+    What leaves the mesh by that is taken off. What comes onto it stays off until `attach_carriers`.
+    """
+    moving, cable = system.moving_cable, system.cable
+    limit, jerk = moving.acceleration_limit, moving.jerk_limit
+    if state.rope_braking[0]:
+        limit, jerk = moving.emergency_deceleration, inf
+    ramp(state.rope, state.rope_target[0], limit, jerk, duration)
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage]:
+            place = loop_coordinate(system, state, carriage)
+            moved = abs(place - state.sliding_coordinate[carriage])
+            if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:
+                state.reference[carriage, 0] = place
+                state.reference[carriage, 1], state.reference[carriage, 2] = state.rope[1], state.rope[2]
+            else:
+                park(system, state, carriage, place)
+
+
+@kernel
+def park(system, state, carriage, place):
+    """Take a carriage off the cable: it hangs at rest in the station that is nearer to its place (m) on the loop."""
+    cable = system.cable
+    beyond = place - cable.unstrained_length
+    station = (
+        cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
+    )
+    state.attached[carriage] = False
+    state.sliding_coordinate[carriage] = station
+    state.reference[carriage, 0], state.reference[carriage, 1], state.reference[carriage, 2] = station, 0.0, 0.0
+    state.sliding_acceleration[carriage] = 0.0
+    state.drive_force[carriage] = 0.0
+    place_joint(cable, state, carriage)
+    joint = position_on_cable(cable, state, station)
+    hang_chain(system.carriages, state, carriage, joint[0], joint[1])
+    move_chain(system.carriages, cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
+
+
+@kernel
+def attach_carriers(system, state):
+    """Put what has come onto the mesh on the cable: hanging from its joint, upright, and moving as that does.
+
+    Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
+    other carriage feels more of it than the wave that a load makes that rolls onto a rope.
+    """
+    cable = system.cable
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage] and not state.attached[carriage]:
+            place = loop_coordinate(system, state, carriage)
+            if place <= cable.unstrained_length:
+                attach(system, state, carriage, place)
+
+
+@kernel
+def attach(system, state, carriage, place):
+    """Put one carriage on the cable at the arc length `place` (m)."""
+    cable = system.cable
+    speed, rate = state.rope[1], state.rope[2]
+    state.attached[carriage] = True
+    state.sliding_coordinate[carriage] = place
+    state.sliding_velocity[carriage] = speed
+    state.sliding_acceleration[carriage] = rate
+    state.reference[carriage, 0], state.reference[carriage, 1], state.reference[carriage, 2] = place, speed, rate
+    state.friction_origin[carriage], state.friction_deflection[carriage] = place, 0.0
+    place_joint(cable, state, carriage)
+    element, x = joint_place(cable, state, carriage)
+    joint = position_on_cable(cable, state, place)
+    velocity = joint_velocity(cable, state, carriage)
+    r_tt = interpolate(state.nodal_accelerations, element, shape_functions(x, cable.element_length), cable.gravity)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
+    hang_chain(system.carriages, state, carriage, joint[0], joint[1])
+    move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

@@ -1,0 +1,109 @@
+"""Drives and brakes: references that obey the limits and stay between the end stops, and what force there is for it.
+
+A brake on the drive is a deceleration with a limited force: the reference is to rest within the step, and what that
+takes beyond the force of the brake is not given (`generalized_alpha.limited_step`). At rest the brake holds up to it.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.parameters import EMERGENCY, HAULED, SERVICE, SPEED
+
+
+@kernel
+def braking_speed(distance, speed, deceleration, duration):
+    """Highest speed (m/s) after `duration` (s) from which a constant deceleration still stops within `distance` (m)."""
+    half = 0.5 * duration
+    room = half * half + 2.0 * (distance - half * speed) / deceleration
+    return deceleration * (sqrt(room) - half) if room > half * half else 0.0
+
+
+@kernel
+def follows_reference(drive_mode, sheave_mode, carriage):
+    """Whether a joint, or the sheave of its haul rope, goes as the reference does; modes are those of the state."""
+    mode = drive_mode[carriage]
+    return mode == SPEED or (mode == HAULED and sheave_mode[carriage] == SPEED)
+
+
+@kernel
+def force_limit(carriages, state, carriage, speed):
+    """Greatest force (N) of a drive, or of the brakes on it in an emergency stop, at a speed (m/s)."""
+    if carriages.fixed[carriage]:
+        return inf
+    if state.drive_braking[carriage]:
+        if carriages.drive_stops[carriage]:
+            return inf
+        return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
+    by_power = carriages.power_limit[carriage] / abs(speed) if speed != 0.0 else inf
+    return min(carriages.force_limit[carriage], by_power)
+
+
+@kernel
+def advance_reference(carriages, cable, state, carriage, duration):
+    """Move the reference (position, speed, acceleration) of a driven joint by `duration` (s).
+
+    It goes to its target speed as `ramp` has it, as fast as the limits of acceleration and deceleration allow, and
+    brakes in time for the ends of the track. A reversal pauses for the rest of the step in which it comes to rest where
+    the two limits differ.
+    """
+    reference = state.reference[carriage]
+    position, speed = reference[0], reference[1]
+    limit, slowing = carriages.acceleration_limit[carriage], carriages.deceleration_limit[carriage]
+    jerk = carriages.jerk_limit[carriage]
+    target = state.drive_target[carriage]
+    if state.drive_braking[carriage]:
+        if not carriages.drive_stops[carriage]:
+            # brakes: at rest by the end of the step, unless that takes more than they can
+            reference[0], reference[1], reference[2] = position + 0.5 * speed * duration, 0.0, -speed / duration
+            return
+        slowing, jerk = carriages.emergency_deceleration[carriage], inf
+        limit = slowing
+
+    stroke = carriages.stop_stroke[carriage]
+    ahead = cable.unstrained_length - stroke - position
+    behind = position - stroke
+    capped = min(target, braking_speed(ahead, speed, slowing, duration))
+    capped = max(capped, -braking_speed(behind, -speed, slowing, duration))
+    if capped != target:
+        target, jerk = capped, inf  # the end of the track outranks comfort
+    if slowing != limit and (target - speed) * speed < 0.0:
+        limit = slowing
+        if target * speed < 0.0:
+            target = 0.0
+    ramp(reference, target, limit, jerk, duration)
+
+
+@kernel
+def ramp(reference, target, limit, jerk, duration):
+    """Move a reference (3,), in m, m/s and m/s², by `duration` (s) towards the speed `target` (m/s).
+
+    The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
+    is not inf; without one the position is the exact integral of the trapezoid.
+    """
+    position, speed, acceleration = reference[0], reference[1], reference[2]
+    gap = target - speed
+    direction = 1.0 if gap >= 0.0 else -1.0
+    if jerk == inf:
+        wanted = direction * limit
+    else:
+        # the acceleration from which the jerk limit still lands on the target without passing it
+        half = 0.5 * jerk * duration
+        landing = sqrt(half * half + 2.0 * jerk * abs(gap)) - half
+        size = min(limit, landing, abs(gap) / duration)
+        wanted = direction * size
+        wanted = min(max(wanted, acceleration - jerk * duration), acceleration + jerk * duration)
+    reached = abs(wanted) * duration >= abs(gap) and wanted * direction >= 0.0
+    if jerk == inf and reached:
+        ramping = abs(gap) / limit if limit > 0.0 else 0.0
+        position += 0.5 * (speed + target) * ramping + target * (duration - ramping)
+        reference[2] = 0.0 if ramping < duration else direction * limit
+        speed = target
+    else:
+        after = speed + wanted * duration
+        position += 0.5 * (speed + after) * duration
+        reference[2] = wanted
+        speed = target if reached else after
+    reference[0], reference[1] = position, speed

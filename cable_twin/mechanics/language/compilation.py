@@ -1,0 +1,153 @@
+"""How every kernel is compiled: once, without the interpreter lock, and kept on disk.
+
+No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
+so that a fresh compilation, a cached one and another process agree to the last bit.
+
+No memory management either (`_nrt`): a kernel works in the arrays that it is given, and one that would allocate does
+not compile. Counting references to those arrays took three quarters of a step.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import hashlib
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+
+from cable_twin.mechanics.language.by_reference import pack
+
+FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
+MECHANICS = Path(__file__).parents[1]
+ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
+
+
+@functools.cache
+def cache_directory(folder: Path) -> Path | None:
+    """Where compiled kernels of a folder are kept: one directory for each version of all that they may call.
+
+    That is the mechanics and their own folder, which `test_architecture` sees to; numba itself asks only whether the
+    file of a kernel has changed, not those of the kernels that it calls. None, and a line that says so, where they
+    cannot be kept: numba would take another place, in which it finds old ones.
+    """
+    if folder.is_relative_to(MECHANICS):
+        folder = MECHANICS
+    fingerprint = hashlib.sha256()
+    for sources in dict.fromkeys((MECHANICS, folder)):
+        for source in sorted(sources.rglob("*.py")):
+            fingerprint.update(source.read_bytes())
+    name = f"kernels-{fingerprint.hexdigest()[:12]}"
+    if folder != MECHANICS:
+        beside = cache_directory(MECHANICS)
+        return None if beside is None else beside.parent / name
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    directory = Path(base) / "cable_twin" / name
+    try:
+        directory = directory.expanduser()
+        filled = directory.is_dir()
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            room = shutil.disk_usage(directory).free
+        if room < ROOM and not filled:
+            raise OSError(errno.ENOSPC, f"{room / 2**20:.0f} MB are free, {ROOM / 2**20:.0f} MB are needed")
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        reason = getattr(error, "strerror", None) or error
+        logging.getLogger("cable_twin").warning(
+            "%s: %s: compiled kernels cannot be kept, every start compiles them; NUMBA_CACHE_DIR names another place",
+            directory,
+            reason,
+        )
+        return None
+    return directory
+
+
+_OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "_nrt": False,
+}
+
+
+class Kernel:
+    """A function that is compiled twice, as needed: to be called from Python, and to be called from other kernels.
+
+    What turns Python objects into the dozens of arrays of a state and back is larger than most kernels; one that only
+    others call is compiled without it, which takes a quarter off a cold start.
+    """
+
+    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+        """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self.targetoptions = options  # where numba looks whether to inline it
+        self._from_python = _jit(function, FROM_PYTHON, options)
+        inner = {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self._from_kernels = _jit(function, FROM_KERNELS, inner)
+        self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it, compiled on the first call for these types or loaded from the cache."""
+        return self._from_python(*map(pack, arguments))
+
+
+def _jit(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
+    config: Any = numba.config
+    before, directory = config.CACHE_DIR, _directory_of(function)
+    config.CACHE_DIR = f"{directory}/{kind}"  # read by numba while it decorates, and only then
+    try:
+        return numba.njit(cache=directory is not None, **_OPTIONS, **options)(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+def _directory_of(function: Callable[..., Any]) -> Path | None:
+    return cache_directory(Path(function.__code__.co_filename).parent)
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile `function` on its first call, or load it from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function)
+
+
+def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`kernel` whose compiled code becomes part of its callers: for what is called in every iteration."""
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
+
+
+def kernel_part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`kernel` that is compiled with its caller, not before it: for a large one with a single caller.
+
+    Otherwise all that it calls would be optimised twice, which is most of the time of a cold start.
+    """
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function, inline="always")
+
+
+def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function`, a kernel that calls no other, uncompiled: for a few numbers now and then while the twin runs."""
+    return function.py_func if isinstance(function, Kernel) else function
+
+
+def keeps_kernels() -> bool:
+    """Whether what is compiled is there for other processes."""
+    return cache_directory(MECHANICS) is not None
+
+
+def is_compiled(function: Callable[..., Any]) -> bool:
+    """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
+    if not isinstance(function, Kernel):
+        return True
+    directory = _directory_of(function.py_func)
+    if directory is None:
+        return False  # no process has it but this one
+    name = f"{function.__module__.rpartition('.')[2]}.{function.py_func.__qualname__}-"
+    return any((directory / FROM_PYTHON).glob(f"**/{name}*.nbc"))

@@ -1,0 +1,15 @@
+"""Brakes of a vehicle: how hard each can grip by now."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import kernel
+
+
+@kernel
+def brake_force(carriages, state, carriage, brake):
+    """Force (N) that one brake (SERVICE, EMERGENCY, TRACK_ROPE) can exert now: it rises evenly once applied."""
+    full = carriages.brake_force[carriage, brake]
+    if full == 0.0 or not state.drive_braking[carriage]:
+        return 0.0
+    rise, elapsed = carriages.brake_rise_time[carriage, brake], state.braking_time[carriage]
+    return full if elapsed >= rise else full * elapsed / rise

@@ -1,0 +1,64 @@
+"""Counterweight: an end of the cable that a constant force pulls along a line, with the inertia of the weight."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import accumulate, dot, load, outer, scale, subtract
+
+
+@kernel
+def counterweight_motion(counterweights, cable, state, end):
+    """Travel (m), speed (m/s) and acceleration (m/s²) of the counterweight at `end`, in the direction of its pull."""
+    like = cable.gravity
+    node = 0 if end == 0 else cable.element_count
+    direction = load(counterweights.direction[end], like)
+    travel = dot(
+        subtract(load(state.nodal_coordinates[node, 0], like), load(cable.support_position[end], like)), direction
+    )
+    speed = dot(load(state.nodal_velocities[node, 0], like), direction)
+    return travel, speed, dot(load(state.nodal_accelerations[node, 0], like), direction)
+
+
+@kernel
+def buffer_force(counterweights, end, travel, speed):
+    """Force (N) of the buffers at the limits of the travel in its direction, and its derivatives by travel and speed.
+
+    A buffer of Hunt and Crossley as at the ends of the track, never pulling.
+    """
+    low, high = counterweights.travel[end, 0], counterweights.travel[end, 1]
+    sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
+    stiffness, damping = counterweights.stiffness[end], counterweights.damping[end]
+    hysteresis = 1.0 - sign * damping * speed
+    if not (depth > 0.0 and hysteresis > 0.0):
+        return 0.0, 0.0, 0.0
+    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
+
+
+@kernel
+def add_counterweights(counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Add force, inertia and buffers of the counterweights to the nodes at the ends of the cable."""
+    for end in range(2):
+        mass = counterweights.mass[end]
+        if mass > 0.0:
+            node = 0 if end == 0 else cable.element_count
+            direction = load(counterweights.direction[end], cable.gravity)
+            travel, speed, acceleration = counterweight_motion(counterweights, cable, state, end)
+            buffer, by_travel, by_speed = buffer_force(counterweights, end, travel, speed)
+            pull = counterweights.force[end] + buffer - mass * acceleration
+            accumulate(scale(pull, direction), work.right_side[node, 0])
+            stiff = mass_factor * mass - stiffness_factor * (by_travel + rate_factor * by_speed)
+            accumulate(outer(stiff, direction, direction), work.diagonal[node, 0, 0])
+
+
+@kernel
+def counterweight_energies(counterweights, cable, state, end):
+    """Kinetic energy, elastic energy of the buffers and potential of the constant force (J), zero at travel 0."""
+    if not counterweights.mass[end] > 0.0:
+        return 0.0, 0.0, 0.0
+    travel, speed, _ = counterweight_motion(counterweights, cable, state, end)
+    depth = max(counterweights.travel[end, 0] - travel, travel - counterweights.travel[end, 1], 0.0)
+    return (
+        0.5 * counterweights.mass[end] * speed * speed,
+        0.5 * counterweights.stiffness[end] * depth * depth,
+        -counterweights.force[end] * travel,
+    )

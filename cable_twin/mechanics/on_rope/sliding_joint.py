@@ -1,0 +1,222 @@
+"""The sliding joint between cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
+
+Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
+f_t is what acts on the carriage along the cable (the paper has f_t = 0). A driven joint has s given instead, and
+its drive force is what that takes.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
+from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
+from cable_twin.mechanics.rope.point import add_block, interpolate, locate
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+
+
+@kernel
+def place_joint(cable, state, carriage):
+    """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
+    state.sliding_element[carriage], _ = locate(cable, state.sliding_coordinate[carriage])
+
+
+@kernel
+def joint_place(cable, state, carriage):
+    """Element on which the joint is, and the paper's n in it (m)."""
+    element = state.sliding_element[carriage]
+    return element, state.sliding_coordinate[carriage] - element * cable.element_length
+
+
+@kernel
+def joint_position(cable, state, carriage):
+    """S(n) e (dim,) in m."""
+    element, x = joint_place(cable, state, carriage)
+    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+
+
+@kernel
+def joint_velocity(cable, state, carriage):
+    """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
+    element, x = joint_place(cable, state, carriage)
+    length = cable.element_length
+    moving = interpolate(state.nodal_velocities, element, shape_functions(x, length), cable.gravity)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), cable.gravity)
+    return add_scaled(state.sliding_velocity[carriage], r_x, moving)
+
+
+@kernel
+def local_stretch(cable, state, carriage):
+    """|r_x| (-) at the joint: way along the cable by arc length."""
+    element, x = joint_place(cable, state, carriage)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    return sqrt(dot(r_x, r_x))
+
+
+@kernel
+def velocity_acceleration(cable, state, carriage):
+    """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
+    element, x = joint_place(cable, state, carriage)
+    length = cable.element_length
+    s_dot = state.sliding_velocity[carriage]
+    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, length), cable.gravity)
+    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), cable.gravity)
+    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
+
+
+@kernel
+def stop_force(carriages, cable, carriage, s, s_dot):
+    """Force (N) of the end stops along the cable and its derivatives by s and ṡ.
+
+    A buffer of Hunt and Crossley: k d (1 + c ḋ) over the penetration d, never pulling.
+    """
+    stroke = carriages.stop_stroke[carriage]
+    sign, depth = 1.0, stroke - s
+    if s > 0.5 * cable.unstrained_length:
+        sign, depth = -1.0, s - (cable.unstrained_length - stroke)
+    stiffness, damping = carriages.stop_stiffness[carriage], carriages.stop_damping[carriage]
+    hysteresis = 1.0 - sign * damping * s_dot
+    if depth <= 0.0 or hysteresis <= 0.0:
+        return 0.0, 0.0, 0.0
+    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
+
+
+@kernel
+def deflection(carriages, state, carriage):
+    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
+    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
+
+
+@kernel
+def friction_force(carriages, state, carriage, normal):
+    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
+
+    A track-rope brake grips with its own force, and holds and slips by the same law.
+    """
+    z, z_by_s = deflection(carriages, state, carriage)
+    rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
+    grip = rolling * normal
+    if state.drive_braking[carriage]:
+        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
+    force = -grip * z - viscous * state.sliding_velocity[carriage]
+    return force, -grip * z_by_s, -viscous, -rolling * z
+
+
+@kernel
+def settle_friction(carriages, state, carriage):
+    """End a step: what is mobilised now is where the next one starts from."""
+    state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
+    state.friction_origin[carriage] = state.sliding_coordinate[carriage]
+
+
+@inlined_kernel
+def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
+    """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
+
+    Needs the chain condensed (`condense_chain`), and `sliding_increment` where the joint is driven.
+    """
+    cable, carriages = system.cable, system.carriages
+    like = cable.gravity
+    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    element, x = joint_place(cable, state, carriage)
+    shape = shape_functions(x, cable.element_length)
+    shape_x = shape_functions_x(x, cable.element_length)
+    r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
+    r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), like)
+    first = carriages.body_offset[carriage]
+    force = load(state.multipliers[first], like)
+    impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
+
+    norm = sqrt(dot(r_x, r_x))
+    tangential = dot(force, r_x) / norm
+    normal_force = add_scaled(-tangential / norm, r_x, force)
+    normal = sqrt(dot(normal_force, normal_force))
+    f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
+    f_friction, friction_by_s, friction_by_s_dot, friction_by_normal = friction_force(
+        carriages, state, carriage, normal
+    )
+
+    d_r_x = apply_impedance(impedance, r_x)
+    if state.drive_mode[carriage] == SPEED:
+        pivot, right = 1.0, work.sliding_increment[carriage]
+        d_along, across = scale(0.0, like), scale(0.0, like)
+    else:
+        given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
+        f_t = given + f_friction + f_stop
+        across = add_scaled(-f_t / norm, r_x, force)
+        by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
+        along = add_scaled(-norm * by_direction, normal_force, r_x)
+        across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
+        d_along = apply_impedance(impedance, along)
+        pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
+        pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
+        right = norm * f_t - dot(force, r_x) - dot(along, residual)
+        if state.drive_mode[carriage] == HAULED:
+            right += work.haul_force[carriage]
+            pivot -= work.haul_by_s[carriage]
+    work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
+
+    d = (impedance[0], impedance[1], impedance[2])
+    contact = add_scaled(1.0, force, residual)
+    diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
+    for i in range(4):
+        row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
+        store(row, rows[carriage, i])
+        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        pull = add_scaled(shape[i], contact, scale(right / pivot, column))
+        accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
+    for i in range(4):
+        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        for j in range(4):
+            condensed = outer(1.0 / pivot, column, load(rows[carriage, j], like))
+            tangent = minus(full(shape[i] * shape[j], d, 0.0), condensed)
+            add_block(tangent, element, i, j, diagonal, upper, lower)
+
+
+@kernel
+def driven_force(system, state, carriage):
+    """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
+    cable, carriages = system.cable, system.carriages
+    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    element, x = joint_place(cable, state, carriage)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
+    norm = sqrt(dot(r_x, r_x))
+    tangential = dot(force, r_x) / norm
+    normal_force = add_scaled(-tangential / norm, r_x, force)
+    normal = sqrt(dot(normal_force, normal_force))
+    f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
+    f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
+    return tangential - f_friction - f_stop
+
+
+@kernel
+def apply_impedance(impedance, displacement):
+    """Product D p (dim,) of the symmetric impedance (xx, xz, zz) and a displacement."""
+    return (
+        impedance[0] * displacement[0] + impedance[1] * displacement[1],
+        impedance[1] * displacement[0] + impedance[2] * displacement[1],
+    )
+
+
+@kernel
+def recover_joint(system, state, carriage, work):
+    """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
+    cable = system.cable
+    like = cable.gravity
+    element, x = joint_place(cable, state, carriage)
+    shape = shape_functions(x, cable.element_length)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), like)
+    moved = scale(0.0, like)
+    right = work.sliding_right[carriage]
+    for i in range(4):
+        increment = load(work.right_side[element + i // 2, i % 2], like)
+        moved = add_scaled(shape[i], increment, moved)
+        right -= dot(load(work.sliding_row[carriage, i], like), increment)
+    delta = right / work.sliding_pivot[carriage]
+    work.sliding_increment[carriage] = delta
+    return add_scaled(delta, r_x, moved)

@@ -1,0 +1,218 @@
+"""Towers: one-sided contact of the rope with sheaves and saddles, and friction along it.
+
+A contact is a fixed point p and the side on which the rope is. It acts on the point of the rope nearest to it,
+
+    φ(s) = (r(s) - p)·r_x(s) = 0,
+
+with the force N n + f t on the rope: n the normal of the rope there, t = r_x / |r_x|, N from the depth (p - r)·n, and
+f friction. s is not an unknown but a function of the shape: it is found anew in every iteration, and its derivative
+∂s/∂e = -(S r_x + S_x (r - p)) / (|r_x|² + (r - p)·r_xx) makes the tangent exact. With no friction the forces have a
+potential, and a rope that slides over keeps its tension. A saddle, or a train of sheaves, is several contacts on a
+circle: a sharper bend lifts off the outer ones.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    add_scaled,
+    block,
+    dot,
+    load,
+    minus,
+    outer,
+    scale,
+    subtract,
+)
+from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.rope.point import add_block, interpolate, locate, locate_on_mesh
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+
+MAX_MOVES = 30  # Newton iterations for the nearest point
+NEAR = 1e-6  # of an element's length: a last move below leaves its square
+
+
+@kernel
+def find_contact(cable, supports, state, contact):
+    """Bring the arc length of a contact to the nearest point of the rope."""
+    state.support_arc_length[contact] = nearest(
+        state.nodal_coordinates,
+        cable.element_length,
+        load(supports.position[contact], cable.gravity),
+        state.support_arc_length[contact],
+    )
+
+
+@kernel
+def nearest(coordinates, element_length, point, arc_length):
+    """Arc length (m) of the place of the rope nearest to `point` (dim,) in m, by Newton's method from `arc_length`.
+
+    Where the rope bends so sharply around the point that the distance is no minimum, which no rope at rest does, the
+    slope is kept positive.
+    """
+    count = coordinates.shape[0] - 1
+    s = arc_length
+    for _ in range(MAX_MOVES):
+        element, x = locate_on_mesh(count, element_length, s)
+        r = interpolate(coordinates, element, shape_functions(x, element_length), point)
+        r_x = interpolate(coordinates, element, shape_functions_x(x, element_length), point)
+        r_xx = interpolate(coordinates, element, shape_functions_xx(x, element_length), point)
+        apart = subtract(r, point)
+        squared = dot(r_x, r_x)
+        move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
+        move = min(max(move, -element_length), element_length)
+        before = s
+        s = min(max(s + move, 0.0), count * element_length)
+        if not abs(s - before) > NEAR * element_length:
+            break
+    return s
+
+
+@kernel
+def slid(state, contact):
+    """Way (m) of the rope over a contact since the start of the step, positive towards the start of the rope.
+
+    The mesh moves with the rope, less what has run through it.
+    """
+    return state.support_arc_length[contact] - state.rope[0] - state.support_origin[contact]
+
+
+@kernel
+def normal_force(supports, contact, depth, depth_rate):
+    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m).
+
+    A contact of Hunt and Crossley, never pulling, whose stiffness sets in over the toe.
+    """
+    stiffness, toe, damping = supports.stiffness[contact], supports.toe[contact], supports.damping[contact]
+    hysteresis = 1.0 + damping * depth_rate
+    if not (depth > 0.0 and hysteresis > 0.0):
+        return 0.0, 0.0, 0.0
+    if depth < toe:
+        elastic, stiff = 0.5 * stiffness * depth * depth / toe, stiffness * depth / toe
+    else:
+        elastic, stiff = stiffness * (depth - 0.5 * toe), stiffness
+    return elastic * hysteresis, stiff * hysteresis, elastic * damping
+
+
+@kernel
+def contact_energy(cable, supports, state, contact):
+    """Elastic energy (J) of a contact."""
+    depth = contact_frame(cable, supports, state, contact)[5]
+    stiffness, toe = supports.stiffness[contact], supports.toe[contact]
+    if depth <= 0.0:
+        return 0.0
+    if depth < toe:
+        return stiffness * depth * depth * depth / (6.0 * toe)
+    return 0.5 * stiffness * (depth * (depth - toe) + toe * toe / 3.0)
+
+
+@kernel
+def contact_frame(cable, supports, state, contact):
+    """What a contact sees of the rope at its arc length.
+
+    Returns:
+        Element; the place x in it (m); r_x (dim,); r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity
+        (dim,) of the rope in m/s.
+    """
+    like = cable.gravity
+    length = cable.element_length
+    element, x = locate(cable, state.support_arc_length[contact])
+    shape = shape_functions(x, length)
+    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), like)
+    position = load(supports.position[contact], like)
+    apart = subtract(interpolate(state.nodal_coordinates, element, shape, like), position)
+    moving = interpolate(state.nodal_velocities, element, shape, like)
+    side = load(supports.normal[contact], like)
+    across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
+    normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
+    return element, x, r_x, apart, normal, -dot(apart, normal), moving
+
+
+@kernel
+def contact_force(cable, supports, state, contact):
+    """Force (dim,) of a contact on the rope and its normal part, both in N."""
+    _, _, r_x, _, normal, depth, moving = contact_frame(cable, supports, state, contact)
+    n, _, _ = normal_force(supports, contact, depth, -dot(normal, moving))
+    z, _ = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
+    friction = supports.friction[contact] * n * z
+    return add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal)), n
+
+
+@kernel
+def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
+    """Add the forces of all contacts on the rope, and their tangent, to the elements that they touch.
+
+    The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
+    """
+    like = cable.gravity
+    length = cable.element_length
+    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
+    for contact in range(supports.stiffness.size):
+        find_contact(cable, supports, state, contact)
+        element, x, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
+        n, n_by_depth, n_by_rate = normal_force(supports, contact, depth, -dot(normal, moving))
+        if n == 0.0:
+            continue
+        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
+        norm = sqrt(dot(r_x, r_x))
+        t = scale(1.0 / norm, r_x)
+        coefficient = supports.friction[contact]
+        z, z_by_way = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
+        friction = coefficient * n * z
+        force = add_scaled(friction, t, scale(n, normal))
+        for i in range(4):
+            accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
+        if stiffness_factor == 0.0:
+            continue
+
+        r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), like)
+        turning = interpolate(state.nodal_velocities, element, shape_x, like)
+        pivot = norm * norm + dot(apart, r_xx)
+        bend = dot(normal, r_xx)
+        # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
+        by_depth = -(n_by_depth + rate_factor * n_by_rate)
+        by_turn = n_by_rate * dot(moving, t) / norm
+        by_way = -n_by_rate * dot(normal, turning)
+        pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
+        turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
+        slide = coefficient * n * z_by_way
+        for j in range(4):
+            on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
+            on_turn = add_scaled(shape_x[j], normal, scale(bend, on_s))
+            on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
+            by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
+            by_place = outer(stiffness_factor, force, on_s)
+            for i in range(4):
+                of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
+                tangent = minus(of_force, block(shape_x[i], by_place, 0.0))
+                add_block(tangent, element, i, j, diagonal, upper, lower)
+
+
+@kernel
+def settle_supports(cable, supports, state):
+    """End a step: find the contacts, keep what friction is mobilised and the normal load of each tower."""
+    for tower in range(supports.top.shape[0]):
+        total = 0.0
+        for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
+            find_contact(cable, supports, state, contact)
+            _, n = contact_force(cable, supports, state, contact)
+            total += n
+            state.support_deflection[contact], _ = mobilise(
+                slid(state, contact), state.support_deflection[contact], supports.presliding[contact]
+            )
+            state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+        state.tower_load[tower, 0] = total
+        state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
+
+
+@kernel
+def tower_force(cable, supports, state, tower):
+    """Force (dim,) in N of a tower on the rope."""
+    total = scale(0.0, cable.gravity)
+    for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
+        force, _ = contact_force(cable, supports, state, contact)
+        total = add_scaled(1.0, force, total)
+    return total

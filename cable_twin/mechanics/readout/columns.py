@@ -1,0 +1,257 @@
+"""What can be read from a state: shape, tension, reactions, energy. Nothing here changes the motion."""
+
+from __future__ import annotations
+
+from math import cos, nan, sin
+from typing import NamedTuple
+
+from cable_twin.mechanics.drives.haul_rope import haul_energies, rope_force
+from cable_twin.mechanics.drives.moving_rope import haul_force
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.lanes import WIDTH, gather, spread
+from cable_twin.mechanics.language.memory import copy_array, flat
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
+from cable_twin.mechanics.on_rope.air import drag_on_end
+from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
+from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
+from cable_twin.mechanics.parameters import HAULED, Cable, FloatArray
+from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
+from cable_twin.mechanics.rope.element import end_forces
+from cable_twin.mechanics.rope.flow import end_flow, flow_energy
+from cable_twin.mechanics.rope.point import locate, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions
+
+
+@by_reference
+class Columns(NamedTuple):
+    """All that a frame shows, one row a thing, in the order of the scenario; NaN where something has no such number.
+
+    Everything is in space: a planar system has y = 0 and turns about y only.
+    """
+
+    time: FloatArray  # (1,) s, simulated; not filled by `observe`
+    arc_length: FloatArray  # (vehicles,) m, of the joint, unstrained
+    speed: FloatArray  # (vehicles,) m/s, rate of arc_length
+    drive_force: FloatArray  # (vehicles,) N, along the cable, on the vehicle or on the sheave of its haul rope
+    joint_position: FloatArray  # (vehicles, 3) m
+    contact_force: FloatArray  # (vehicles, 3) N, of the cable on the vehicle
+    attached: FloatArray  # (vehicles,) 1 on the cable, 0 where a carrier hangs at rest in a station
+    payload: FloatArray  # (vehicles,) kg
+    haul_travel: FloatArray  # (vehicles,) m, where the vehicle would be if its haul rope did not stretch
+    haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
+    haul_force: FloatArray  # (vehicles,) N, of the haul rope on the vehicle, along the cable
+    body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
+    body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
+    body_velocity: FloatArray  # (bodies, 3) m/s
+    body_angular_velocity: FloatArray  # (bodies, 3) rad/s
+    body_angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad; pitch goes on beyond a turn
+    support_force: FloatArray  # (supports, 3) N, of start, end and towers on the cable
+    support_travel: FloatArray  # (supports,) m, of a counterweight in the direction of its pull
+    tower_load: FloatArray  # (supports,) N, sum of the normal forces of a tower
+    tower_lowest_load: FloatArray  # (supports,) N, the least of all steps since the start or the last reset
+    tower_rest_load: FloatArray  # (supports,) N, at the start
+    drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
+    drive_speed: FloatArray  # (drives,) m/s
+    moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
+    rope_position: FloatArray  # (samples, 3) m
+    rope_tension: FloatArray  # (samples,) N
+
+
+@kernel
+def observe(system, state, arc_lengths, rest_loads, means, columns):
+    """Fill the columns of a frame.
+
+    Args:
+        system: parameters.
+        state: what is read.
+        arc_lengths: (samples,) m, where the cable is shown.
+        rest_loads: (towers, ...) N, loads of the towers at the start of the run in the first column.
+        means: (groups, WIDTH) scratch, an entry an element.
+        columns: takes the result.
+    """
+    cable = system.cable
+    sample_positions(cable, state, arc_lengths, columns.rope_position)
+    sample_tensions(cable, state, arc_lengths, columns.rope_tension, means)
+    observe_vehicles(system, state, columns)
+    observe_bodies(system, state, columns)
+    observe_supports(system, state, rest_loads, columns)
+    for drive in range(columns.drive_position.size):
+        columns.drive_position[drive], columns.drive_speed[drive] = state.rope[0], state.rope[1]
+        columns.moving_cable_force[drive] = haul_force(system, state)
+
+
+@kernel
+def observe_vehicles(system, state, columns):
+    """Fill the columns of all vehicles."""
+    copy_array(state.sliding_coordinate, columns.arc_length)
+    copy_array(state.sliding_velocity, columns.speed)
+    copy_array(state.drive_force, columns.drive_force)
+    copy_array(state.payload, columns.payload)
+    sample_positions(system.cable, state, state.sliding_coordinate, columns.joint_position)
+    for vehicle in range(columns.arc_length.size):
+        contact = load(state.multipliers[system.carriages.body_offset[vehicle]], system.cable.gravity)
+        store_in_space(contact, columns.contact_force[vehicle])
+        columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
+        travel, speed, force = nan, nan, nan
+        if state.drive_mode[vehicle] == HAULED:
+            travel, speed = state.sheave[vehicle, 0], state.sheave[vehicle, 1]
+            force, _, _, _ = rope_force(system, state, vehicle)
+        columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
+
+
+@kernel
+def observe_bodies(system, state, columns):
+    """Fill the columns of all bodies: where each is without its payload."""
+    for body in range(columns.body_angles.shape[0]):
+        x, z, pitch = state.body_coordinates[body, 0], state.body_coordinates[body, 1], state.body_coordinates[body, 2]
+        spin = state.body_velocities[body, 2]
+        arm_x, arm_z, turn_x, turn_z = pivot(pitch, system.carriages.centre_offset[body])
+        velocity = state.body_velocities[body, 0] - turn_x * spin, state.body_velocities[body, 1] - turn_z * spin
+        store_in_space((x - arm_x, z - arm_z), columns.body_position[body])
+        store_in_space(velocity, columns.body_velocity[body])
+        store((0.0, sin(0.5 * pitch), 0.0, cos(0.5 * pitch)), columns.body_orientation[body])
+        store((0.0, spin, 0.0), columns.body_angular_velocity[body])
+        store((0.0, pitch, 0.0), columns.body_angles[body])
+
+
+@kernel
+def observe_supports(system, state, rest_loads, columns):
+    """Fill the columns of both ends and all towers."""
+    for end in range(2):
+        store_in_space(end_force(system, state, end), columns.support_force[end])
+        travel = nan
+        if system.counterweights.mass[end] > 0.0:
+            travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
+        columns.support_travel[end] = travel
+        columns.tower_load[end], columns.tower_lowest_load[end], columns.tower_rest_load[end] = nan, nan, nan
+    for tower in range(system.supports.top.shape[0]):
+        row = 2 + tower
+        force = tower_force(system.cable, system.supports, state, tower)
+        store_in_space(force, columns.support_force[row])
+        columns.support_travel[row] = nan
+        columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
+        columns.tower_rest_load[row] = rest_loads[tower, 0]
+
+
+@kernel
+def store_in_space(vector, row):
+    """Write a vector (dim,) into `row` (3,): the first entry along the track, the last one upwards."""
+    row[0], row[1], row[2] = vector[0], 0.0, vector[-1]
+    if len(vector) == 3:
+        row[1] = vector[1]
+
+
+@kernel
+def sample_positions(cable, state, arc_lengths, positions):
+    """Fill `positions` (n, 3) in m at `arc_lengths` (n,) in m."""
+    for k in range(arc_lengths.size):
+        store_in_space(position_on_cable(cable, state, arc_lengths[k]), positions[k])
+
+
+@kernel
+def sample_tensions(cable, state, arc_lengths, tensions, means):
+    """Fill `tensions` (n,) in N: linear between the means of the elements, placed at their middles.
+
+    `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
+    """
+    count, like, length = cable.element_count, cable.gravity, cable.element_length
+    for group in range(means.shape[0]):
+        r_a, slope_a, r_b, slope_b = gather(state.nodal_coordinates, group * WIDTH, like)
+        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        r_a, slope_a, r_b, slope_b = gather(state.nodal_velocities, group * WIDTH, like)
+        d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        spread((mean_tension(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
+    mean = flat(means)
+    for k in range(arc_lengths.size):
+        if count == 1:
+            tensions[k] = mean[0]
+        else:
+            place = arc_lengths[k] / length - 0.5
+            left = min(max(int(place), 0), count - 2)
+            tensions[k] = mean[left] + (place - left) * (mean[left + 1] - mean[left])
+
+
+def groups(cable: Cable) -> tuple[int, int]:
+    """Shape of the scratch for the means of all elements."""
+    return -(-cable.element_count // WIDTH), WIDTH
+
+
+@kernel
+def end_force(system, state, end):
+    """Force (dim,) in N of the support at `end` on the cable, from the balance of its node.
+
+    Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
+    """
+    cable = system.cable
+    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
+    first, last = end_forces(cable, state, element)
+    total = first if end == 0 else last
+    if system.moving_cable.moving:
+        total = add_scaled(-1.0, end_flow(cable, state, end), total)
+    if system.air.present:
+        total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state.wind, state, end), total)
+    for k in range(cable.load_arc_length.size):
+        share = share_of_node(cable, cable.load_arc_length[k], element, row)
+        total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage]:
+            share = share_of_node(cable, state.sliding_coordinate[carriage], element, row)
+            force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+            total = add_scaled(-share, force, total)
+    for contact in range(system.supports.stiffness.size):
+        share = share_of_node(cable, state.support_arc_length[contact], element, row)
+        if share != 0.0:
+            total = add_scaled(share, contact_force(cable, system.supports, state, contact)[0], total)
+    return scale(-1.0, total)
+
+
+@kernel
+def share_of_node(cable, arc_length, element, row):
+    """Share of a force at `arc_length` (m) that S_row of an element takes; 0 where it is on another one."""
+    there, x = locate(cable, arc_length)
+    return shape_functions(x, cable.element_length)[row] if there == element else 0.0
+
+
+@kernel
+def energies(system, state):
+    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, supports, drives and haul ropes.
+
+    Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
+    """
+    cable, carriages = system.cable, system.carriages
+    like = cable.gravity
+    length = cable.element_length
+    kinetic, elastic = haul_energies(system, state)
+    gravitational = 0.0
+    for element in range(cable.element_count):
+        elastic += elastic_energy(cable, state, element)
+        for i in range(4):
+            scale_i = length if i % 2 else 1.0
+            v_i = load(state.nodal_velocities[element + i // 2, i % 2], like)
+            for j in range(4):
+                scale_j = length if j % 2 else 1.0
+                v_j = load(state.nodal_velocities[element + j // 2, j % 2], like)
+                share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
+                kinetic += 0.5 * share * dot(v_i, v_j)
+            # the position shape functions sum to one, so a row of M applied to g is the weight
+            row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
+            gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
+    if system.moving_cable.moving:
+        kinetic += flow_energy(cable, state)
+    for carriage in range(carriages.fixed.size):
+        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+            if not state.attached[carriage]:
+                continue
+            v = state.body_velocities[body]
+            kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
+            kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            q = state.body_coordinates[body]
+            gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+    for contact in range(system.supports.stiffness.size):
+        elastic += contact_energy(cable, system.supports, state, contact)
+    for end in range(2):
+        moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
+        kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted
+    return kinetic, elastic, gravitational

@@ -1,0 +1,1 @@
+"""The rope alone: its element, what that is made of, and places on it."""

@@ -1,0 +1,249 @@
+"""Residual and tangent of the whole system (paper, eq. 16) and one linear solution of it.
+
+With q = (r, e, n) and λ, eq. 16 and every Newton step on it have the same shape,
+
+    | M_r   0     0     Φ_rᵀ |   | bodies               |
+    | 0     M_e   0     Φ_eᵀ |   | nodal coordinates    |
+    | 0     0     0     Φ_nᵀ |   | sliding coordinates  |  =  - residual,
+    | Φ_r   Φ_e   Φ_n   0    |   | multipliers          |
+
+where M stands for  mass_factor M + rate_factor ∂Q/∂q_dot + ∂Q/∂q. Rows 1, 3 and 4 of a carriage touch one
+element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 is block-tridiagonal.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.drives.haul_rope import condense_sheave, recover_sheave
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import clear_array, copy_array
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    apply,
+    block,
+    full,
+    load,
+    minus,
+    multiply,
+    outer,
+    scale,
+    store,
+    symmetric,
+)
+from cable_twin.mechanics.on_rope.air import drag_bodies, drag_rope
+from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
+from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.sliding_joint import (
+    add_joint,
+    joint_position,
+    joint_velocity,
+    place_joint,
+    recover_joint,
+    velocity_acceleration,
+)
+from cable_twin.mechanics.on_rope.tower import add_supports
+from cable_twin.mechanics.parameters import HAULED, SPEED
+from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.flow import add_flow
+from cable_twin.mechanics.rope.point import locate
+from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
+
+
+@inlined_kernel
+def measure_gaps(system, state, work, place):
+    """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
+
+    With `place` true, joints are first put on the element that holds them.
+
+    Returns:
+        The largest gap of a joint (m).
+    """
+    worst = 0.0
+    for carriage in range(system.carriages.fixed.size):
+        if not state.attached[carriage]:
+            leave_out(system.carriages, carriage, work)
+            continue
+        if place:
+            place_joint(system.cable, state, carriage)
+        joint = joint_position(system.cable, state, carriage)
+        close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
+        if state.drive_mode[carriage] == SPEED:
+            work.sliding_increment[carriage] = state.reference[carriage, 0] - state.sliding_coordinate[carriage]
+    for body in range(work.joint_gap.shape[0]):
+        worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
+    return worst
+
+
+@kernel
+def leave_out(carriages, carriage, work):
+    """No gaps and no increments of a carriage that is not on the cable."""
+    bodies = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
+    work.joint_gap[bodies[0] : bodies[1]] = 0.0
+    work.body_increment[bodies[0] : bodies[1]] = 0.0
+    work.sliding_increment[carriage] = 0.0
+
+
+@kernel
+def measure_gap_accelerations(system, state, feedback, work):
+    """Right side γ of eq. 12 for all constraints, in m/s²: what is left of Φ_ddot when all accelerations are zero.
+
+    The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
+    """
+    for carriage in range(system.carriages.fixed.size):
+        joint = joint_position(system.cable, state, carriage)
+        moving = joint_velocity(system.cable, state, carriage)
+        turning = velocity_acceleration(system.cable, state, carriage)
+        joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
+        if state.drive_mode[carriage] == SPEED:
+            work.sliding_increment[carriage] = state.reference[carriage, 2]
+
+
+@inlined_kernel
+def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Residual and tangent of rows 1-4, carriages eliminated; needs the gaps measured.
+
+    Args:
+        system: parameters.
+        state: where to linearise.
+        mass_factor: ∂acceleration/∂unknown of the caller's method, 1/s² (1 when the unknowns are accelerations).
+        rate_factor: ∂velocity/∂unknown, 1/s.
+        stiffness_factor: ∂coordinate/∂unknown, 1 (0 when the unknowns are accelerations).
+        work: takes the result.
+    """
+    cable = system.cable
+    assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.air.present:
+        drag_bodies(
+            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+        )
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage]:
+            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            if state.drive_mode[carriage] == HAULED:
+                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+            add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
+    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    hold_supports(cable, work)
+
+
+@inlined_kernel
+def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Write row 2 without what hangs on the cable or holds it: its elements, their flow, loads and drag."""
+    cable = system.cable
+    add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.moving_cable.moving:
+        add_flow(cable, state, rate_factor, stiffness_factor, work)
+    add_loads(cable, state, stiffness_factor, work)
+    if system.air.present:
+        drag_rope(
+            cable,
+            system.air.rope_drag,
+            state.wind,
+            state.nodal_coordinates,
+            state.nodal_velocities,
+            rate_factor,
+            stiffness_factor,
+            work.diagonal,
+            work.upper,
+            work.lower,
+            work.right_side,
+        )
+
+
+@inlined_kernel
+def add_loads(cable, state, stiffness_factor, work):
+    """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
+    like = cable.gravity
+    for k in range(cable.load_arc_length.size):
+        element, x = locate(cable, cable.load_arc_length[k])
+        shape = shape_functions(x, cable.element_length)
+        force = load(cable.load_force[k], like)
+        for i in range(4):
+            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
+    for end in range(2):
+        moment = cable.end_moment[end]
+        if moment != 0.0:
+            node = 0 if end == 0 else cable.element_count
+            x, z = state.nodal_coordinates[node, 1, 0], state.nodal_coordinates[node, 1, 1]
+            squared = x * x + z * z
+            work.right_side[node, 1, 0] += moment * z / squared
+            work.right_side[node, 1, 1] -= moment * x / squared
+            stiff = stiffness_factor * moment / (squared * squared)
+            square = work.diagonal[node, 1, 1]
+            square[0] += 2.0 * stiff * x * z
+            square[1] -= stiff * (x * x - z * z)
+            square[2] -= stiff * (x * x - z * z)
+            square[3] -= 2.0 * stiff * x * z
+
+
+@kernel
+def hold_supports(cable, work):
+    """Take out of the equations of both end nodes what their supports hold.
+
+    With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
+    it stands beside, or rounding of the one would let the other drift.
+    """
+    like = cable.gravity
+    square = outer(0.0, like, like)
+    identity = full(0.0, symmetric(0.0, 0.0, like), 1.0)
+    last = cable.element_count
+    for end in range(2):
+        node = 0 if end == 0 else last
+        out, back = (work.upper[0], work.lower[0]) if end == 0 else (work.lower[last - 1], work.upper[last - 1])
+        for i in range(2):
+            free_i = load(cable.support_projector[end, i], square)
+            right = load(work.right_side[node, i], like)
+            store(apply(free_i, right), work.right_side[node, i])
+            for j in range(2):
+                free_j = load(cable.support_projector[end, j], square)
+                inner = multiply(multiply(free_i, load(work.diagonal[node, i, j], square)), free_j)
+                store(inner, work.diagonal[node, i, j])
+                store(multiply(free_i, load(out[i, j], square)), out[i, j])
+                store(multiply(load(back[i, j], square), free_j), back[i, j])
+            size = 0.0
+            for entry in range(len(square)):
+                size = max(size, abs(work.diagonal[node, i, i, entry]))
+            held = minus(identity, free_i)
+            accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])
+
+
+@inlined_kernel
+def solve(system, state, work):
+    """Solve for all increments: nodal ones in `right_side`, the others in `*_increment`; multipliers are updated.
+
+    Returns:
+        False when the system has no solution.
+    """
+    like = system.cable.gravity
+    if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
+        return False
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage]:
+            moved = recover_joint(system, state, carriage, work)
+            recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+            if state.drive_mode[carriage] == HAULED:
+                recover_sheave(carriage, work)
+    return True
+
+
+@kernel
+def solve_accelerations(system, state, feedback, work):
+    """Eq. 16 as printed: all accelerations and multipliers of `state` from its coordinates and velocities.
+
+    The multipliers that friction depends on are those of the call before. `feedback` (1/s) is that of
+    `measure_gap_accelerations`.
+
+    Returns:
+        False when the system has no solution.
+    """
+    clear_array(state.nodal_accelerations)
+    clear_array(state.body_accelerations)
+    measure_gap_accelerations(system, state, feedback, work)
+    assemble(system, state, 1.0, 0.0, 0.0, work)
+    if not solve(system, state, work):
+        return False
+    copy_array(work.right_side, state.nodal_accelerations)
+    copy_array(work.body_increment, state.body_accelerations)
+    copy_array(work.sliding_increment, state.sliding_acceleration)
+    return True

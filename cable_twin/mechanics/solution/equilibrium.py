@@ -1,0 +1,203 @@
+"""Static start: the elastic catenary of the bare cable, relaxed with every joint held until all forces balance."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.memory import combine_arrays
+from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, local_stretch
+from cable_twin.mechanics.on_rope.tower import settle_supports
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.rope.point import position_on_cable
+from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
+from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.solution.generalized_alpha import largest_increment
+from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
+
+MAX_RELAXATIONS = 5000
+
+
+def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The bare cable between two held ends.
+
+    Args:
+        system: parameters.
+        arc_lengths: (n,) m.
+
+    Returns:
+        Positions (n, dim) in m and slopes r_x (n, dim).
+
+    Raises:
+        EquilibriumError: when no catenary meets both ends.
+    """
+    cable = system.cable
+    if not np.any(cable.gravity):
+        start, end = cable.support_position
+        slope = (end - start) / cable.unstrained_length
+        return start + np.outer(arc_lengths, slope), np.tile(slope, (arc_lengths.size, 1))
+    return rest_over_supports(system).place(arc_lengths)
+
+
+@kernel
+def hang_carriages(system, state):
+    """Place all bodies upright below their joints."""
+    carriages = system.carriages
+    for carriage in range(carriages.fixed.size):
+        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+        hang_chain(carriages, state, carriage, place[0], place[1])
+        if not state.attached[carriage]:
+            move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
+
+
+@kernel
+def relax(system, state, good, work, max_relaxations, tolerance):
+    """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
+
+    All joints are driven ones, and what hangs on them starts upright; their drive forces are left in `drive_force`.
+
+    Returns:
+        Number of iterations used (max_relaxations when it failed) and the last increment (m).
+    """
+    cable = system.cable
+    hang_carriages(system, state)
+    wave_time = cable.element_length * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
+    mass_factor = 1.0 / (wave_time * wave_time)
+    smallest = 1e-12 * mass_factor
+    largest = 0.1 * cable.element_length
+    increment = 0.0
+    for iteration in range(max_relaxations):
+        copy_state(state, good)
+        measure_gaps(system, state, work, True)
+        assemble(system, state, mass_factor, 0.0, 1.0, work)
+        solvable = solve(system, state, work)
+        increment = largest_increment(system, work)
+        turn = 0.0
+        for body in range(work.body_increment.shape[0]):
+            turn = max(turn, abs(work.body_increment[body, 2]))
+        if not solvable or not isfinite(increment) or increment > 3.0 * largest or turn > 0.5:
+            copy_state(good, state)
+            mass_factor *= 8.0
+            continue
+        combine_arrays(state.nodal_coordinates, 1.0, work.right_side, state.nodal_coordinates)
+        combine_arrays(state.body_coordinates, 1.0, work.body_increment, state.body_coordinates)
+        if increment < tolerance and mass_factor <= smallest:
+            for carriage in range(state.drive_mode.size):
+                state.drive_force[carriage] = driven_force(system, state, carriage)
+            for contact in range(state.support_origin.size):
+                state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+            settle_supports(cable, system.supports, state)
+            return iteration + 1, increment
+        if increment < largest:
+            mass_factor = max(0.25 * mass_factor, smallest)
+    return max_relaxations, increment
+
+
+def hanging(system: System) -> tuple[FloatArray, FloatArray]:
+    """Straight start of a cable with one free end: along its clamp, or down from its pin.
+
+    Returns:
+        Positions (nodes, dim) in m and slopes (nodes, dim).
+
+    Raises:
+        EquilibriumError: when the cable has neither a clamp nor weight.
+    """
+    cable = system.cable
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    held = 0 if np.all(np.isfinite(cable.support_position[0])) else 1
+    direction = cable.support_direction[held]
+    if not np.all(np.isfinite(direction)):
+        down = np.array(cable.gravity)
+        strength = float(np.linalg.norm(down))
+        if strength == 0.0:
+            raise EquilibriumError(
+                "without gravity, a cable on one pin is at rest in any direction: it has to be given"
+            )
+        direction = down / strength * (1.0 if held == 0 else -1.0)
+    from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)
+    return cable.support_position[held] + np.outer(from_held, direction), np.tile(direction, (arc_lengths.size, 1))
+
+
+def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
+    """Lay the cable at rest and unstrained from `start` towards `end` (dim,) in m, the carriages hanging below it."""
+    cable = system.cable
+    direction = (end - start) / np.linalg.norm(end - start)
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    state.nodal_coordinates[:, 0] = start + np.outer(arc_lengths, direction)
+    state.nodal_coordinates[:, 1] = direction
+    state.friction_origin[:] = state.sliding_coordinate
+    state.reference[:, 0] = state.sliding_coordinate
+    hang_carriages(system, state)
+
+
+def lay_cable(system: System, state: State) -> None:
+    """Put the nodes where the bare cable rests, as its supports and towers have it, and find its contacts there.
+
+    Raises:
+        EquilibriumError: when there is no such place.
+    """
+    cable, supports = system.cable, system.supports
+    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    ends = cable.support_position.copy()
+    if not np.all(np.isfinite(ends)):
+        positions, slopes = hanging(system)
+    elif supports.top.size == 0 and not np.any(system.counterweights.mass):
+        positions, slopes = catenary(system, arc_lengths)
+    else:
+        rest = rest_over_supports(system)
+        positions, slopes = rest.place(arc_lengths)
+        ends = rest.corner[[0, -1]]
+        for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
+            first, last = supports.contact_offset[tower : tower + 2]
+            state.support_arc_length[first:last] = middle
+    for end, place, direction in zip((0, -1), ends, cable.support_direction, strict=True):
+        if np.all(np.isfinite(place)):
+            positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
+        if np.all(np.isfinite(direction)):
+            slopes[end] = direction * np.linalg.norm(slopes[end])
+    state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+
+
+def settle(system: System, state: State, work: Workspace) -> None:
+    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
+
+    `drive_force` is left with what holds each joint that is driven or hauled.
+
+    The cable lies on its towers as if they had no friction; what they then mobilise starts from none.
+
+    Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
+    exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
+    fraction of a step.
+
+    Raises:
+        EquilibriumError: when the relaxation does not end; the last increment is in the message.
+    """
+    cable, supports = system.cable, system.supports
+    given = (state.sliding_coordinate, state.drive_mode, state.sheave_mode, state.attached, state.wind)
+    for array in state[:-1]:
+        if not any(array is kept for kept in given):
+            array[:] = 0
+    lay_cable(system, state)
+    state.friction_origin[:] = state.sliding_coordinate
+    modes = state.drive_mode.copy()
+    state.drive_mode[:] = SPEED
+    state.reference[:, 0] = state.sliding_coordinate
+    smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
+    if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
+        continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
+        relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)
+    tolerance = 1e-11 * cable.unstrained_length
+    used, increment = relax(smooth, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
+    if used >= MAX_RELAXATIONS:
+        raise EquilibriumError(
+            f"no static equilibrium after {used} iterations: the last one moved a point by {increment:.3g} m, "
+            f"allowed are {tolerance:.3g} m"
+        )
+    state.tower_load[:, 1] = state.tower_load[:, 0]
+    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
+    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
+        state.drive_force[carriage] *= local_stretch(cable, state, carriage)
+    state.drive_mode[:] = modes

@@ -1,0 +1,237 @@
+"""Natural frequencies and mode shapes about the present equilibrium, every joint held at its arc length.
+
+Over towers the cable slides without friction; counterweights move.
+
+A held joint leaves a carriage only its pitches: the place of each body follows from them and from r = S e. So the
+unknowns are the free nodal coordinates and the pitches, without multipliers, and K x = ω² M x is symmetric.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import eigsh
+
+from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.tower import add_supports
+from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
+from cable_twin.mechanics.rope.point import locate
+from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
+
+DENSE_LIMIT = 400  # unknowns up to which all frequencies are computed at once
+DIFFERENCE = 1e-6  # of an element's length, for the derivative of the elastic force
+
+
+def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray, FloatArray]:
+    """Lowest natural frequencies and their shapes.
+
+    Args:
+        system: parameters.
+        state: an equilibrium; velocities in it are ignored.
+        count: how many.
+
+    Returns:
+        Frequencies (count,) in Hz, rising; shapes (count, nodes, 2, dim) of the nodal coordinates, largest entry 1.
+
+    Raises:
+        ValueError: when the system has fewer modes than `count`, or fewer than one is asked for.
+    """
+    free = _free_directions(system)
+    nodal = free.shape[0]
+    pitches = system.carriages.mass.size
+    unknowns = free.shape[1] + pitches
+    if not 1 <= count <= unknowns:
+        raise ValueError(f"{count} natural frequencies asked for; this cable has 1 to {unknowns}")
+    bodies = _body_directions(system, state)
+    basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
+
+    inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
+    support_stiffness, counterweight_mass = _support_matrices(system, state)
+    mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
+    mass = mass + bodies.T @ _diagonal(inertias) @ bodies
+    cable_stiffness = _cable_stiffness(system, state) + support_stiffness
+    stiffness = _block_diagonal(cable_stiffness, _pitch_stiffness(system, state))
+    mass, stiffness = basis.T @ mass @ basis, basis.T @ stiffness @ basis
+    mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
+
+    if unknowns <= DENSE_LIMIT or count >= unknowns - 1:
+        squared, vectors = eigh(stiffness.toarray(), mass.toarray(), subset_by_index=(0, count - 1))
+    else:
+        # below every mode that a stable equilibrium has, so that the factorisation exists with rigid modes as well
+        wave_speed = np.sqrt(system.cable.axial_stiffness / system.cable.mass_per_length)
+        shift = -((1e-3 * wave_speed / system.cable.unstrained_length) ** 2)
+        squared, vectors = eigsh(csc_array(stiffness), count, M=csc_array(mass), sigma=shift, which="LM")
+    order = np.argsort(squared)
+    shapes = (basis @ vectors[:, order])[:nodal].T.reshape(count, -1, 2, len(system.cable.gravity))
+    largest = np.take_along_axis(
+        shapes.reshape(count, -1), np.abs(shapes.reshape(count, -1)).argmax(axis=1)[:, None], axis=1
+    )
+    largest[largest == 0.0] = 1.0
+    return np.sqrt(np.maximum(squared[order], 0.0)) / (2.0 * np.pi), shapes / largest[:, :, None, None]
+
+
+def _diagonal(values: FloatArray) -> csc_array:
+    """Diagonal matrix, which may have no rows."""
+    return coo_array((values, (np.arange(values.size),) * 2), shape=(values.size,) * 2).tocsc()
+
+
+def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
+    """Block-diagonal matrix of two, either of which may have no rows."""
+    a, b = coo_array(a), coo_array(b)
+    rows = np.concatenate([a.row, b.row + a.shape[0]])
+    columns = np.concatenate([a.col, b.col + a.shape[1]])
+    shape = (a.shape[0] + b.shape[0], a.shape[1] + b.shape[1])
+    return coo_array((np.concatenate([a.data, b.data]), (rows, columns)), shape=shape).tocsc()
+
+
+def _free_directions(system: System) -> csc_array:
+    """Orthonormal directions of the nodal coordinates that no support holds, (nodes 2 dim, free)."""
+    cable = system.cable
+    dim = len(cable.gravity)
+    size = (cable.element_count + 1) * 2 * dim
+    columns: list[FloatArray] = []
+    rows: list[IntArray] = []
+    for end, first in ((0, 0), (1, size - 2 * dim)):
+        for slot in range(2):
+            values, vectors = np.linalg.eigh(cable.support_projector[end, slot].reshape(dim, dim))
+            for vector in vectors[:, values > 0.5].T:
+                columns.append(vector)
+                rows.append(first + slot * dim + np.arange(dim))
+    inner = np.arange(2 * dim, size - 2 * dim)
+    held = coo_array(
+        (
+            np.concatenate([np.ones(inner.size), *columns]),
+            (
+                np.concatenate([inner, *rows]).astype(np.int64),
+                np.concatenate(
+                    [np.arange(inner.size), *(np.full(dim, inner.size + k) for k in range(len(columns)))]
+                ).astype(np.int64),
+            ),
+        ),
+        shape=(size, inner.size + len(columns)),
+    )
+    return held.tocsc()
+
+
+def _cable_mass(system: System) -> csc_array:
+    """Mass matrix (nodes 2 dim, nodes 2 dim) of the cable (eq. 5, 6)."""
+    cable = system.cable
+    lengths = np.array([1.0, cable.element_length, 1.0, cable.element_length])
+    element = np.array(MASS) * np.outer(lengths, lengths) * cable.mass_per_length * cable.element_length
+    every_axis = np.kron(element, np.eye(len(cable.gravity)))
+    return _assemble(system, np.broadcast_to(every_axis, (cable.element_count, *every_axis.shape)))
+
+
+def _cable_stiffness(system: System, state: State) -> csc_array:
+    """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
+    cable = system.cable
+    dim = len(cable.gravity)
+    length = cable.element_length
+    # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
+    shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
+    zero = (0.0,) * dim
+    matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
+
+    def force(vectors: FloatArray) -> FloatArray:
+        d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
+        return np.concatenate(elastic_force(cable, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
+
+    for element in range(cable.element_count):
+        vectors = np.concatenate(chord_and_slopes(state.nodal_coordinates, element, cable))
+        tangent = np.empty((3 * dim, 3 * dim))
+        for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
+            tangent[:, column] = (force(vectors + change) - force(vectors - change)) / (2.0 * DIFFERENCE * length)
+        matrices[element] = shape.T @ tangent @ shape
+    return _assemble(system, matrices)
+
+
+def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
+    """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
+    state, work = clone_state(state), allocate_workspace(system)
+    state.nodal_velocities[:] = 0.0
+    smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
+    matrices = []
+    for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
+        work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0
+        add_supports(system.cable, smooth, state, 0.0, stiffness_factor, work)
+        add_counterweights(system.counterweights, system.cable, state, mass_factor, 0.0, stiffness_factor, work)
+        matrices.append(_nodal_matrix(work))
+    return matrices[0], matrices[1]
+
+
+def _nodal_matrix(work: Workspace) -> csc_array:
+    """The block-tridiagonal matrix of a workspace."""
+    nodes, dim = work.diagonal.shape[0], round(work.diagonal.shape[3] ** 0.5)
+    size = 2 * dim
+    entries, rows, columns = [], [], []
+    for blocks, down, right in ((work.diagonal, 0, 0), (work.upper, 0, 1), (work.lower, 1, 0)):
+        square = blocks.reshape(-1, 2, 2, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, size, size)
+        first = size * np.arange(square.shape[0])[:, None, None]
+        entries.append(square.ravel())
+        rows.append((first + size * down + np.arange(size)[:, None] + np.zeros((1, size), np.int64)).ravel())
+        columns.append((first + size * right + np.arange(size)[None, :] + np.zeros((size, 1), np.int64)).ravel())
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return coo_array((np.concatenate(entries), places), shape=(nodes * size,) * 2).tocsc()
+
+
+def _assemble(system: System, matrices: FloatArray) -> csc_array:
+    """Sum of element matrices (elements, 4 dim, 4 dim) over the nodes."""
+    size = 2 * len(system.cable.gravity)
+    count = matrices.shape[0]
+    places = size * np.arange(count)[:, None] + np.arange(2 * size)
+    rows = np.repeat(places, 2 * size, axis=1)
+    columns = np.tile(places, (1, 2 * size))
+    shape = ((count + 1) * size,) * 2
+    return coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsc()
+
+
+def _body_directions(system: System, state: State) -> csc_array:
+    """Derivative of all body coordinates (3 bodies) by nodal coordinates and pitches, joints held."""
+    cable, carriages = system.cable, system.carriages
+    dim = len(cable.gravity)
+    nodal = (cable.element_count + 1) * 2 * dim
+    entries: list[tuple[int, int, float]] = []
+    for carriage in range(carriages.fixed.size):
+        element, x = locate(cable, float(state.sliding_coordinate[carriage]))
+        weights = shape_functions(x, cable.element_length)
+        first = int(carriages.body_offset[carriage])
+        for body in range(first, int(carriages.body_offset[carriage + 1])):
+            for axis in range(2):
+                for slot, weight in enumerate(weights):
+                    column = (element + slot // 2) * 2 * dim + (slot % 2) * dim + axis
+                    entries.append((3 * body + axis, column, weight))
+            for above in range(first, body + 1):
+                for axis, value in enumerate(_arm(system, state, body, above)[:2]):
+                    entries.append((3 * body + axis, nodal + above, value))
+            entries.append((3 * body + 2, nodal + body, 1.0))
+    rows, columns, values = np.array(entries).T if entries else np.zeros((3, 0))
+    shape = (3 * carriages.mass.size, nodal + carriages.mass.size)
+    return coo_array((values, (rows.astype(np.int64), columns.astype(np.int64))), shape=shape).tocsc()
+
+
+def _arm(system: System, state: State, body: int, above: int) -> tuple[float, float, float, float]:
+    """First and second derivative (x, z, x, z) in m of the place of `body` by the pitch of `above` in its chain."""
+    carriages = system.carriages
+    pitch = float(state.body_coordinates[above, 2])
+    up_x, up_z, up_turn_x, up_turn_z = pivot(pitch, carriages.upper_pivot[above])
+    if above == body:
+        return -up_turn_x, -up_turn_z, up_x, up_z
+    low_x, low_z, low_turn_x, low_turn_z = pivot(pitch, carriages.lower_pivot[above])
+    return low_turn_x - up_turn_x, low_turn_z - up_turn_z, up_x - low_x, up_z - low_z
+
+
+def _pitch_stiffness(system: System, state: State) -> csc_array:
+    """Stiffness of the pitches against gravity, a diagonal matrix (bodies, bodies) in N m."""
+    carriages, gravity = system.carriages, system.cable.gravity
+    stiffness = np.zeros(carriages.mass.size)
+    for carriage in range(carriages.fixed.size):
+        chain = range(int(carriages.body_offset[carriage]), int(carriages.body_offset[carriage + 1]))
+        for body in chain:
+            for above in range(chain.start, body + 1):
+                _, _, x, z = _arm(system, state, body, above)
+                stiffness[above] -= carriages.mass[body] * (gravity[0] * x + gravity[-1] * z)
+    return _diagonal(stiffness)

@@ -1,0 +1,65 @@
+"""What a command does to the drives and brakes of carriages, in the arrays of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cable_twin.mechanics.drives.haul_rope import hang_in_rope
+from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, System
+from cable_twin.mechanics.solution.equilibrium import EquilibriumError
+from cable_twin.mechanics.solution.generalized_alpha import set_drive_mode, take_over
+from cable_twin.mechanics.state import State
+
+
+def drive(state: State, index: int, kind: str, value: float) -> None:
+    """Set mode ("speed" or "force") and target (m/s or N) of a drive; a driven joint goes on from its motion."""
+    if kind == "force":
+        as_python(set_drive_mode)(state, index, FORCE)
+        state.drive_force[index] = value
+        return
+    if drive_mode(state, index) != SPEED:
+        as_python(set_drive_mode)(state, index, SPEED)
+        as_python(take_over)(state, index)
+    state.drive_target[index] = value
+
+
+def drive_mode(state: State, index: int) -> int:
+    """Mode of a drive, be it on the carriage itself or on a sheave."""
+    return int(state.sheave_mode[index] if state.drive_mode[index] == HAULED else state.drive_mode[index])
+
+
+def brake(system: System, state: State, index: int) -> None:
+    """Stop one carriage with what its scenario says: its drive, brakes on it, or the track-rope brake alone."""
+    drives = system.carriages
+    if drives.clamped[index]:
+        return
+    braked = bool(drives.brake_force[index].any())
+    if drive_mode(state, index) == FREE and not braked:
+        return
+    stoppable = drives.drive_stops[index] or drives.brake_force[index, :TRACK_ROPE].any()
+    if drive_mode(state, index) != FREE or stoppable:
+        drive(state, index, "speed" if stoppable else "force", 0.0)
+    state.drive_braking[index] = True
+
+
+def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
+    """Start every haul rope with the force that holds its carriage.
+
+    Raises:
+        EquilibriumError: when a haul rope would have to push; the line names the carriage.
+    """
+    for index, name in enumerate(names):
+        if state.drive_mode[index] != HAULED:
+            continue
+        force = float(state.drive_force[index])
+        if not hang_in_rope(system, state, index, force):
+            raise EquilibriumError(
+                f"carriages.{name}.drive.haul_rope: it would have to push with {abs(force):.4g} N to hold the "
+                f"carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
+            )
+        if drive_mode(state, index) != SPEED:
+            state.drive_force[index] = 0.0
+
+
+__all__ = ["brake", "drive", "drive_mode", "hang_in_ropes"]

@@ -1,0 +1,146 @@
+"""Forces of both ends from the elements there, against the balance of the end nodes of the whole assembled cable."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from systems import disturbed_state, make_system
+
+from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
+from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.rope.point import locate, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
+from verification import JIT
+from verification.models import moving
+from verification.supports import tramway
+
+MOVING = MovingCable(
+    moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
+)
+LENGTH = 0.7  # m, of an element
+
+
+def balance_of_end_nodes(system, state, work):
+    """What the supports have to exert (2, dim) in N, with the forces of carriages and towers as they are."""
+    cable = system.cable
+    assemble_cable(system, state, 1.0, 0.0, 0.0, work)
+    nodal = work.right_side.reshape(-1, work.right_side.shape[2])
+
+    def act(arc_length, force):
+        element, x = locate(cable, arc_length)
+        nodal[2 * element : 2 * element + 4] += np.outer(shape_functions(x, cable.element_length), force)
+
+    for carriage in np.flatnonzero(state.attached):
+        act(state.sliding_coordinate[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
+    for contact in range(system.supports.stiffness.size):
+        act(state.support_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
+    return -nodal[[0, -2]]
+
+
+def check(system, state, work):
+    expected = balance_of_end_nodes(system, state, work)
+    got = np.array([end_force(system, state, end) for end in range(2)])
+    np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    return got
+
+
+def in_motion(elements, dim=2, **options):
+    """A cable in general position with all that acts on its ends, and what of it `options` take away or change."""
+    whole = elements * LENGTH
+    loads = {"places": [0.0, 0.3, 0.5 * whole, whole - 0.2, whole], "supports": [0.25, whole - 0.1], **options}
+    places, count = np.array(loads["places"]), len(loads["supports"])
+    rng = np.random.default_rng(3)
+    cars = options.get("cars", [0.2, whole - 0.3] if dim == 2 else [])
+    system = make_system(
+        dim,
+        chains=[1 + number % 2 for number in range(len(cars))],
+        cable={
+            "element_count": elements,
+            "damping_time": 0.02,
+            "elastic_model": options.get("model", CONTINUUM),
+            "load_arc_length": places,
+            "load_force": 50.0 * rng.standard_normal((places.size, dim)),
+            "end_moment": np.array([3.0, -2.0]) if dim == 2 else np.zeros(2),
+        },
+        supports={"contacts": count},
+        air=Air(rope_drag=2.5, body_drag=np.ones(sum(1 + k % 2 for k in range(len(cars)))), present=True),
+    )
+    system = system._replace(moving_cable=MOVING)
+    state, work = disturbed_state(system)
+    state.rope[:] = 0.3, 1.7, 0.6
+    state.wind[:] = rng.standard_normal(dim) * 4.0
+    state.sliding_coordinate[:] = cars
+    for contact, place in enumerate(loads["supports"]):
+        state.support_arc_length[contact] = place
+        system.supports.position[contact] = np.array(position_on_cable(system.cable, state, place))
+        system.supports.position[contact, -1] += 0.03  # pressed in
+        find_contact(system.cable, system.supports, state, contact)
+        assert contact_force(system.cable, system.supports, state, contact)[1] > 1.0
+    state.support_origin[:] = state.support_arc_length - 0.004
+    state.support_deflection[:] = 0.2
+    return system, state, work
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("model", [CONTINUUM, ELEMENT_FRAME])
+@pytest.mark.parametrize("elements", [1, 2, 3, 5])
+def test_end_forces_are_what_the_end_nodes_lack(elements, model, dim):
+    """With flow, drag, damping, loads, vehicles and towers on the elements at both ends."""
+    check(*in_motion(elements, dim, model=model))
+
+
+def test_each_part_is_in_the_end_forces():
+    """No part cancels another one: without it they are others, and right again."""
+    system, state, work = in_motion(3)
+    forces = check(system, state, work)
+    still = state._replace(attached=np.zeros_like(state.attached))
+    less = [
+        (system._replace(moving_cable=MOVING._replace(moving=False)), state),
+        (system._replace(air=system.air._replace(present=False)), state),
+        (system._replace(cable=system.cable._replace(load_force=0.0 * system.cable.load_force)), state),
+        (system._replace(supports=system.supports._replace(stiffness=0.0 * system.supports.stiffness)), state),
+        (system, still),
+    ]
+    for other, moved in less:
+        assert (np.abs(check(other, moved, work) - forces) > 1e-3).any(axis=1).all()
+
+
+@pytest.mark.parametrize("cars", [[0.0, 3.5], [LENGTH, 3.5 - LENGTH], [1.0, 2.0], [0.1, 0.1]])
+@pytest.mark.parametrize("supports", [[], [0.0, 3.5], [LENGTH, 1.75, 3.5 - LENGTH]])
+def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, supports):
+    check(*in_motion(5, cars=cars, supports=supports))
+
+
+def test_end_forces_of_a_tramway_under_way():
+    """Friction on a tower, a counterweight, a cabin that leaves the lower station."""
+    simulation = tramway(cabin={"arc_length": 6.0}, cable__elements=50, cable__end__mass=60e3)
+    simulation.command("cabin", speed=5.0)
+    simulation.wind(12.0, -3.0)
+    for _ in range(10 if JIT else 2):
+        simulation.advance_to(simulation.time + (0.2 if JIT else 0.01))
+        forces = check(simulation.system, simulation._state, simulation._work)
+        supports = simulation.snapshot.supports
+        np.testing.assert_array_equal([supports[end].force[[0, 2]] for end in ("start", "end")], forces)
+
+
+def test_end_forces_of_a_moving_cable_under_way():
+    """Carriers that leave and enter over the elements at both ends."""
+    chair = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
+    simulation = moving(
+        unstrained_length=60.0,
+        end=(58.0, 14.0),
+        elements=12 if JIT else 4,
+        damping_time=0.01,
+        limits={"speed": 5.0, "acceleration": 0.5},
+        carriers={"name": "chair", "count": 6, "spacing": 20.0, "bodies": {"chair": chair}},
+        step=0.01,
+    )
+    simulation.command("haul_rope", speed=4.0)
+    attached = set()
+    for _ in range(40 if JIT else 2):
+        simulation.advance_to(simulation.time + (0.5 if JIT else 0.01))
+        check(simulation.system, simulation._state, simulation._work)
+        attached.add(tuple(simulation._state.attached))
+    assert len(attached) > 2 or not JIT

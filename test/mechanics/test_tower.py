@@ -1,0 +1,160 @@
+"""Contacts of the towers: nearest point, force, tangent, potential, friction; each against its definition."""
+
+import numpy as np
+import pytest
+from systems import dense_blocks, difference, disturbed_state, make_system
+
+from cable_twin.mechanics.on_rope.tower import (
+    add_supports,
+    contact_energy,
+    contact_force,
+    find_contact,
+    normal_force,
+    settle_supports,
+)
+from cable_twin.mechanics.rope.point import interpolate, locate
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.state import clone_state
+
+PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
+
+
+def on_rope(cable, state, s):
+    """Position and slope (2,) of the rope at an arc length."""
+    element, x = locate(cable, s)
+    return [
+        np.array(interpolate(state.nodal_coordinates, element, weights(x, cable.element_length), cable.gravity))
+        for weights in (shape_functions, shape_functions_x)
+    ]
+
+
+def touching(depth=0.03, places=PLACES, **changes):
+    """A cable in general position pressed by `depth` (m) onto a contact at each place; system, state, workspace."""
+    system = make_system(supports={"contacts": len(places)})
+    state, work = disturbed_state(system)
+    position, normal = [], []
+    for s in places:
+        r, r_x = on_rope(system.cable, state, s)
+        across = np.array([-r_x[1], r_x[0]]) / np.hypot(*r_x)
+        position.append(r + depth * across)
+        normal.append(across + 0.2 * r_x)  # only the side counts
+    supports = system.supports._replace(
+        position=np.array(position), normal=np.array(normal) / np.linalg.norm(normal, axis=1)[:, None], **changes
+    )
+    state.support_arc_length[:] = np.array(places) + 0.05
+    state.support_origin[:] = np.array(places) - 0.004
+    state.support_deflection[:] = 0.2
+    return system._replace(supports=supports), state, work
+
+
+def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
+    """What all contacts add to the right side (nodes 2 2,)."""
+    for array in (work.right_side, work.diagonal, work.upper, work.lower):
+        array[:] = 0.0
+    add_supports(system.cable, system.supports, state, rate_factor, stiffness_factor, work)
+    return work.right_side.ravel().copy()
+
+
+@pytest.mark.parametrize("start", [-0.15, 0.0, 0.2])
+def test_the_contact_is_the_nearest_point_of_the_rope(start):
+    system, state, _ = touching()
+    state.support_arc_length[:] = np.array(PLACES) + start
+    for contact, s in enumerate(PLACES):
+        find_contact(system.cable, system.supports, state, contact)
+        assert state.support_arc_length[contact] == pytest.approx(s, abs=1e-11)
+
+
+def test_beyond_an_end_the_contact_stays_at_the_end():
+    system, state, _ = touching(places=(0.3,))
+    system.supports.position[0] = [-5.0, 0.0]
+    find_contact(system.cable, system.supports, state, 0)
+    assert state.support_arc_length[0] == 0.0
+
+
+@pytest.mark.parametrize("depth", [0.03, 0.004], ids=["stiff", "toe"])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_tangent_is_the_derivative_of_the_force(depth, friction):
+    system, state, work = touching(depth, friction=np.full(3, friction))
+    rate_factor = 5.0
+
+    def right_side(change):
+        moved = clone_state(state)
+        moved.nodal_coordinates[:] += change.reshape(state.nodal_coordinates.shape)
+        moved.nodal_velocities[:] += rate_factor * change.reshape(state.nodal_coordinates.shape)
+        return forces_on_nodes(system, moved, work)
+
+    exact = -difference(right_side, np.zeros(state.nodal_coordinates.size), 2e-5)
+    forces_on_nodes(system, state, work, rate_factor, 1.0)
+    np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-6 * np.abs(exact).max())
+    assert np.abs(exact).max() > 100.0
+
+
+@pytest.mark.parametrize("depth", [0.03, 0.004], ids=["stiff", "toe"])
+def test_without_friction_and_damping_the_force_has_a_potential(depth):
+    system, state, work = touching(depth, friction=np.zeros(3), damping=np.zeros(3))
+
+    def energy(change):
+        moved = clone_state(state)
+        moved.nodal_coordinates[:] += change.reshape(state.nodal_coordinates.shape)
+        total = 0.0
+        for contact in range(3):
+            find_contact(system.cable, system.supports, moved, contact)
+            total += contact_energy(system.cable, system.supports, moved, contact)
+        return np.array([total])
+
+    slope = difference(energy, np.zeros(state.nodal_coordinates.size), 2e-5)[0]
+    got = forces_on_nodes(system, state, work)
+    np.testing.assert_allclose(got, -slope, rtol=0, atol=1e-7 * np.abs(slope).max())
+    np.testing.assert_allclose(dense_blocks(work), dense_blocks(work).T)
+
+
+def test_the_force_is_normal_and_along_the_rope_and_the_nodes_take_all_of_it():
+    system, state, work = touching()
+    total = np.zeros(2)
+    forces_on_nodes(system, state, work)
+    for contact in range(3):
+        force, normal = contact_force(system.cable, system.supports, state, contact)
+        _, r_x = on_rope(system.cable, state, state.support_arc_length[contact])
+        tangent = r_x / np.hypot(*r_x)
+        assert np.array([-tangent[1], tangent[0]]) @ force == pytest.approx(normal)
+        way = state.support_arc_length[contact] - state.support_origin[contact]
+        share = 1.0 + (0.2 - 1.0) * np.exp(-way / 0.02)
+        assert tangent @ force == pytest.approx(0.3 * normal * share)
+        total += force
+    np.testing.assert_allclose(work.right_side[:, 0].sum(axis=0), total)
+
+
+def test_it_never_pulls():
+    system, state, work = touching(depth=-0.01)
+    assert not forces_on_nodes(system, state, work, 5.0, 1.0).any()
+    assert not dense_blocks(work).any()
+    supports = system.supports
+    assert normal_force(supports, 0, 0.01, -1.0 / 0.2) == (0.0, 0.0, 0.0)  # it leaves faster than the contact follows
+    assert normal_force(supports, 0, np.nan, 0.0) == (0.0, 0.0, 0.0)
+
+
+def test_stiffness_sets_in_smoothly():
+    """Force and stiffness are the same on both sides of the toe and at its start; damping adds its share."""
+    supports = make_system(supports={"contacts": 1}).supports
+    near = [normal_force(supports, 0, supports.toe[0] + change, 0.0) for change in (-1e-12, 1e-12)]
+    np.testing.assert_allclose(near[0], near[1], rtol=1e-6)
+    np.testing.assert_allclose(normal_force(supports, 0, 1e-9, 0.0)[:2], [0.0, 0.0], atol=1e-3)
+    elastic, _, _ = normal_force(supports, 0, 0.02, 0.0)
+    force, stiffness, by_rate = normal_force(supports, 0, 0.02, 0.7)
+    assert force == pytest.approx(elastic * (1.0 + 0.2 * 0.7))
+    assert stiffness == pytest.approx(3000.0 * (1.0 + 0.2 * 0.7))
+    assert by_rate == pytest.approx(0.2 * elastic)
+
+
+def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
+    system, state, _ = touching()
+    state.tower_load[:, 1] = [1e9, 1.0, 1e9]
+    loads = []
+    for contact in range(3):
+        find_contact(system.cable, system.supports, state, contact)
+        loads.append(contact_force(system.cable, system.supports, state, contact)[1])
+    settle_supports(system.cable, system.supports, state)
+    np.testing.assert_allclose(state.tower_load[:, 0], loads)
+    np.testing.assert_allclose(state.tower_load[:, 1], [loads[0], 1.0, loads[2]])
+    np.testing.assert_array_equal(state.support_origin, state.support_arc_length)
+    np.testing.assert_allclose(state.support_deflection, 1.0 - 0.8 * np.exp(-0.004 / 0.02))
