@@ -30,7 +30,7 @@ ALLOWED = {
     "mechanics": (),
     "rates": (),
     "records": (),
-    "scenario": ("mechanics.parameters",),
+    "scenario": ("mechanics.parameters", "mechanics.solution.catenary"),
     "snapshot": ("mechanics.readout", "records", "scenario"),
     "geometry": ("mechanics.parameters", "mechanics.readout", "records", "scenario"),
     "simulation": ("geometry", "mechanics", "records", "scenario", "snapshot"),
