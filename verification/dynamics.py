@@ -132,7 +132,7 @@ def stable_steps() -> Iterator[Result]:
                 warnings.simplefilter("ignore")
                 simulation = Simulation(load_scenario(resolved, {**common, "solver.step": share * limit}))
             generator = np.random.default_rng(1)
-            velocities = simulation._state.nodal_velocities
+            velocities = simulation._state.nodes.velocity
             velocities[1:-1] += 1e-3 * generator.standard_normal(velocities[1:-1].shape)
             before = simulation.energy()
             bounded = True
