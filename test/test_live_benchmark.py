@@ -97,7 +97,7 @@ def test_a_short_run_gives_every_figure(tmp_path):
     assert 0.5 < process[0]["processor [% of a core]"] < 200.0
     assert 50.0 < process[0]["resident [MB]"] <= process[0]["peak [MB]"]
     assert "## Live" in (tmp_path / "benchmarks.md").read_text()
-    assert (tmp_path / "live_quick.png").stat().st_size > 5000
+    assert (tmp_path / "pictures" / "live_quick.png").stat().st_size > 5000
     assert 0.0 < process[0]["stamp to subscriber, median [ms]"] <= process[0]["p99 [ms]"]
 
 

@@ -15,7 +15,7 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "docs")
+GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "pictures")
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,7 @@ def test_executables_are_where_ros2_run_looks(workspace):
     assert (prefix / "share" / "cable_twin" / "package.xml").is_file()
     shipped = {path.name for path in (prefix / "share" / "cable_twin" / "config").glob("*.yaml")}
     assert shipped == {path.name for path in (ROOT / "config").glob("*.yaml")}
+    assert (prefix / "share" / "cable_twin" / "docs" / "scenario.schema.json").is_file()  # each of them names it
 
 
 def test_node_runs_from_the_workspace(workspace, tmp_path):
