@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.snapshot import ENDS, Columns, Layout
 
@@ -63,7 +64,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
+    unit = KINDS[command.kind].unit
     values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

@@ -7,38 +7,31 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped, WrenchStamped
-from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import String
 
-from cable_twin.command_messages import command_from_joint_state, payload_from_joint_state, wind_from_vector
+from cable_twin.command_messages import command_from_message
+from cable_twin.commands import INPUTS, JOINT_COMMANDS
 from cable_twin.messages import (
     DIAGNOSTICS,
-    JOINT_COMMANDS,
     KEY_FIGURES,
-    PAYLOAD,
     SCENARIO,
-    WIND,
     Status,
     Topic,
-    decode,
     diagnostics_message,
     scenario_message,
     topics,
 )
 from cable_twin.recording.run import start_run
-from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
@@ -50,33 +43,6 @@ from cable_twin.ros.services import Services
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-try:  # not among the wheels
-    from tf2_msgs.msg import TFMessage
-except ImportError:
-    TFMessage = None
-
-MESSAGE_TYPES = {
-    f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
-    for kind in (
-        DiagnosticArray,
-        PoseArray,
-        PoseStamped,
-        WrenchStamped,
-        PathMessage,
-        ClockMessage,
-        JointState,
-        PointCloud2,
-        String,
-        TFMessage,
-    )
-    if kind is not None
-}
-# what is subscribed: type, and how it is understood
-INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
-    JOINT_COMMANDS: (JointState, lambda m: command_from_joint_state(m.name, m.position, m.velocity, m.effort)),
-    PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
-    WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
-}
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
@@ -107,7 +73,9 @@ class TwinNode(Node):
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
-        self._topics = topics(layout, own=own, clock=self._settings["publish_clock"], tf=TFMessage is not None)
+        self._topics = topics(
+            layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None
+        )
         self._output = Output(
             self._simulation,
             self._topics,
@@ -133,7 +101,8 @@ class TwinNode(Node):
         )
         real_time = self._settings["real_time_factor"] == 1.0
         self._pace = PaceWatch(self.get_logger(), self._run_clock, self._loop, real_time=real_time)
-        for name, (kind, _) in INPUTS.items():
+        for name, message_type in INPUTS.items():
+            kind = message_class(message_type)
             self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
         self._offered = Services(self._loop, self._log_directory)
         self._offered.offer(self)
@@ -195,7 +164,7 @@ class TwinNode(Node):
             durability=DurabilityPolicy[topic.durability.upper()],
         )
         name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
-        publish = self.create_publisher(MESSAGE_TYPES[topic.type], name, quality).publish
+        publish = self.create_publisher(message_class(topic.type), name, quality).publish
         if topic.name == SCENARIO:
             self._scenario_publisher = publish
         return publish
@@ -295,16 +264,12 @@ class TwinNode(Node):
 
     def _on_command(self, topic: str, data: bytes) -> None:
         """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
-        kind, understand = INPUTS[topic]
         self._begin()  # a twin that waits for its start is not as it was any more
         self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
         try:
-            command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
+            command = command_from_message(topic, data)
         except CommandError as error:
             self._refuse(topic, error)
-            return
-        except Exception as error:
-            self._refuse(topic, CommandError(f"not a {kind.__name__}: {error}"))
             return
         self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
 
@@ -380,3 +345,9 @@ class TwinNode(Node):
         if statistics["missed_frames"] > 0:
             return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
         return 0, "running"
+
+
+def message_class(message_type: str) -> Any:
+    """Class of rclpy for a type such as "sensor_msgs/msg/JointState"."""
+    package, _, name = message_type.split("/")
+    return getattr(import_module(f"{package}.msg"), name)

@@ -12,18 +12,14 @@ from typing import IO
 import numpy as np
 
 from cable_twin.geometry.clearance import clearance_seen, ground_of
-from cable_twin.mechanics.drives.moving_rope import park
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.on_rope.payload import load_bodies, shift_centres
-from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
+from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import energies, groups, sample_positions, sample_tensions
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
-from cable_twin.mechanics.solution.catenary import check_rest
-from cable_twin.mechanics.solution.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.solution.generalized_alpha import Outcome, set_drive_mode
+from cable_twin.mechanics.solution.equilibrium import EquilibriumError
+from cable_twin.mechanics.solution.generalized_alpha import Outcome
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
     Clearance,
@@ -32,15 +28,14 @@ from cable_twin.records import (
     Energy,
     SolverReport,
 )
-from cable_twin.scenario import Scenario, build_payloads, build_system
-from cable_twin.simulation.command_checks import check_drive, check_payload, check_wind
-from cable_twin.simulation.driving import brake, drive, drive_mode, hang_in_ropes
+from cable_twin.scenario import Scenario
+from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import INTEGRATORS, compiling_ahead
 from cable_twin.simulation.observer import Observer
+from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import CABLE, Layout, Snapshot
 
-DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SAMPLES = 200  # points at which a snapshot holds the cable
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
@@ -67,44 +62,22 @@ class Simulation:
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
         self.scenario = scenario
-        self._empty: System = build_system(scenario)
-        self._payloads: Payloads = build_payloads(scenario)
+        self._ropeway = Ropeway(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
-        self.drives = tuple(scenario.drives)
-        self.supports = ("start", "end", *scenario.towers)
-        self._index = {name: index for index, name in enumerate(self.carriages)}
-        self._state = allocate_state(self._empty)
-        self._work = allocate_workspace(self._empty)
-        self._state.wind[:] = scenario.air.wind
-        loads = [carriage.payload.mass if carriage.payload else 0.0 for carriage in scenario.vehicles.values()]
-        self._load(np.array(loads, dtype=np.float64))
-        for index, carriage in enumerate(scenario.vehicles.values()):
-            self._state.sliding_coordinate[index] = carriage.arc_length
-            if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
-                park(self.system, self._state, index, carriage.arc_length)
-            if carriage.joint == "sliding":
-                as_python(set_drive_mode)(self._state, index, DRIVE_MODES[carriage.drive.mode])
-        self._observer = Observer(scenario, self._empty, samples)
-        self._means = np.empty(groups(self._empty.cable))
+        self._state = self._ropeway.state
+        self._work = allocate_workspace(self.system)
+        self._observer = Observer(scenario, self.system, samples)
+        self._means = np.empty(groups(self.system.cable))
         with compiling_ahead(scenario.solver.integrator):
-            if scenario.cable.initial_shape == "straight":
-                ends = np.array([scenario.cable.start.position, scenario.cable.end.position])
-                lay_straight(self.system, self._state, ends[0], ends[1])
-            else:
-                check_rest(self.system, tuple(scenario.towers))
-                settle(self.system, self._state, self._work)
-            self._state.payload[:] = loads
-            hang_in_ropes(self.system, self._state, [*self._index])
+            self._ropeway.find_rest(self._work)
             # compiles what reads the state, while the other process is still at it
             self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
         self._packed_state = pack(self._state)
         self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
-        self._stopped = False
-        self._commands: dict[str, Command] = {}
         self._at_start = True
         self._advance = INTEGRATORS[scenario.solver.integrator]
-        self._advance(self._packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
-        self._initial = clone_state(self._state)
+        self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
+        self._ropeway.begin()
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
             warnings.warn(
                 f"solver.step of {self.step:g} s is above the largest stable one of runge_kutta on this mesh, "
@@ -132,11 +105,11 @@ class Simulation:
     @property
     def system(self) -> System:
         """Parameters, with payloads."""
-        return self._system
+        return self._ropeway.system
 
     @system.setter
     def system(self, system: System) -> None:
-        self._system, self._packed_system = system, pack(system)
+        self._ropeway.system = system
 
     @property
     def time(self) -> float:
@@ -161,12 +134,12 @@ class Simulation:
     @property
     def emergency_stopped(self) -> bool:
         """Whether an emergency stop is in force."""
-        return self._stopped
+        return self._ropeway.stopped
 
     @property
     def commands(self) -> Mapping[str, Command]:
         """The last drive command in force of each carriage or drive that has one."""
-        return self._commands
+        return self._ropeway.commands
 
     @property
     def at_start(self) -> bool:
@@ -187,9 +160,9 @@ class Simulation:
             self.scenario,
             self.time,
             clone_state(self._state),
-            clone_state(self._initial),
-            self._stopped,
-            dict(self._commands),
+            clone_state(self._ropeway.start),
+            self._ropeway.stopped,
+            dict(self._ropeway.commands),
             self._at_start,
         )
 
@@ -199,9 +172,10 @@ class Simulation:
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        full.copy_to(self._state, self._initial, self.scenario)
-        self._load(self._state.payload)
-        self._stopped, self._commands = full.emergency_stopped, dict(full.commands)
+        ropeway = self._ropeway
+        full.copy_to(ropeway.state, ropeway.start, self.scenario)
+        ropeway.carry(ropeway.state.payload)
+        ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
         self._at_start = full.at_start
         self._snapshot = self._observe(NOTHING_DONE)
 
@@ -247,54 +221,18 @@ class Simulation:
         """Put the state back to the start; time runs on, drives are as the scenario has them."""
         return self.apply(Command("reset", {}))
 
-    def apply(self, command: Command, source: str = "python") -> AppliedCommand:
+    def apply(self, command: Command, source: str = "python", *, ahead: bool = False) -> AppliedCommand:
         """Carry out a command at the present time: whole or, with an error, not at all.
+
+        Args:
+            command: of any kind of `cable_twin.commands`.
+            source: who gave it, for the log.
+            ahead: only refuse what no motion makes possible, as for a script that is checked before it runs.
 
         Raises:
             CommandError: one line with what was given and what is allowed.
         """
-        if command.kind in ("speed", "force"):
-            if self._stopped:
-                raise CommandError("the emergency stop is in force: release it before the next command")
-            check_drive(command, self.scenario)
-            for name, value in command.values.items():
-                if name in self.drives:
-                    self._state.rope_target[0] = value
-                else:
-                    drive(self._state, self._index[name], command.kind, value)
-                self._commands[name] = Command(command.kind, {name: value})
-        elif command.kind == "emergency_stop":
-            if not self._stopped:
-                self._state.braking_time[:] = 0.0
-            self._stopped = True
-            self._commands.clear()
-            self._state.rope_target[0] = 0.0
-            self._state.rope_braking[0] = True
-            for index in range(len(self.carriages)):
-                brake(self.system, self._state, index)
-        elif command.kind == "release":
-            self._stopped = False
-            for index in np.flatnonzero(self._state.drive_braking).tolist():
-                if (
-                    drive_mode(self._state, index) == FORCE
-                ):  # let go for its track-rope brake alone: the drive holds again
-                    drive(self._state, index, "speed", 0.0)
-            self._state.drive_braking[:] = False
-            self._state.rope_braking[:] = False
-        elif command.kind == "payload":
-            check_payload(command, self.scenario, self.system, self._state)
-            self._change_payload(command)
-        elif command.kind == "wind":
-            check_wind([*command.values.items()])
-            self._state.wind[0], self._state.wind[-1] = command.values["x"], command.values["z"]
-        else:
-            self._stopped = False
-            self._commands.clear()
-            clock = int(self._state.clock[0])
-            for array, start in zip(self._state, self._initial, strict=True):
-                array[...] = start  # not the kernel, which this would be the first to call from Python
-            self._state.clock[0] = clock
-            self._load(self._state.payload)
+        take_effect(self._ropeway, command, ahead=ahead)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._snapshot = self._observe(NOTHING_DONE)
@@ -314,7 +252,7 @@ class Simulation:
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = Outcome(*self._advance(self._packed_system, self._packed_state, *self._scratch, steps))
+        outcome = Outcome(*self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps))
         self._snapshot = self._observe(
             SolverReport(
                 steps=int(outcome.steps),
@@ -412,21 +350,10 @@ class Simulation:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
         return round(clock * self.step * 1e9) / 1e9
 
-    def _load(self, masses: FloatArray) -> None:
-        """Put payloads (carriages,) in kg into the system."""
-        self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
-
-    def _change_payload(self, command: Command) -> None:
-        before = self.system.carriages.centre_offset
-        for name, mass in command.values.items():
-            self._state.payload[self._index[name]] = mass
-        self._load(self._state.payload)
-        shift_centres(self._state, self.system.carriages.centre_offset - before)
-
     def _observe(self, report: SolverReport) -> Snapshot:
         """What there is to see now."""
         return self._observer.snapshot(
-            self.time, self._packed_system, self._packed_state, self._initial.tower_load, report
+            self.time, self._ropeway.packed_system, self._packed_state, self._ropeway.start.tower_load, report
         )
 
 
