@@ -5,38 +5,30 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from functools import cached_property
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-import numpy as np
-
-from cable_twin.geometry.clearance import clearance_seen, ground_of
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.readout.columns import energies, groups, sample_positions, sample_tensions
-from cable_twin.mechanics.readout.ground import Ground, look_at_ground
+from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.solution.generalized_alpha import Outcome
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import allocate_workspace, clone_state
+from cable_twin.mechanics.state import State, allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
-    Clearance,
     Command,
     CommandError,
-    Energy,
     SolverReport,
 )
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import INTEGRATORS, compiling_ahead
 from cable_twin.simulation.observer import Observer
+from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.snapshot import CABLE, Layout, Snapshot
+from cable_twin.snapshot import ENDS, Layout, Snapshot
 
-ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SAMPLES = 200  # points at which a snapshot holds the cable
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 
@@ -45,7 +37,7 @@ class SolverError(RuntimeError):
     """The solver could not take a step; the simulation keeps the last good state."""
 
 
-class Simulation:
+class Simulation(Readings):
     """One scenario in motion.
 
     It starts in static equilibrium with every joint held at its arc length, and lets go. Commands take effect at
@@ -64,10 +56,12 @@ class Simulation:
         self.scenario = scenario
         self._ropeway = Ropeway(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
+        self.drives = tuple(scenario.drives)
+        self.supports = (*ENDS, *scenario.towers)
         self._state = self._ropeway.state
+        self._shown = _read_only(self._state)
         self._work = allocate_workspace(self.system)
         self._observer = Observer(scenario, self.system, samples)
-        self._means = np.empty(groups(self.system.cable))
         with compiling_ahead(scenario.solver.integrator):
             self._ropeway.find_rest(self._work)
             # compiles what reads the state, while the other process is still at it
@@ -110,6 +104,11 @@ class Simulation:
     @system.setter
     def system(self, system: System) -> None:
         self._ropeway.system = system
+
+    @property
+    def state(self) -> State:
+        """What the solver moves, to be read: a view, which goes on with it; `capture` gives what may be written."""
+        return self._shown
 
     @property
     def time(self) -> float:
@@ -271,81 +270,6 @@ class Simulation:
             )
         return self._snapshot
 
-    def cable_positions(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
-        """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
-
-        Raises:
-            ValueError: when there is no rope of that name.
-        """
-        _check_rope(rope)
-        arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
-        positions = np.empty((arc_lengths.size, 3))
-        sample_positions(self.system.cable, self._state, arc_lengths, positions)
-        return positions
-
-    def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
-        """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m: linear between the means of the elements.
-
-        Raises:
-            ValueError: when there is no rope of that name.
-        """
-        _check_rope(rope)
-        arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
-        tensions = np.empty(arc_lengths.size)
-        sample_tensions(self.system.cable, self._state, arc_lengths, tensions, self._means)
-        return tensions
-
-    def clearance(self) -> Clearance:
-        """Least heights of rope and vehicles above the ground, with their places.
-
-        Raises:
-            ValueError: when the scenario has no terrain.
-        """
-        if not self.scenario.terrain:
-            raise ValueError("clearance: the scenario has no terrain")
-        cable = self.system.cable
-        points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        seen = self._snapshot.columns
-        rope = self.cable_positions(points)
-        look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
-        return clearance_seen(self._ground, self.carriages, seen.attached)
-
-    @cached_property
-    def _ground(self) -> Ground:
-        """The ground, made when somebody asks for the clearance."""
-        return ground_of(self.scenario)
-
-    def energy(self) -> Energy:
-        """Mechanical energy now (J)."""
-        return Energy(*energies(self.system, self._state))
-
-    def natural_frequencies(self, count: int) -> FloatArray:
-        """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
-
-        Raises:
-            ValueError: when there are fewer.
-        """
-        return self._modes(count)[0]
-
-    def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
-        """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
-
-        Raises:
-            ValueError: when there are fewer.
-        """
-        _, shapes = self._modes(count)
-        arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
-        result = np.empty((count, arc_lengths.size, 3))
-        for shape, positions in zip(shapes, result, strict=True):
-            mode = self._state._replace(nodal_coordinates=np.ascontiguousarray(shape))
-            sample_positions(self.system.cable, mode, arc_lengths, positions)
-        return result / np.abs(result).max(axis=(1, 2), keepdims=True)
-
-    def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
-        from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, which no start needs
-
-        return natural_modes(self.system, self._state, count)
-
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
         return round(clock * self.step * 1e9) / 1e9
@@ -357,10 +281,13 @@ class Simulation:
         )
 
 
-def _check_rope(rope: str | None) -> None:
-    """Refuse a rope that there is not."""
-    if rope not in (None, CABLE):
-        raise ValueError(f"rope {rope!r} is unknown; known: {CABLE}")
+def _read_only(arrays: Any) -> Any:
+    """Views of the arrays of a named tuple that cannot be written."""
+    if isinstance(arrays, tuple):
+        return type(arrays)(*map(_read_only, arrays))
+    view = arrays.view()
+    view.flags.writeable = False
+    return view
 
 
 __all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -14,6 +14,7 @@ from cable_twin.mechanics.solution.generalized_alpha import Outcome, advance
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
+from verification.models import changing
 from verification.statics import CANTILEVER, LEVEL_SPAN, hung
 
 TWO_BODIES = {
@@ -221,12 +222,13 @@ def test_not_a_number_reaches_no_snapshot():
     """The simulation raises and names step and element; a state without it goes on from the same place."""
     simulation = Simulation(loaded_span(elements=6))
     simulation.advance_to(0.002)
-    state = simulation._state
-    kept = state.nodal_velocities[4, 0, 1]
-    state.nodal_velocities[4, 0, 1] = np.nan
+    kept = simulation.state.nodal_velocities[4, 0, 1]
+    with changing(simulation) as state:
+        state.nodal_velocities[4, 0, 1] = np.nan
     with pytest.raises(SolverError, match=r"step 3 \(to 0\.003 s\) failed: .* on element [34], .* at 0\.002 s"):
         simulation.advance_to(0.01)
-    state.nodal_velocities[4, 0, 1] = kept
+    with changing(simulation) as state:
+        state.nodal_velocities[4, 0, 1] = kept
     assert simulation.time == 0.002
     assert np.isfinite(simulation.advance_to(0.004).cable.positions).all()
 
@@ -235,14 +237,14 @@ def test_a_step_that_cannot_converge_leaves_the_last_good_state():
     """One Newton iteration and no halving, from a start far from rest: the error, and the state as it was."""
     solver = {"solver.max_iterations": 1, "solver.max_halvings": 0, "solver.tolerance": 1e-12}
     simulation = Simulation(loaded_span(**solver))
-    start = clone_state(simulation._state)
+    start = simulation.capture().state
     with pytest.raises(
         SolverError, match=r"step 1 \(to 0\.001 s\) failed: after 0 halvings .* an error of 1e-12 m may be left"
     ):
         simulation.advance_to(0.005)
     assert simulation.time == 0.0
     assert simulation.snapshot.solver.steps == 0
-    for one, other in zip(simulation._state, start, strict=True):
+    for one, other in zip(simulation.state, start, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -263,7 +265,7 @@ def test_good_steps_before_a_bad_one_are_kept():
     assert steps > 0
     assert simulation.time == pytest.approx(0.01 * steps)
     assert np.isfinite(simulation.snapshot.cable.positions).all()
-    assert all(np.isfinite(array).all() for array in simulation._state)
+    assert all(np.isfinite(array).all() for array in simulation.state)
 
 
 def test_carriage_at_the_support_takes_its_weight_there():
