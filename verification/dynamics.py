@@ -133,7 +133,7 @@ def stable_steps() -> Iterator[Result]:
                 simulation = Simulation(load_scenario(resolved, {**common, "solver.step": share * limit}))
             generator = np.random.default_rng(1)
             with changing(simulation) as state:
-                velocities = state.nodal_velocities
+                velocities = state.nodes.velocity
                 velocities[1:-1] += 1e-3 * generator.standard_normal(velocities[1:-1].shape)
             before = simulation.energy()
             bounded = True

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
-from cable_twin.mechanics.state import State, Workspace, allocate_workspace
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace, write_state
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -148,24 +148,16 @@ def _room(simulation: Simulation) -> tuple[State, Workspace]:
 def for_kernels(simulation: Simulation) -> tuple[State, Workspace]:
     """A copy of the present state and a workspace, until the next call."""
     state, work = _room(simulation)
-    _fill(state, simulation.state)
+    write_state(simulation.state, state)
     return state, work
-
-
-def _fill(target: Any, source: Any) -> None:
-    if isinstance(target, tuple):
-        for array, now in zip(target, source, strict=True):
-            _fill(array, now)
-    else:
-        target[...] = source
 
 
 def start_moving(simulation: Simulation) -> None:
     """Give the start the accelerations that belong to it, so that the first step is as accurate as all others."""
     with changing(simulation) as state:
         assert solve_accelerations(simulation.system, state, 0.0, allocate_workspace(simulation.system))
-        state.nodal_algorithmic[:] = state.nodal_accelerations
-        state.body_algorithmic[:] = state.body_accelerations
+        state.nodes.algorithmic[:] = state.nodes.acceleration
+        state.bodies.algorithmic[:] = state.bodies.acceleration
 
 
 def observed_order(errors: list[float], ratio: float = 2.0) -> float:

@@ -24,6 +24,8 @@ FORCE = 1  # drive mode: a given force along the cable
 SPEED = 2  # drive mode: the joint follows a reference position, its multiplier is the drive force
 HAULED = 3  # drive mode: the joint is free, a haul rope pulls it; its sheave is FREE, FORCE or SPEED
 
+INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
+
 START, END = 0, 1  # stations of a track
 SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 

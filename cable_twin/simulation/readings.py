@@ -84,7 +84,8 @@ class Readings:
         arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
         result = np.empty((count, arc_lengths.size, 3))
         for shape, positions in zip(shapes, result, strict=True):
-            mode = self._ropeway.state._replace(nodal_coordinates=np.ascontiguousarray(shape))
+            nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
+            mode = self._ropeway.state._replace(nodes=nodes)
             sample_positions(self._ropeway.system.cable, mode, arc_lengths, positions)
         return result / np.abs(result).max(axis=(1, 2), keepdims=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_twin.mechanics.drives.command import set_drive_mode
 from cable_twin.mechanics.drives.moving_rope import park
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
@@ -11,8 +12,7 @@ from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
-from cable_twin.mechanics.solution.generalized_alpha import set_drive_mode
-from cable_twin.mechanics.state import Workspace, allocate_state, clone_state
+from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.simulation.driving import hang_in_ropes
@@ -49,7 +49,7 @@ class Ropeway:
         )
         self.carry(self._first_loads)
         for row, vehicle in enumerate(scenario.vehicles.values()):
-            self.state.sliding_coordinate[row] = vehicle.arc_length
+            self.state.joints.position[row] = vehicle.arc_length
             if vehicle.joint == "clamped" and vehicle.arc_length > scenario.cable.unstrained_length:
                 park(self.system, self.state, row, vehicle.arc_length)
             if vehicle.joint == "sliding":
@@ -78,8 +78,7 @@ class Ropeway:
     def go_back(self) -> None:
         """Put the state back to the start; time runs on."""
         clock = int(self.state.clock[0])
-        for array, start in zip(self.state, self.start, strict=True):
-            array[...] = start  # not the kernel, which this would be the first to call from Python
+        write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
         self.carry(self.state.payload)
 

@@ -11,8 +11,9 @@ from typing import IO, Any
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
-from cable_twin.mechanics.solution.generalized_alpha import Outcome
+from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.solution.runge_kutta import stable_step
+from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State, allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
@@ -22,7 +23,7 @@ from cable_twin.records import (
 )
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.effects import take_effect
-from cable_twin.simulation.first_compilation import INTEGRATORS, compiling_ahead
+from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
@@ -69,7 +70,7 @@ class Simulation(Readings):
         self._packed_state = pack(self._state)
         self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
         self._at_start = True
-        self._advance = INTEGRATORS[scenario.solver.integrator]
+        self._advance = integrator_named(scenario.solver.integrator)
         self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
         self._ropeway.begin()
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):

@@ -6,7 +6,7 @@ but rounding.
 
 import numpy as np
 import pytest
-from systems import dense_blocks, difference, disturbed_state, make_cable, make_system
+from systems import changed, dense_blocks, difference, disturbed_state, make_cable, make_system
 
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME
 from cable_twin.mechanics.rope import elastic_models
@@ -121,20 +121,20 @@ def test_elastic_energy_is_that_of_the_strains(model, dim):
     system = make_system(dim, cable={"elastic_model": model})
     cable = system.cable
     state, work = disturbed_state(system)
-    state.nodal_velocities[:], state.nodal_accelerations[:] = 0.0, cable.gravity
+    state.nodes.velocity[:], state.nodes.acceleration[:] = 0.0, cable.gravity
 
     def total(e):
-        moved = state._replace(nodal_coordinates=e.reshape(state.nodal_coordinates.shape))
+        moved = changed(state, nodes_position=e.reshape(state.nodes.position.shape))
         return sum(elastic_models.elastic_energy(cable, moved, element) for element in range(cable.element_count))
 
     written = sum(
-        energy(cable, np.concatenate(elastic_models.chord_and_slopes(state.nodal_coordinates, element, cable)))
+        energy(cable, np.concatenate(elastic_models.chord_and_slopes(state.nodes.position, element, cable)))
         for element in range(cable.element_count)
     )
-    assert total(state.nodal_coordinates) == pytest.approx(written, rel=1e-13)
-    state.nodal_accelerations[:, 1] = 0.0  # r_ddot = g, so that inertia and gravity cancel
+    assert total(state.nodes.position) == pytest.approx(written, rel=1e-13)
+    state.nodes.acceleration[:, 1] = 0.0  # r_ddot = g, so that inertia and gravity cancel
     cable_element.add_cable(cable, state, 0.0, 0.0, 0.0, work)
-    force = difference(total, state.nodal_coordinates.ravel(), 1e-4)
+    force = difference(total, state.nodes.position.ravel(), 1e-4)
     np.testing.assert_allclose(-work.right_side.ravel(), force, rtol=0, atol=1e-8 * np.abs(force).max())
 
 
@@ -312,7 +312,7 @@ def test_inertia_and_gravity_are_integrals_over_the_element(dim):
     cable = system.cable
     state, _ = disturbed_state(system)
     length = cable.element_length
-    accelerations = state.nodal_accelerations[1:3].reshape(4, dim)
+    accelerations = state.nodes.acceleration[1:3].reshape(4, dim)
     exact = np.zeros((4, dim))
     for u, weight in gauss(5):
         s = np.array(shape_functions(u * length, length))
@@ -328,8 +328,8 @@ def test_mean_tension_is_the_mean_of_the_strain(model, dim):
     """EA times the mean of ε + τ ε_dot over the Gauss points: to 1e-12."""
     system = make_system(dim, cable={"elastic_model": model, "damping_time": 0.02})
     state, _ = disturbed_state(system)
-    shape = elastic_models.chord_and_slopes(state.nodal_coordinates, 1, system.cable)
-    rates = elastic_models.chord_and_slopes(state.nodal_velocities, 1, system.cable)
+    shape = elastic_models.chord_and_slopes(state.nodes.position, 1, system.cable)
+    rates = elastic_models.chord_and_slopes(state.nodes.velocity, 1, system.cable)
     q, q_dot = np.concatenate(shape), np.concatenate(rates)
     axial = strains(system.cable, q)[0] + 0.02 * gradient(lambda x: strains(system.cable, x)[0], q) @ q_dot
     exact = system.cable.axial_stiffness * np.array([weight for _, weight in gauss(AXIAL_POINTS)]) @ axial
@@ -347,15 +347,16 @@ def test_blocks_of_the_cable_are_the_derivative_of_its_residual(model, bending_s
     mass_factor, rate_factor, stiffness_factor = 90.0, 5.0, 1.0
 
     def residual(delta):
-        delta = delta.reshape(state.nodal_coordinates.shape)
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates + stiffness_factor * delta,
-            nodal_velocities=state.nodal_velocities + rate_factor * delta,
-            nodal_accelerations=state.nodal_accelerations + mass_factor * delta,
+        delta = delta.reshape(state.nodes.position.shape)
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + stiffness_factor * delta,
+            nodes_velocity=state.nodes.velocity + rate_factor * delta,
+            nodes_acceleration=state.nodes.acceleration + mass_factor * delta,
         )
         cable_element.add_cable(system.cable, moved, mass_factor, rate_factor, stiffness_factor, work)
         return -work.right_side.ravel()
 
-    exact = difference(residual, np.zeros(state.nodal_coordinates.size), 1e-4)
-    residual(np.zeros(state.nodal_coordinates.size))
+    exact = difference(residual, np.zeros(state.nodes.position.size), 1e-4)
+    residual(np.zeros(state.nodes.position.size))
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-9 * np.abs(exact).max())

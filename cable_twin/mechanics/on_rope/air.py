@@ -87,7 +87,7 @@ def drag_on_end(cable, rope_drag, wind, state, end):
     for point in range(POINTS):
         x = PLACES[point] * length
         shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-        _, _, _, across = blow(state.nodal_coordinates, state.nodal_velocities, element, shape, shape_x, blowing)
+        _, _, _, across = blow(state.nodes.position, state.nodes.velocity, element, shape, shape_x, blowing)
         force = rope_drag * WEIGHTS[point] * length * sqrt(dot(across, across))
         total = add_scaled(shape[row] * force, across, total)
     return total

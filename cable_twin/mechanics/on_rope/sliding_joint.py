@@ -21,21 +21,21 @@ from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_fun
 @kernel
 def place_joint(cable, state, carriage):
     """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
-    state.sliding_element[carriage], _ = locate(cable, state.sliding_coordinate[carriage])
+    state.joint_element[carriage], _ = locate(cable, state.joints.position[carriage])
 
 
 @kernel
 def joint_place(cable, state, carriage):
     """Element on which the joint is, and the paper's n in it (m)."""
-    element = state.sliding_element[carriage]
-    return element, state.sliding_coordinate[carriage] - element * cable.element_length
+    element = state.joint_element[carriage]
+    return element, state.joints.position[carriage] - element * cable.element_length
 
 
 @kernel
 def joint_position(cable, state, carriage):
     """S(n) e (dim,) in m."""
     element, x = joint_place(cable, state, carriage)
-    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+    return interpolate(state.nodes.position, element, shape_functions(x, cable.element_length), cable.gravity)
 
 
 @kernel
@@ -43,16 +43,16 @@ def joint_velocity(cable, state, carriage):
     """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
     element, x = joint_place(cable, state, carriage)
     length = cable.element_length
-    moving = interpolate(state.nodal_velocities, element, shape_functions(x, length), cable.gravity)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), cable.gravity)
-    return add_scaled(state.sliding_velocity[carriage], r_x, moving)
+    moving = interpolate(state.nodes.velocity, element, shape_functions(x, length), cable.gravity)
+    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, length), cable.gravity)
+    return add_scaled(state.joints.velocity[carriage], r_x, moving)
 
 
 @kernel
 def local_stretch(cable, state, carriage):
     """|r_x| (-) at the joint: way along the cable by arc length."""
     element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
     return sqrt(dot(r_x, r_x))
 
 
@@ -61,9 +61,9 @@ def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     element, x = joint_place(cable, state, carriage)
     length = cable.element_length
-    s_dot = state.sliding_velocity[carriage]
-    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, length), cable.gravity)
-    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), cable.gravity)
+    s_dot = state.joints.velocity[carriage]
+    turning = interpolate(state.nodes.velocity, element, shape_functions_x(x, length), cable.gravity)
+    bending = interpolate(state.nodes.position, element, shape_functions_xx(x, length), cable.gravity)
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
 
 
@@ -87,7 +87,7 @@ def stop_force(carriages, cable, carriage, s, s_dot):
 @kernel
 def deflection(carriages, state, carriage):
     """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
-    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    way = state.joints.position[carriage] - state.friction_origin[carriage]
     return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
 
@@ -102,7 +102,7 @@ def friction_force(carriages, state, carriage, normal):
     grip = rolling * normal
     if state.drive_braking[carriage]:
         grip += brake_force(carriages, state, carriage, TRACK_ROPE)
-    force = -grip * z - viscous * state.sliding_velocity[carriage]
+    force = -grip * z - viscous * state.joints.velocity[carriage]
     return force, -grip * z_by_s, -viscous, -rolling * z
 
 
@@ -110,7 +110,7 @@ def friction_force(carriages, state, carriage, normal):
 def settle_friction(carriages, state, carriage):
     """End a step: what is mobilised now is where the next one starts from."""
     state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
-    state.friction_origin[carriage] = state.sliding_coordinate[carriage]
+    state.friction_origin[carriage] = state.joints.position[carriage]
 
 
 @inlined_kernel
@@ -121,12 +121,12 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
-    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     element, x = joint_place(cable, state, carriage)
     shape = shape_functions(x, cable.element_length)
     shape_x = shape_functions_x(x, cable.element_length)
-    r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
-    r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), like)
+    r_x = interpolate(state.nodes.position, element, shape_x, like)
+    r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, cable.element_length), like)
     first = carriages.body_offset[carriage]
     force = load(state.multipliers[first], like)
     impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
@@ -181,9 +181,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 def driven_force(system, state, carriage):
     """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
     cable, carriages = system.cable, system.carriages
-    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+    s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -210,7 +210,7 @@ def recover_joint(system, state, carriage, work):
     like = cable.gravity
     element, x = joint_place(cable, state, carriage)
     shape = shape_functions(x, cable.element_length)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), like)
+    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
     for i in range(4):

@@ -38,11 +38,11 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 @kernel
 def find_contact(cable, supports, state, contact):
     """Bring the arc length of a contact to the nearest point of the rope."""
-    state.support_arc_length[contact] = nearest(
-        state.nodal_coordinates,
+    state.contact_arc_length[contact] = nearest(
+        state.nodes.position,
         cable.element_length,
         load(supports.position[contact], cable.gravity),
-        state.support_arc_length[contact],
+        state.contact_arc_length[contact],
     )
 
 
@@ -77,7 +77,7 @@ def slid(state, contact):
 
     The mesh moves with the rope, less what has run through it.
     """
-    return state.support_arc_length[contact] - state.rope[0] - state.support_origin[contact]
+    return state.contact_arc_length[contact] - state.rope.position[0] - state.contact_origin[contact]
 
 
 @kernel
@@ -119,12 +119,12 @@ def contact_frame(cable, supports, state, contact):
     """
     like = cable.gravity
     length = cable.element_length
-    element, x = locate(cable, state.support_arc_length[contact])
+    element, x = locate(cable, state.contact_arc_length[contact])
     shape = shape_functions(x, length)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), like)
+    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, length), like)
     position = load(supports.position[contact], like)
-    apart = subtract(interpolate(state.nodal_coordinates, element, shape, like), position)
-    moving = interpolate(state.nodal_velocities, element, shape, like)
+    apart = subtract(interpolate(state.nodes.position, element, shape, like), position)
+    moving = interpolate(state.nodes.velocity, element, shape, like)
     side = load(supports.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
@@ -136,7 +136,7 @@ def contact_force(cable, supports, state, contact):
     """Force (dim,) of a contact on the rope and its normal part, both in N."""
     _, _, r_x, _, normal, depth, moving = contact_frame(cable, supports, state, contact)
     n, _, _ = normal_force(supports, contact, depth, -dot(normal, moving))
-    z, _ = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
+    z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
     friction = supports.friction[contact] * n * z
     return add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal)), n
 
@@ -160,7 +160,7 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
         norm = sqrt(dot(r_x, r_x))
         t = scale(1.0 / norm, r_x)
         coefficient = supports.friction[contact]
-        z, z_by_way = mobilise(slid(state, contact), state.support_deflection[contact], supports.presliding[contact])
+        z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
         for i in range(4):
@@ -168,8 +168,8 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
         if stiffness_factor == 0.0:
             continue
 
-        r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), like)
-        turning = interpolate(state.nodal_velocities, element, shape_x, like)
+        r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, length), like)
+        turning = interpolate(state.nodes.velocity, element, shape_x, like)
         pivot = norm * norm + dot(apart, r_xx)
         bend = dot(normal, r_xx)
         # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
@@ -200,10 +200,10 @@ def settle_supports(cable, supports, state):
             find_contact(cable, supports, state, contact)
             _, n = contact_force(cable, supports, state, contact)
             total += n
-            state.support_deflection[contact], _ = mobilise(
-                slid(state, contact), state.support_deflection[contact], supports.presliding[contact]
+            state.contact_deflection[contact], _ = mobilise(
+                slid(state, contact), state.contact_deflection[contact], supports.presliding[contact]
             )
-            state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+            state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
         state.tower_load[tower, 0] = total
         state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
 

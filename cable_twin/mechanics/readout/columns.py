@@ -78,25 +78,25 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     observe_bodies(system, state, columns)
     observe_supports(system, state, rest_loads, columns)
     for drive in range(columns.drive_position.size):
-        columns.drive_position[drive], columns.drive_speed[drive] = state.rope[0], state.rope[1]
+        columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
         columns.moving_cable_force[drive] = haul_force(system, state)
 
 
 @kernel
 def observe_vehicles(system, state, columns):
     """Fill the columns of all vehicles."""
-    copy_array(state.sliding_coordinate, columns.arc_length)
-    copy_array(state.sliding_velocity, columns.speed)
+    copy_array(state.joints.position, columns.arc_length)
+    copy_array(state.joints.velocity, columns.speed)
     copy_array(state.drive_force, columns.drive_force)
     copy_array(state.payload, columns.payload)
-    sample_positions(system.cable, state, state.sliding_coordinate, columns.joint_position)
+    sample_positions(system.cable, state, state.joints.position, columns.joint_position)
     for vehicle in range(columns.arc_length.size):
         contact = load(state.multipliers[system.carriages.body_offset[vehicle]], system.cable.gravity)
         store_in_space(contact, columns.contact_force[vehicle])
         columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
         travel, speed, force = nan, nan, nan
         if state.drive_mode[vehicle] == HAULED:
-            travel, speed = state.sheave[vehicle, 0], state.sheave[vehicle, 1]
+            travel, speed = state.sheaves.position[vehicle], state.sheaves.velocity[vehicle]
             force, _, _, _ = rope_force(system, state, vehicle)
         columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
 
@@ -105,10 +105,10 @@ def observe_vehicles(system, state, columns):
 def observe_bodies(system, state, columns):
     """Fill the columns of all bodies: where each is without its payload."""
     for body in range(columns.body_angles.shape[0]):
-        x, z, pitch = state.body_coordinates[body, 0], state.body_coordinates[body, 1], state.body_coordinates[body, 2]
-        spin = state.body_velocities[body, 2]
+        x, z, pitch = state.bodies.position[body, 0], state.bodies.position[body, 1], state.bodies.position[body, 2]
+        spin = state.bodies.velocity[body, 2]
         arm_x, arm_z, turn_x, turn_z = pivot(pitch, system.carriages.centre_offset[body])
-        velocity = state.body_velocities[body, 0] - turn_x * spin, state.body_velocities[body, 1] - turn_z * spin
+        velocity = state.bodies.velocity[body, 0] - turn_x * spin, state.bodies.velocity[body, 1] - turn_z * spin
         store_in_space((x - arm_x, z - arm_z), columns.body_position[body])
         store_in_space(velocity, columns.body_velocity[body])
         store((0.0, sin(0.5 * pitch), 0.0, cos(0.5 * pitch)), columns.body_orientation[body])
@@ -158,9 +158,9 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
     """
     count, like, length = cable.element_count, cable.gravity, cable.element_length
     for group in range(means.shape[0]):
-        r_a, slope_a, r_b, slope_b = gather(state.nodal_coordinates, group * WIDTH, like)
+        r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        r_a, slope_a, r_b, slope_b = gather(state.nodal_velocities, group * WIDTH, like)
+        r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         spread((mean_tension(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
     mean = flat(means)
@@ -197,11 +197,11 @@ def end_force(system, state, end):
         total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
-            share = share_of_node(cable, state.sliding_coordinate[carriage], element, row)
+            share = share_of_node(cable, state.joints.position[carriage], element, row)
             force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             total = add_scaled(-share, force, total)
     for contact in range(system.supports.stiffness.size):
-        share = share_of_node(cable, state.support_arc_length[contact], element, row)
+        share = share_of_node(cable, state.contact_arc_length[contact], element, row)
         if share != 0.0:
             total = add_scaled(share, contact_force(cable, system.supports, state, contact)[0], total)
     return scale(-1.0, total)
@@ -229,25 +229,25 @@ def energies(system, state):
         elastic += elastic_energy(cable, state, element)
         for i in range(4):
             scale_i = length if i % 2 else 1.0
-            v_i = load(state.nodal_velocities[element + i // 2, i % 2], like)
+            v_i = load(state.nodes.velocity[element + i // 2, i % 2], like)
             for j in range(4):
                 scale_j = length if j % 2 else 1.0
-                v_j = load(state.nodal_velocities[element + j // 2, j % 2], like)
+                v_j = load(state.nodes.velocity[element + j // 2, j % 2], like)
                 share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
                 kinetic += 0.5 * share * dot(v_i, v_j)
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
-            gravitational -= row * dot(like, load(state.nodal_coordinates[element + i // 2, i % 2], like))
+            gravitational -= row * dot(like, load(state.nodes.position[element + i // 2, i % 2], like))
     if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)
     for carriage in range(carriages.fixed.size):
         for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
             if not state.attached[carriage]:
                 continue
-            v = state.body_velocities[body]
+            v = state.bodies.velocity[body]
             kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
             kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
-            q = state.body_coordinates[body]
+            q = state.bodies.position[body]
             gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
     for contact in range(system.supports.stiffness.size):
         elastic += contact_energy(cable, system.supports, state, contact)

@@ -287,7 +287,7 @@ def mean_tension(cable, d, a, b, d_dot, a_dot, b_dot):
 def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
     length = cable.element_length
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0
     for point in range(AXIAL_POINTS):

@@ -47,7 +47,7 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
 
     Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element.
     """
-    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
+    e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     diagonal, upper, lower, right_side, group = work.diagonal, work.upper, work.lower, work.right_side, work.group
     like, length = cable.gravity, cable.element_length
     clear_array(right_side[0])
@@ -68,10 +68,10 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
 @kernel
 def end_forces(cable, state, element):
     """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
     force, _, _, _, _, _, _, _, _ = elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
-    like, e_ddot = cable.gravity, state.nodal_accelerations
+    like, e_ddot = cable.gravity, state.nodes.acceleration
     on_r_a, _, on_r_b, _ = inertia(
         cable,
         load(e_ddot[element, 0], like),

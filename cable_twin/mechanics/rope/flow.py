@@ -23,7 +23,7 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
     its sheave takes over, and is smaller than the tension by ρA v² |r_x|.
     """
     length = cable.element_length
-    speed, rate = state.rope[1], state.rope[2]
+    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
     if speed == 0.0 and rate == 0.0:
         return
     mass = cable.mass_per_length
@@ -52,8 +52,8 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
 @inlined_kernel
 def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
     """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
-    d, a, b = chord_and_slopes(state.nodal_coordinates, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodal_velocities, element, cable)
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
+    d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
     d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
     a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
     b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
@@ -69,8 +69,8 @@ def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
 def end_flow(cable, state, end):
     """What the flow takes (dim,) in N at the node at `end`, as `add_flow` has it."""
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    speed, mass = state.rope[1], cable.mass_per_length
-    by_velocity, by_place = 2.0 * mass * speed, mass * state.rope[2]
+    speed, mass = state.rope.velocity[0], cable.mass_per_length
+    by_velocity, by_place = 2.0 * mass * speed, mass * state.rope.acceleration[0]
     return flow_forces(cable, state, element, by_velocity, by_place, -mass * speed * speed / cable.element_length)[row]
 
 
@@ -78,7 +78,7 @@ def end_flow(cable, state, end):
 def flow_energy(cable, state):
     """Kinetic energy (J) that the motion of the cable along itself adds to ½ ∫ρA r_t² dx."""
     along, squared, _, _ = flow_integrals(cable, state)
-    speed = state.rope[1]
+    speed = state.rope.velocity[0]
     return speed * along + 0.5 * speed * speed * squared
 
 
@@ -88,7 +88,7 @@ def flow_integrals(cable, state):
 
     Elements are computed `WIDTH` at a time, and those that are left over one by one.
     """
-    e, e_dot, e_ddot = state.nodal_coordinates, state.nodal_velocities, state.nodal_accelerations
+    e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     like, length = cable.gravity, cable.element_length
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(e, 0, like)[0][0]

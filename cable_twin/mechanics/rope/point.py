@@ -43,7 +43,7 @@ def interpolate(coordinates, element, weights, like):
 def position_on_cable(cable, state, arc_length):
     """R (dim,) in m at an arc length."""
     element, x = locate(cable, arc_length)
-    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+    return interpolate(state.nodes.position, element, shape_functions(x, cable.element_length), cable.gravity)
 
 
 @inlined_kernel

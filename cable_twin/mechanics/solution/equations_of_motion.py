@@ -68,7 +68,7 @@ def measure_gaps(system, state, work, place):
         joint = joint_position(system.cable, state, carriage)
         close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
         if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference[carriage, 0] - state.sliding_coordinate[carriage]
+            work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
@@ -95,7 +95,7 @@ def measure_gap_accelerations(system, state, feedback, work):
         turning = velocity_acceleration(system.cable, state, carriage)
         joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
         if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference[carriage, 2]
+            work.sliding_increment[carriage] = state.reference.acceleration[carriage]
 
 
 @inlined_kernel
@@ -114,7 +114,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.air.present:
         drag_bodies(
-            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+            system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
         )
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
@@ -140,8 +140,8 @@ def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, wo
             cable,
             system.air.rope_drag,
             state.wind,
-            state.nodal_coordinates,
-            state.nodal_velocities,
+            state.nodes.position,
+            state.nodes.velocity,
             rate_factor,
             stiffness_factor,
             work.diagonal,
@@ -165,7 +165,7 @@ def add_loads(cable, state, stiffness_factor, work):
         moment = cable.end_moment[end]
         if moment != 0.0:
             node = 0 if end == 0 else cable.element_count
-            x, z = state.nodal_coordinates[node, 1, 0], state.nodal_coordinates[node, 1, 1]
+            x, z = state.nodes.position[node, 1, 0], state.nodes.position[node, 1, 1]
             squared = x * x + z * z
             work.right_side[node, 1, 0] += moment * z / squared
             work.right_side[node, 1, 1] -= moment * x / squared
@@ -237,13 +237,13 @@ def solve_accelerations(system, state, feedback, work):
     Returns:
         False when the system has no solution.
     """
-    clear_array(state.nodal_accelerations)
-    clear_array(state.body_accelerations)
+    clear_array(state.nodes.acceleration)
+    clear_array(state.bodies.acceleration)
     measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):
         return False
-    copy_array(work.right_side, state.nodal_accelerations)
-    copy_array(work.body_increment, state.body_accelerations)
-    copy_array(work.sliding_increment, state.sliding_acceleration)
+    copy_array(work.right_side, state.nodes.acceleration)
+    copy_array(work.body_increment, state.bodies.acceleration)
+    copy_array(work.sliding_increment, state.joints.acceleration)
     return True

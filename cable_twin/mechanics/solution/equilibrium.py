@@ -15,10 +15,11 @@ from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SP
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.generalized_alpha import largest_increment
-from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
+from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state, fields_of
 
 MAX_RELAXATIONS = 5000
+GIVEN = ("joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock")  # what a start is asked to have
 
 
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -47,7 +48,7 @@ def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
-        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+        place = position_on_cable(system.cable, state, state.joints.position[carriage])
         hang_chain(carriages, state, carriage, place[0], place[1])
         if not state.attached[carriage]:
             move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
@@ -82,13 +83,13 @@ def relax(system, state, good, work, max_relaxations, tolerance):
             copy_state(good, state)
             mass_factor *= 8.0
             continue
-        combine_arrays(state.nodal_coordinates, 1.0, work.right_side, state.nodal_coordinates)
-        combine_arrays(state.body_coordinates, 1.0, work.body_increment, state.body_coordinates)
+        combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
+        combine_arrays(state.bodies.position, 1.0, work.body_increment, state.bodies.position)
         if increment < tolerance and mass_factor <= smallest:
             for carriage in range(state.drive_mode.size):
                 state.drive_force[carriage] = driven_force(system, state, carriage)
-            for contact in range(state.support_origin.size):
-                state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+            for contact in range(state.contact_origin.size):
+                state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
             settle_supports(cable, system.supports, state)
             return iteration + 1, increment
         if increment < largest:
@@ -126,10 +127,10 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     cable = system.cable
     direction = (end - start) / np.linalg.norm(end - start)
     arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
-    state.nodal_coordinates[:, 0] = start + np.outer(arc_lengths, direction)
-    state.nodal_coordinates[:, 1] = direction
-    state.friction_origin[:] = state.sliding_coordinate
-    state.reference[:, 0] = state.sliding_coordinate
+    state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
+    state.nodes.position[:, 1] = direction
+    state.friction_origin[:] = state.joints.position
+    state.reference.position[:] = state.joints.position
     hang_carriages(system, state)
 
 
@@ -152,13 +153,13 @@ def lay_cable(system: System, state: State) -> None:
         ends = rest.corner[[0, -1]]
         for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
             first, last = supports.contact_offset[tower : tower + 2]
-            state.support_arc_length[first:last] = middle
+            state.contact_arc_length[first:last] = middle
     for end, place, direction in zip((0, -1), ends, cable.support_direction, strict=True):
         if np.all(np.isfinite(place)):
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
-    state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+    state.nodes.position[:, 0], state.nodes.position[:, 1] = positions, slopes
 
 
 def settle(system: System, state: State, work: Workspace) -> None:
@@ -176,15 +177,14 @@ def settle(system: System, state: State, work: Workspace) -> None:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable, supports = system.cable, system.supports
-    given = (state.sliding_coordinate, state.drive_mode, state.sheave_mode, state.attached, state.wind)
-    for array in state[:-1]:
-        if not any(array is kept for kept in given):
+    for name, array in fields_of(state).items():
+        if name not in GIVEN:
             array[:] = 0
     lay_cable(system, state)
-    state.friction_origin[:] = state.sliding_coordinate
+    state.friction_origin[:] = state.joints.position
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
-    state.reference[:, 0] = state.sliding_coordinate
+    state.reference.position[:] = state.joints.position
     smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))

@@ -141,7 +141,7 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
         return np.concatenate(elastic_force(cable, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
     for element in range(cable.element_count):
-        vectors = np.concatenate(chord_and_slopes(state.nodal_coordinates, element, cable))
+        vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable))
         tangent = np.empty((3 * dim, 3 * dim))
         for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
             tangent[:, column] = (force(vectors + change) - force(vectors - change)) / (2.0 * DIFFERENCE * length)
@@ -152,7 +152,7 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
 def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
     """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
     state, work = clone_state(state), allocate_workspace(system)
-    state.nodal_velocities[:] = 0.0
+    state.nodes.velocity[:] = 0.0
     smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
     matrices = []
     for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
@@ -196,7 +196,7 @@ def _body_directions(system: System, state: State) -> csc_array:
     nodal = (cable.element_count + 1) * 2 * dim
     entries: list[tuple[int, int, float]] = []
     for carriage in range(carriages.fixed.size):
-        element, x = locate(cable, float(state.sliding_coordinate[carriage]))
+        element, x = locate(cable, float(state.joints.position[carriage]))
         weights = shape_functions(x, cable.element_length)
         first = int(carriages.body_offset[carriage])
         for body in range(first, int(carriages.body_offset[carriage + 1])):
@@ -216,7 +216,7 @@ def _body_directions(system: System, state: State) -> csc_array:
 def _arm(system: System, state: State, body: int, above: int) -> tuple[float, float, float, float]:
     """First and second derivative (x, z, x, z) in m of the place of `body` by the pitch of `above` in its chain."""
     carriages = system.carriages
-    pitch = float(state.body_coordinates[above, 2])
+    pitch = float(state.bodies.position[above, 2])
     up_x, up_z, up_turn_x, up_turn_z = pivot(pitch, carriages.upper_pivot[above])
     if above == body:
         return -up_turn_x, -up_turn_z, up_x, up_z
