@@ -252,3 +252,10 @@ def test_a_rope_that_there_is_not_is_named():
     for ask in (simulation.cable_positions, simulation.cable_tension):
         with pytest.raises(ValueError, match="rope 'haul' is unknown; known: cable"):
             ask(places, "haul")
+
+
+def test_a_snapshot_cannot_be_written():
+    snapshot = two_bodies().snapshot
+    for numbers in (snapshot.numbers, snapshot.columns.speed, snapshot.cable.positions, snapshot.bodies.position):
+        with pytest.raises(ValueError, match="read-only"):
+            numbers[:] = 0.0

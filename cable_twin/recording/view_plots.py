@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 
 from cable_twin.recording.view_geometry import entity_path, time_column
-from cable_twin.records import AppliedCommand, FloatArray
+from cable_twin.records import AppliedCommand, Command, FloatArray
 from cable_twin.signals import SIGNALS, Signal, driven_names
 from cable_twin.snapshot import Columns, Layout
 
@@ -83,12 +83,15 @@ class CommandedSpeeds:
     """The speed that each thing is commanded to have, over time."""
 
     def __init__(self) -> None:
-        self._now: dict[str, float] = {}
-        self._waiting: deque[AppliedCommand] = deque()
+        self._now: dict[str, float] = {}  # m/s by name, NaN for a force
+        self._waiting: deque[tuple[float, dict[str, float]]] = deque()  # from a time (s) on: no two of one time
 
     def note(self, applied: AppliedCommand) -> None:
-        """Take a command, from its time on."""
-        self._waiting.append(applied)
+        """Take a command, from its time on; of those at one time, as while time stands, only what they come to."""
+        before = self._waiting[-1][1] if self._waiting else self._now
+        if self._waiting and self._waiting[-1][0] == applied.time:
+            self._waiting.pop()
+        self._waiting.append((applied.time, _obeyed(before, applied.command)))
 
     def at(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
         """Return (frames, names) m/s at times (frames,) in s, later than those before; NaN where none is commanded."""
@@ -96,22 +99,21 @@ class CommandedSpeeds:
         first = 0
         while True:
             speeds[first:] = [self._now.get(name, np.nan) for name in names]
-            if not self._waiting or self._waiting[0].time > times[-1]:
+            if not self._waiting or self._waiting[0][0] > times[-1]:
                 return speeds
-            applied = self._waiting.popleft()
-            first = max(first, int(np.searchsorted(times, applied.time)))
-            self._obey(applied)
+            since, self._now = self._waiting.popleft()
+            first = max(first, int(np.searchsorted(times, since)))
 
-    def _obey(self, applied: AppliedCommand) -> None:
-        command = applied.command
-        if command.kind == "speed":
-            self._now.update(command.values)
-        elif command.kind == "force":
-            self._now.update(dict.fromkeys(command.values, np.nan))
-        elif command.kind == "emergency_stop":
-            self._now = dict.fromkeys(self._now, 0.0)
-        elif command.kind in ("release", "reset"):
-            self._now = {}
+
+def _obeyed(speeds: Mapping[str, float], command: Command) -> dict[str, float]:
+    """Commanded speeds after a command."""
+    if command.kind == "speed":
+        return {**speeds, **command.values}
+    if command.kind == "force":
+        return {**speeds, **dict.fromkeys(command.values, np.nan)}
+    if command.kind == "emergency_stop":
+        return dict.fromkeys(speeds, 0.0)
+    return {} if command.kind in ("release", "reset") else dict(speeds)
 
 
 Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
