@@ -34,6 +34,7 @@ from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
 from cable_twin.ros.pace_watch import PaceWatch
 from cable_twin.ros.parameters import PARAMETERS, splitting_of
@@ -57,11 +58,14 @@ class TwinNode(Node):
         ScenarioError: the scenario does not load.
         SnapshotError: the snapshot does not load.
         EquilibriumError: the cable of the scenario finds no rest.
+        SecondTwinError: there is one of this name, and `allow_second` is false.
     """
 
     def __init__(self) -> None:
         super().__init__("cable_twin")
         self._settings = declare_parameters(self)
+        alone = not self._settings["allow_second"]
+        self._held_name = hold_name(self) if alone else None
         self._refused = 0
         self._commands_applied = 0
         self._parameters_set = 0
@@ -69,6 +73,8 @@ class TwinNode(Node):
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
         self._watch = RecordingWatch(self.get_logger())
         self._simulation = self._build_simulation()
+        if alone:
+            check_others(self)
         self._frame_steps = self._count_frame_steps()
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
@@ -155,6 +161,8 @@ class TwinNode(Node):
             waiting.cancel()
             self._watch.look()
             self.get_logger().info(f"log closed: {self._output.run.directory}")
+        if self._held_name is not None:
+            self._held_name.close()
 
     def _publish_function(self, topic: Topic) -> Callable[[bytes], None]:
         """What sends the bytes of a topic."""
@@ -316,6 +324,7 @@ class TwinNode(Node):
         values["commands_refused"] = str(self._refused)
         values["parameters_set"] = str(self._parameters_set)
         values["parameters_refused"] = str(self._parameters_refused)
+        values["paused"] = str(self._loop.paused).lower()
         values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
         self._watch.look()
         values.update(self._watch.values)
@@ -326,9 +335,10 @@ class TwinNode(Node):
         for line in self._output.figures.take_news():
             self.get_logger().warning(line)
         summary = self._output.figures.summary(f"{self.get_name()}: key figures")
+        own = Status(level, self.get_name(), message, values, self.get_fully_qualified_name())
         messages = [
             (KEY_FIGURES, diagnostics_message(stamp_ns, *statuses)),
-            (DIAGNOSTICS, diagnostics_message(stamp_ns, Status(level, self.get_name(), message, values), summary)),
+            (DIAGNOSTICS, diagnostics_message(stamp_ns, own, summary)),
         ]
         self._output.send(messages, stamp_ns)
 
