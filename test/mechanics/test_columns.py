@@ -9,8 +9,7 @@ from systems import disturbed_state, make_system, put
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
-from cable_twin.mechanics.rope.point import locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.point import point_at, position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
 from verification import JIT
 from verification.models import for_kernels, moving
@@ -29,8 +28,8 @@ def balance_of_end_nodes(system, state, work):
     nodal = work.right_side.reshape(-1, work.right_side.shape[2])
 
     def act(arc_length, force):
-        element, x = locate(cable, arc_length)
-        nodal[2 * element : 2 * element + 4] += np.outer(shape_functions(x, cable.element_length), force)
+        point = point_at(cable, arc_length)
+        nodal[2 * point.element : 2 * point.element + 4] += np.outer(point.shape, force)
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
