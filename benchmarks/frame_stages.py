@@ -131,7 +131,7 @@ def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] 
         import rclpy  # noqa: PLC0415 - optional
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
 
-        from cable_twin.ros.node import message_class  # noqa: PLC0415
+        from cable_twin.ros.endpoints import message_class  # noqa: PLC0415
     except ImportError:
         yield None
         return

@@ -10,7 +10,7 @@ from typing import Any
 
 from cable_twin.ros.command_line import Ending
 
-SETTLED = 1.5  # s without news after which all twins are taken to be known; diagnostics come once a second
+DISCOVERY = 3.5  # s within which DDS tells of every node: it announces them every 3 s
 SCENARIO, DIAGNOSTICS = "/scenario", "/diagnostics"
 
 
@@ -46,7 +46,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
 
     Args:
         node: of rclpy.
-        wait: s to wait for the first one.
+        wait: s to wait for one, and for what it says.
         ending: whether to give up.
     """
     import rclpy  # noqa: PLC0415
@@ -66,16 +66,16 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
 
     node.create_subscription(DiagnosticArray, DIAGNOSTICS, note_status, 50)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    news = time.monotonic() + wait - SETTLED
+    started = time.monotonic()
     while not ending.is_set():
         for name in _names(node):
             if name not in twins:
                 twins[name] = _Twin()
                 node.create_subscription(String, name + SCENARIO, lambda m, name=name: note_scenario(name, m), latched)
-                news = time.monotonic()
         rclpy.spin_once(node, timeout_sec=0.05)
+        elapsed = time.monotonic() - started
         complete = bool(twins) and all(twin.scenario and twin.status for twin in twins.values())
-        if time.monotonic() - news > (SETTLED if complete or not twins else 2.0 * SETTLED):
+        if elapsed > (DISCOVERY if complete else max(wait, DISCOVERY) if twins else wait):
             break
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]
 

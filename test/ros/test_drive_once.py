@@ -160,7 +160,9 @@ def test_a_second_twin_of_one_name_is_refused_and_another_name_is_listed(running
     )
     other = processes(*arguments, "--start-paused", "--ros-args", "-r", "__ns:=/b", domain=first.domain)
     other.wait_for("'quick' runs at 100 Hz")
-    code, output = drive("--list", "--wait", "5")
+    here = twin.node.get_node_names_and_namespaces
+    twin.until(lambda: ("cable_twin", "/b") in here(), what="both")
+    code, output = drive("--list")
     assert code == 0
     lines = output.splitlines()
     assert [line.partition(":")[0] for line in lines] == ["/b/cable_twin", "/cable_twin"]
@@ -171,7 +173,7 @@ def test_a_second_twin_of_one_name_is_refused_and_another_name_is_listed(running
     allowed = processes(*arguments, "--allow-second", domain=first.domain)
     allowed.wait_for("'quick' runs at 100 Hz")
     wait_until(lambda: twin.node.count_publishers("/cable_twin/scenario") == 2, what="both")
-    code, output = drive("--list", "--wait", "5")
+    code, output = drive("--list")
     assert output.endswith("; 2 nodes have this name")
     assert allowed.end() == 0
 
