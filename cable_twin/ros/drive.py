@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from cable_twin.command_line import INTERRUPTED
@@ -47,8 +48,7 @@ def parser() -> OneLineParser:
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     what = result.add_mutually_exclusive_group(required=True)
     for kind in KINDS.values():
-        option = f"--{kind.name.replace('_', '-')}"
-        unit = kind.unit.upper()
+        option, unit = _option(kind), kind.unit.upper()
         if kind.axes:
             what.add_argument(option, type=_number, nargs="+", help=f"{kind.unit}: {kind.help}", metavar=unit)
         elif kind.quantity:
@@ -61,7 +61,7 @@ def parser() -> OneLineParser:
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
     result.add_argument("--ramp", type=_not_negative, metavar="S", help="s from zero to the value; default 0")
     result.add_argument("--duration", type=_not_negative, metavar="S", help="s to drive; default: until Ctrl-C")
-    result.add_argument("--node", default="/cable_twin", help="name of the twin; default: /cable_twin")
+    result.add_argument("--node", type=_node, default="/cable_twin", help="name of the twin; default: /cable_twin")
     result.add_argument(
         "--wait",
         type=_not_negative,
@@ -76,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Tell a twin what to do; 0 after the end, 1 when none answers, or it refuses, 130 where nothing came of it."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
-    kind = next((kind for kind in KINDS.values() if getattr(options, kind.name) not in (None, False)), None)
+    given = {kind.name: getattr(options, kind.name) for kind in KINDS.values()}
+    kind = next((KINDS[name] for name, value in given.items() if value is not None and value is not False), None)
     if fault := _fault(options, kind):
         arguments.error(fault)
     ending = Ending("drive")
@@ -115,7 +116,7 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
     named = kind is not None and bool(kind.quantity) and not kind.axes
     if named and options.name is None:
         assert kind is not None
-        return f"--{kind.name} needs the name of a carriage{' or drive' if kind.drives else ''} before it"
+        return f"{_option(kind)} needs the name of a carriage{' or drive' if kind.drives else ''} before it"
     if not named and options.name is not None:
         return f"'{options.name}' given; only {_options(lambda kind: kind.quantity and not kind.axes)} take a name"
     for name in ("ramp", "duration"):
@@ -123,12 +124,16 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
             return f"--{name} given; it goes with {_options(lambda kind: kind.drives)}"
     if kind is not None and kind.axes and len(getattr(options, kind.name)) > len(kind.axes):
         count = len(getattr(options, kind.name))
-        return f"argument --{kind.name}: {count} numbers given; allowed: {', '.join(kind.axes)}, in {kind.unit}"
+        return f"argument {_option(kind)}: {count} numbers given; allowed: {', '.join(kind.axes)}, in {kind.unit}"
     return ""
 
 
-def _options(wanted: Any) -> str:
-    return ", ".join(f"--{kind.name}" for kind in KINDS.values() if wanted(kind))
+def _options(wanted: Callable[[Kind], object]) -> str:
+    return ", ".join(_option(kind) for kind in KINDS.values() if wanted(kind))
+
+
+def _option(kind: Kind) -> str:
+    return f"--{kind.name.replace('_', '-')}"
 
 
 def _drive(node: Any, kind: Kind, options: argparse.Namespace, ending: Ending) -> str:
@@ -148,10 +153,9 @@ def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: End
         return (
             "" if lines else f"no twin found after {options.wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
         )
-    twin = options.node.rstrip("/")
-    client = TwinClient(node, twin, options.wait, ending)
+    client = TwinClient(node, options.node, options.wait, ending)
     try:
-        print(f"{twin}: {_ask(client, kind, options)}")
+        print(f"{options.node}: {_ask(client, kind, options)}")
     except TwinError as error:
         return str(error)
     return ""
@@ -190,6 +194,14 @@ def _not_negative(text: str) -> float:
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"{text} s given, zero or more is needed")
     return value
+
+
+def _node(text: str) -> str:
+    """Full name of a node."""
+    name = f"/{text.strip('/')}"
+    if not re.fullmatch(r"(/[A-Za-z_]\w*)+", name, re.ASCII):
+        raise argparse.ArgumentTypeError(f"{text!r} given, the full name of a node is needed, such as /b/cable_twin")
+    return name
 
 
 def _count(text: str) -> int:

@@ -18,11 +18,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.command_messages import command_from_message
 from cable_twin.commands import INPUTS, JOINT_COMMANDS
-from cable_twin.messages import (
-    SCENARIO,
-    scenario_message,
-    topics,
-)
+from cable_twin.messages import SCENARIO, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates

@@ -40,7 +40,7 @@ class Driver:
         self._heard = False  # any joint states
         self._scenario: dict[str, Any] | None = None
         self._answered = math.inf  # s of the clock
-        twin = options.node.rstrip("/")
+        twin = options.node
         self._topic = f"{twin}/{kind.topic}"
         self._publisher = node.create_publisher(JointState, self._topic, 10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -163,6 +163,10 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
         (["--wind", "1", "2", "3"], "argument --wind: 3 numbers given; allowed: x, z, in m/s"),
         (["--wind", "gale"], "argument --wind: 'gale' given, a finite number is needed"),
+        (
+            ["--reset", "--node", "a b"],
+            "argument --node: 'a b' given, the full name of a node is needed, such as /b/cable_twin",
+        ),
         (["--step", "0"], "argument --step: '0' given, a whole number of frames above zero is needed"),
         (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
         (
