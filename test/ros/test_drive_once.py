@@ -103,7 +103,7 @@ def test_it_pauses_steps_and_resumes(twin, drive):
     code, output = drive("--resume")
     assert code == 0
     assert re.fullmatch(rf"/cable_twin: running at {TIME}", output)
-    assert twin.next_diagnostics()[1] == "running"
+    assert twin.next_diagnostics()[2]["paused"] == "false"
 
 
 def test_it_loads_and_blows_and_says_why_not(twin, drive):
