@@ -31,6 +31,7 @@ from cable_twin.records import (  # noqa: E402
     SupportState,
     TowerState,
 )
+from cable_twin.snapshot import Snapshot  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 
@@ -279,12 +280,13 @@ def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
     snapshots = []
     for index in range(60):
         snapshot = chairlift_at(0.01 * index)
-        c = snapshot.columns
+        numbers = snapshot.numbers.copy()
+        c = snapshot.layout.columns(numbers)
         if index < 6 or index % 3:
             bodies = (c.joint_position, c.body_position, c.body_angles)
             for missing in (*bodies, c.rope_position, c.rope_tension, c.drive_speed):
                 missing[...] = np.nan
-        snapshots.append(snapshot)
+        snapshots.append(Snapshot(snapshot.layout, numbers, snapshot.solver))
     known = [chairlift_at(0.01 * (index - index % 3)) for index in range(60)]
     path = tmp_path / "run.rrd"
     draw_chairlift(path, snapshots, batch_frames=batch_frames)
@@ -306,7 +308,9 @@ def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
 
 def test_a_log_without_rope_and_vehicles_is_drawn_without_them(tmp_path):
     snapshot = chairlift_at(0.0)
-    snapshot.numbers[1:] = np.nan
+    numbers = snapshot.numbers.copy()
+    numbers[1:] = np.nan
+    snapshot = Snapshot(snapshot.layout, numbers, snapshot.solver)
     draw_chairlift(tmp_path / "run.rrd", [snapshot])
     rerun_command("rrd", "verify", tmp_path / "run.rrd")
     assert column(tmp_path / "run.rrd", "/track/rope", "LineStrips2D:strips")[1] == []
