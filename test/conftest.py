@@ -3,7 +3,7 @@ from __future__ import annotations
 import os
 
 import pytest
-from twin_process import TwinProcess
+from twin_process import TwinProcess, allocate_domain, release_domain
 
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -26,6 +26,14 @@ def processes(tmp_path):
     yield start
     for process in started:
         process.kill()
+
+
+@pytest.fixture
+def domain():
+    """A ROS domain for this test alone."""
+    taken = allocate_domain()
+    yield taken
+    release_domain(taken)
 
 
 @pytest.fixture

@@ -30,7 +30,7 @@ def start(directory, command, *arguments, **options):
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
         cwd=directory,
-        env=environment(directory, 0),
+        env=environment(directory),
         stderr=subprocess.PIPE,
         **{"stdout": subprocess.PIPE, **options},
         text=True,

@@ -214,7 +214,7 @@ def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
     for path in (log.path, long):
         result = subprocess.run(
             [sys.executable, "-c", MEASURE, str(path), "--no-viewer"],
-            env=environment(tmp_path, 0),
+            env=environment(tmp_path),
             capture_output=True,
             text=True,
             check=True,

@@ -136,7 +136,7 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
@@ -162,7 +162,7 @@ def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
@@ -183,7 +183,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from twin_process import COMPILING, TwinProcess, allocate_domain, environment
+from twin_process import COMPILING, TwinProcess, environment
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline import replay, review
@@ -254,7 +254,7 @@ def test_help_has_an_example_and_bad_options_are_one_line(tmp_path, script):
         return subprocess.run(
             [sys.executable, str(EXAMPLES / script), *arguments],
             cwd=tmp_path,
-            env=environment(tmp_path, 0),
+            env=environment(tmp_path),
             capture_output=True,
             text=True,
             timeout=COMPILING,
@@ -271,8 +271,8 @@ def test_help_has_an_example_and_bad_options_are_one_line(tmp_path, script):
     )
 
 
-def test_without_a_twin_it_says_so(tmp_path):
-    process = start(tmp_path, "trapezoid_driver.py", "cabin", "--wait", "2", domain=allocate_domain())
+def test_without_a_twin_it_says_so(domain, tmp_path):
+    process = start(tmp_path, "trapezoid_driver.py", "cabin", "--wait", "2", domain=domain)
     assert process.wait() == 1
     assert process.output.strip() == (
         "trapezoid_driver.py: no twin that moves on answers as /cable_twin after 2 s: is `sim` running, not paused, "

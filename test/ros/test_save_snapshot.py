@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from bags import bag
 from rosbags.highlevel import AnyReader
-from twin_process import LOG_EVERY_FRAME, allocate_domain, environment, run_module, write_quick_scenario
+from twin_process import LOG_EVERY_FRAME, environment, run_module, write_quick_scenario
 
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.simulation import Simulation
@@ -104,10 +104,9 @@ os.fsync = slow_fsync
 """
 
 
-def test_commands_do_not_wait_for_the_disk(processes, participants, tmp_path):
+def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_path):
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_DISK)
-    domain = allocate_domain()
     variables = environment(tmp_path, domain)
     variables["PYTHONPATH"] = os.pathsep.join([str(tmp_path / "slow"), variables["PYTHONPATH"]])
     scenario = str(write_quick_scenario(tmp_path))

@@ -20,7 +20,6 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from twin_process import (
     COMPILING,
-    allocate_domain,
     environment,
     run_module,
     stamps,
@@ -219,8 +218,7 @@ def compilers(directory):
     return found
 
 
-def test_interrupt_ends_the_compilation(processes, tmp_path):
-    domain = allocate_domain()
+def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
     variables = {**environment(tmp_path, domain), "NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")}
     sim = processes(domain=domain, variables=variables)
     sim.wait_for("compiling the solver's kernels, once on this machine")
@@ -317,7 +315,7 @@ def test_without_ros_it_says_what_to_install(tmp_path, command):
     result = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=tmp_path,
-        env=environment(tmp_path, 0),
+        env=environment(tmp_path),
         capture_output=True,
         text=True,
         timeout=COMPILING,
