@@ -153,7 +153,7 @@ def loaded_with(*names: str) -> set[str]:
         text=True,
         check=True,
         cwd=PACKAGE.parent,
-        timeout=60,
+        timeout=300,
     )
     return set(result.stdout.split())
 

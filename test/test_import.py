@@ -19,7 +19,7 @@ def run(code: str, **variables: str) -> str:
         env={"PATH": "/usr/bin:/bin", "HOME": str(ROOT), **variables},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=True,
     ).stdout
 

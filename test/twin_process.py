@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import signal
 import subprocess
@@ -22,8 +23,8 @@ import cable_twin
 from cable_twin.messages import SECOND
 from cable_twin.scenario import config_directory
 
-COMPILING = 180.0  # s within which a fresh machine has compiled the kernels
-PATIENCE = 20.0  # s for anything else; a machine that builds something beside may stall for seconds
+COMPILING = 600.0  # s within which a fresh machine has compiled the kernels, be it slow and busy
+PATIENCE = 60.0  # s for anything else; a machine that builds something beside may stall for seconds
 PACKAGE_PARENT = Path(cable_twin.__file__).resolve().parents[1]
 LOG_EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope", "path")]  # of sim and simulate
 # of DDS, whose ports are 7400 + 250 * domain and on: those above and below the ports that Linux gives to clients
@@ -48,8 +49,8 @@ def allocate_domain() -> int:
 def _is_used(domain: int) -> bool:
     """Whether somebody listens to a port of it."""
     first = 7400 + 250 * domain
-    lines = [line.split() for name in ("udp", "udp6") for line in Path("/proc/net", name).read_text().splitlines()[1:]]
-    return any(first <= int(line[1].rpartition(":")[2], 16) < first + 250 for line in lines)
+    sockets = [line.split() for file in Path("/proc/net").glob("udp*") for line in file.read_text().splitlines()[1:]]
+    return any(first <= int(socket[1].rpartition(":")[2], 16) < first + 250 for socket in sockets)
 
 
 def release_domain(domain: int) -> None:
@@ -166,6 +167,39 @@ class TwinProcess:
         self.process.wait()
         if self.owns_domain:
             release_domain(self.domain)
+
+
+# each in a process of its own, which need not import again what takes a second or two
+SIMS = """
+import json, os, sys
+import cable_twin.ros.node
+from cable_twin.ros.sim import main
+codes = []
+for number, arguments in enumerate(json.loads(sys.argv[1])):
+    if os.fork() == 0:
+        for descriptor, name in ((1, "out"), (2, "err")):
+            os.dup2(os.open(f"{number}.{name}", os.O_CREAT | os.O_WRONLY), descriptor)
+        sys.exit(main(arguments))
+    codes.append(os.waitstatus_to_exitcode(os.wait()[1]))
+print(json.dumps(codes))
+"""
+
+
+def refused_starts(directory: Path, *starts: Sequence[str]) -> list[list[str]]:
+    """What `sim` says of each list of arguments, in lines; each is refused, with nothing else printed or recorded."""
+    result = subprocess.run(
+        [sys.executable, "-c", SIMS, json.dumps(starts)],
+        cwd=directory,
+        env=environment(directory),
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=True,
+    )
+    assert json.loads(result.stdout) == [1] * len(starts)
+    assert not any((directory / f"{number}.out").read_text() for number in range(len(starts)))
+    assert not (directory / "cable_twin_logs").exists()
+    return [(directory / f"{number}.err").read_text().splitlines() for number in range(len(starts))]
 
 
 def stamps(messages: list[Any]) -> list[int]:

@@ -162,12 +162,12 @@ def test_truncated_bag_replays_as_far_as_it_goes(recorded, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
-def test_what_is_no_log_is_named_in_a_line(tmp_path, make, said):
+def test_what_is_no_log_is_named_in_a_line(tmp_path, capsys, make, said):
     path = make(tmp_path / "thing.mcap")
-    result = run_module("offline.replay", str(path), directory=tmp_path)
-    assert result.returncode == 2
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
+    assert main([str(path)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
     assert line.startswith(f"replay: {path}: ")
     assert said in line
 

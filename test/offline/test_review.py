@@ -93,12 +93,12 @@ def test_plots_show_something(runs, tmp_path, capsys, count):
 
 
 def verify(recording):
-    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], check=True, timeout=60)
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], check=True, timeout=300)
 
 
 def entities(recording) -> str:
     arguments = [sys.executable, "-m", "rerun", "rrd", "print", str(recording)]
-    return subprocess.run(arguments, check=True, timeout=60, capture_output=True, text=True).stdout
+    return subprocess.run(arguments, check=True, timeout=300, capture_output=True, text=True).stdout
 
 
 def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, capsys):

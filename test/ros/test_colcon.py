@@ -87,7 +87,7 @@ def test_scenarios_are_found_in_the_installed_package(workspace, tmp_path):
         env=variables,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert result.returncode == 0, result.stderr

@@ -20,7 +20,10 @@ def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_p
             value = {"effort": [float(random.uniform(0.0, 4e4))]}
         participant.publish(name=["cabin"], **value)
         participant.spin(float(random.uniform(0.01, 0.2)))
-    participant.spin(1.0)  # the time-out stops it
+    participant.until(
+        lambda: participant.received["applied_commands"][-1].header.frame_id.endswith("command_timeout"),
+        what="its stop",
+    )
     assert sim.end() == 0
     log = read_log(sim.run_directory)
     sources = {applied.source for applied in log.commands}

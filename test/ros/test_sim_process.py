@@ -15,12 +15,14 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from bags import bag
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from twin_process import (
     COMPILING,
     environment,
+    refused_starts,
     run_module,
     stamps,
     wait_until,
@@ -57,7 +59,7 @@ def check_logs(run: Path) -> int:
     metadata = YAML(typ="safe").load(run / "metadata.yaml")["rosbag2_bagfile_information"]
     assert metadata["message_count"] == summary.statistics.message_count
     for command in (["mcap", "check", bag], ["rrd", "verify", recording]):
-        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=60, check=False)
+        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=300, check=False)
         assert result.returncode == 0, result.stdout + result.stderr
     assert read_log(run).complete
     return len(decoded)
@@ -127,7 +129,7 @@ def test_live_view_without_its_port_is_a_file(processes, tmp_path):
         sim.wait_for("runs at 100 Hz")
         assert "[ERROR]" in sim.output
         assert "no live view, a file only: the live view cannot use port 9876 of 127.0.0.1" in sim.output
-        time.sleep(1.0)
+        wait_until(lambda: bag(sim.run_directory).stat().st_size > 50_000, what="a log of some frames")
         assert sim.end() == 0
         check_logs(sim.run_directory)
 
@@ -200,10 +202,11 @@ def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, 
     assert participant.call("step", Trigger).success
     participant.until(lambda: len(participant.received["joint_states"]) == 2, what="the start and one frame")
     assert participant.call("pause", SetBool, data=False).success
-    participant.spin(2.0)
+    started = time.monotonic()
+    participant.until(lambda: len(participant.received["joint_states"]) > 1000)
+    assert time.monotonic() - started < 10.0  # which they would take in real time
     assert sim.end() == 0
     taken = [stamp for _, stamp, _ in read_log(sim.run_directory).messages(["joint_states"])]
-    assert len(taken) > 400  # in two seconds; in real time 200
     assert [after - before for before, after in pairwise(taken)] == [FRAME] * (len(taken) - 1)
 
 
@@ -226,48 +229,40 @@ def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
     assert len(os.sched_getaffinity(0)) < 2 or compiler
     sim.send(signal.SIGINT)
     sim.send(signal.SIGINT)
-    assert sim.wait(10.0) == 0
+    assert sim.wait() == 0
     wait_until(lambda: not compilers(tmp_path), what="the end of the second process")
     assert sim.output.endswith("sim: ended before it had started\n")
     assert "Traceback" not in sim.output
     assert not (tmp_path / "cable_twin_logs").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
-        (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
-        (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
-        (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
-        (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
-        (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
-        (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
-        (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
-        (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
-        (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
-        (
-            ["--keep-age", "600"],
-            "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
-        ),
-        (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
-        (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
-    ],
-    ids=lambda value: "_".join(value) if isinstance(value, list) else "",
-)
-def test_bad_parameters_are_named_in_a_line(tmp_path, arguments, said):
-    result = run_module("ros.sim", *arguments, directory=tmp_path)
-    assert result.returncode == 1
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
-    assert line.startswith(said)
-    assert not (tmp_path / "cable_twin_logs").exists()
+BAD_PARAMETERS = [
+    (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
+    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
+    (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
+    (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
+    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
+    (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
+    (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
+    (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
+    (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
+    (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
+    (
+        ["--keep-age", "600"],
+        "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
+    ),
+    (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
+    (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
+]
 
 
-def test_several_bad_parameters_have_a_line_each(tmp_path):
-    result = run_module("ros.sim", "--frame-rate", "0", "--command-timeout", "0", directory=tmp_path)
-    assert result.returncode == 1
-    assert len(result.stderr.splitlines()) == 2
+def test_bad_parameters_are_named_in_a_line_each(tmp_path):
+    several = ["--frame-rate", "0", "--command-timeout", "0"]
+    *said, said_of_several = refused_starts(tmp_path, *(arguments for arguments, _ in BAD_PARAMETERS), several)
+    for (_, expected), lines in zip(BAD_PARAMETERS, said, strict=True):
+        (line,) = lines
+        assert line.startswith(expected)
+    assert len(said_of_several) == 2
 
 
 def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
@@ -278,9 +273,7 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
     content["cable"]["elemnts"] = 3
     content["carriages"]["cabin"]["arc_length"] = 1e6
     yaml.dump(content, path)
-    result = run_module("ros.sim", "--scenario", str(path), directory=tmp_path)
-    assert result.returncode == 1
-    lines = result.stderr.splitlines()
+    (lines,) = refused_starts(tmp_path, ["--scenario", str(path)])
     assert len(lines) == 3
     assert all(line.startswith(f"sim: {path}: ") for line in lines)
     for key in ("gravity", "cable.elemnts", "carriages.cabin.arc_length"):
