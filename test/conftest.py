@@ -9,6 +9,15 @@ from twin_process import TwinProcess, allocate_domain, release_domain
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """With `-n`: the tests of a file share twins and runs, so one process has all of them; in the files' order."""
+    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - only there with `-n`
+
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _ros_log_directory(tmp_path_factory):
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from twin_process import run_module, write_quick_scenario
+from twin_process import write_quick_scenario
 
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 
 pytest.importorskip("rclpy")
 
 
-def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path):
+def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path, capsys):
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -29,6 +30,5 @@ def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_p
     sources = {applied.source for applied in log.commands}
     assert sources == {"joint_commands", "command_timeout"}
     assert len(log.commands) >= 41
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "every sample agrees to the last bit" in result.stdout
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out

@@ -29,6 +29,7 @@ from twin_process import (
     write_quick_scenario,
 )
 
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import config_directory
 
@@ -85,7 +86,7 @@ def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
     assert frames >= len(participant.received["joint_states"])
 
 
-def test_killed_run_is_readable_and_replays(processes, participants, tmp_path):
+def test_killed_run_is_readable_and_replays(processes, participants, tmp_path, capsys):
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -100,9 +101,8 @@ def test_killed_run_is_readable_and_replays(processes, participants, tmp_path):
     recorded = max(stamp for _, stamp, _ in log.messages(["joint_states"]))
     assert published - recorded < 1_500_000_000  # less than a second, and what a busy machine adds
     assert len(log.commands) > 10
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "cut short" in result.stdout
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "cut short" in capsys.readouterr().out
 
 
 def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
@@ -154,7 +154,7 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants
     assert sum(1 for _ in read_log(sim.run_directory).messages(["joint_states"])) > 10
 
 
-def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants, tmp_path):
+def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants):
     sim = processes("--scenario", "seed_example", "--rerun", "off")
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -169,8 +169,7 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
     count = len(participant.received["joint_states"])
     participant.until(lambda: len(participant.received["joint_states"]) > count + 20, what="frames after the reset")
     assert sim.end() == 0
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
+    assert replay.main([str(sim.run_directory)]) == 0
 
 
 @pytest.mark.parametrize("stop", [False, True])
@@ -189,7 +188,7 @@ def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participa
     assert [applied.command.kind for applied in log.commands] == ["emergency_stop"] * stop
     taken = [stamp for _, stamp, _ in log.messages(["joint_states"])]
     assert [stamp - log.epoch_ns for stamp in taken] == [0, FRAME][: 1 + stop]
-    assert run_module("offline.replay", str(sim.run_directory), directory=tmp_path).returncode == 0
+    assert replay.main([str(sim.run_directory)]) == 0
 
 
 def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
