@@ -55,7 +55,7 @@ def test_kernels_compiled_ahead_are_those_that_are_called():
 def test_the_second_process_ends_well():
     """It would fail in silence, and the first start would take longer."""
     result = subprocess.run(
-        [sys.executable, "-m", "cable_twin.simulation.first_compilation", "generalized_alpha"],
+        [sys.executable, "-m", "cable_twin.simulation.first_compilation", "generalized_alpha", str(os.getpid())],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.snapshot import Snapshot
 
+RERUN = Path(sys.executable).with_name("rerun")
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
 PLOTS = {"rope.png", "tension.png", "speed.png", "swing.png", "drive.png", "contact_forces.png"}
 
@@ -93,11 +95,11 @@ def test_plots_show_something(runs, tmp_path, capsys, count):
 
 
 def verify(recording):
-    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], check=True, timeout=300)
+    subprocess.run([RERUN, "rrd", "verify", str(recording)], check=True, timeout=300)
 
 
 def entities(recording) -> str:
-    arguments = [sys.executable, "-m", "rerun", "rrd", "print", str(recording)]
+    arguments = [RERUN, "rrd", "print", str(recording)]
     return subprocess.run(arguments, check=True, timeout=300, capture_output=True, text=True).stdout
 
 

@@ -32,6 +32,7 @@ from cable_twin.records import (  # noqa: E402
     TowerState,
 )
 
+RERUN = Path(sys.executable).with_name("rerun")
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 
 
@@ -49,9 +50,7 @@ def column(path, entity, component):
 
 
 def rerun_command(*arguments):
-    run = subprocess.run(
-        [sys.executable, "-m", "rerun", *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False
-    )
+    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout + run.stderr
 
