@@ -15,7 +15,9 @@ CODE = """
 import numba
 from cable_twin.simulation.first_compilation import begin_with
 from cable_twin.mechanics.solution.equations_of_motion import assemble
-from cable_twin.mechanics.solution.generalized_alpha import drive_force, limited_step
+from cable_twin.mechanics.drives.motion import drive_force, move_drives
+from cable_twin.mechanics.solution.generalized_alpha import step
+from cable_twin.mechanics.solution.stepping import settle
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
@@ -25,8 +27,10 @@ def types(*arguments):
 system = build_system(load_scenario("seed_example"))
 state, work = allocate_state(system), allocate_workspace(system)
 callers = {
-    limited_step: (system, state, state, 1.0, work),
+    step: (system, state, state, 1.0, work),
     assemble: (system, state, 1.0, 1.0, 1.0, work),
+    settle: (system, state),
+    move_drives: (system, state, 1.0),
     drive_force: (system, state, 0),
 }
 for caller, arguments in callers.items():

@@ -211,14 +211,14 @@ def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
     simulation.command("haul_rope", speed=2.5 * sign)
     simulation.advance_to(60.0)
     changes, swaps = [], []
-    accelerations = state.body_accelerations[:, :2].copy()
+    accelerations = state.bodies.acceleration[:, :2].copy()
     attached = state.attached.copy()
     for _ in range(5000):
         simulation.advance_to(simulation.time + simulation.step)
         both = attached & state.attached
-        change = np.abs(state.body_accelerations[:, :2] - accelerations)[both].max()
+        change = np.abs(state.bodies.acceleration[:, :2] - accelerations)[both].max()
         (changes if np.array_equal(attached, state.attached) else swaps).append(change)
-        accelerations, attached = state.body_accelerations[:, :2].copy(), state.attached.copy()
+        accelerations, attached = state.bodies.acceleration[:, :2].copy(), state.attached.copy()
     assert len(swaps) == 4  # 125 m go by: two leave and two enter
     assert max(swaps) < 0.05
     assert max(swaps) < 2.0 * np.percentile(changes, 99)

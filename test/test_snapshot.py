@@ -129,29 +129,29 @@ def test_columns_are_those_of_the_state(simulation):
     columns, state, system = simulation.snapshot.columns, simulation._state, simulation.system
     first = system.carriages.body_offset[:-1]
     for column, array in (
-        (columns.arc_length, state.sliding_coordinate),
-        (columns.speed, state.sliding_velocity),
+        (columns.arc_length, state.joints.position),
+        (columns.speed, state.joints.velocity),
         (columns.drive_force, state.drive_force),
         (columns.attached, state.attached),
         (columns.payload, state.payload),
         (columns.contact_force[:, [0, 2]], state.multipliers[first]),
-        (columns.body_angles[:, 1], state.body_coordinates[:, 2]),
-        (columns.body_angular_velocity[:, 1], state.body_velocities[:, 2]),
-        (columns.joint_position, simulation.cable_positions(state.sliding_coordinate)),
+        (columns.body_angles[:, 1], state.bodies.position[:, 2]),
+        (columns.body_angular_velocity[:, 1], state.bodies.velocity[:, 2]),
+        (columns.joint_position, simulation.cable_positions(state.joints.position)),
         (columns.rope_position, simulation.cable_positions(simulation.layout.arc_lengths)),
         (columns.rope_tension, simulation.cable_tension(simulation.layout.arc_lengths)),
         (columns.tower_load[2:], state.tower_load[:, 0]),
         (columns.tower_lowest_load[2:], state.tower_load[:, 1]),
-        (columns.drive_position, state.rope[:1].repeat(len(simulation.drives))),
-        (columns.drive_speed, state.rope[1:2].repeat(len(simulation.drives))),
+        (columns.drive_position, state.rope.position.repeat(len(simulation.drives))),
+        (columns.drive_speed, state.rope.velocity.repeat(len(simulation.drives))),
     ):
         np.testing.assert_array_equal(column, array)
     # a body turned by its pitch about the place where it would be without payload
-    pitch, spin = state.body_coordinates[:, 2], state.body_velocities[:, 2]
+    pitch, spin = state.bodies.position[:, 2], state.bodies.velocity[:, 2]
     x, z = system.carriages.centre_offset.T
     arm = np.stack([np.cos(pitch) * x + np.sin(pitch) * z, -np.sin(pitch) * x + np.cos(pitch) * z], axis=1)
     moving = spin[:, None] * np.stack([arm[:, 1], -arm[:, 0]], axis=1)
-    centres, velocities = state.body_coordinates[:, :2] - arm, state.body_velocities[:, :2] - moving
+    centres, velocities = state.bodies.position[:, :2] - arm, state.bodies.velocity[:, :2] - moving
     np.testing.assert_allclose(columns.body_position[:, [0, 2]], centres, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(columns.body_velocity[:, [0, 2]], velocities, rtol=0.0, atol=1e-12)
 
@@ -229,7 +229,7 @@ def test_a_body_is_where_it_is_without_its_payload():
     simulation = Simulation(test_loads.scenario(), samples=5)
     simulation.advance_to(0.1 if JIT else 0.02)
     before = simulation.snapshot.carriages["cabin"].bodies["cabin"]
-    centre = simulation._state.body_coordinates[0].copy()
+    centre = simulation._state.bodies.position[0].copy()
     simulation.payload("cabin", 120.0)
     snapshot = simulation.snapshot
     after = snapshot.carriages["cabin"].bodies["cabin"]
@@ -239,7 +239,7 @@ def test_a_body_is_where_it_is_without_its_payload():
     offset = 120.0 / (200.0 + 120.0) * np.array([0.2, -0.5])
     np.testing.assert_allclose(simulation.system.carriages.centre_offset[0], offset)
     assert not simulation.system.carriages.centre_offset[1].any()
-    moved = np.hypot(*(simulation._state.body_coordinates[0] - centre)[:2])
+    moved = np.hypot(*(simulation._state.bodies.position[0] - centre)[:2])
     assert moved == pytest.approx(float(np.hypot(*offset)), rel=1e-9)
     assert snapshot.columns.payload.tolist() == [120.0, 0.0]
 

@@ -13,7 +13,7 @@ import test_loads
 from test_moving_cable_twin import short_lift
 from twin_process import write_quick_scenario
 
-from cable_twin.mechanics.state import State
+from cable_twin.mechanics.state import FIELDS
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SnapshotError
 from cable_twin.simulation.snapshot_file import FORMAT_VERSION, package_version
@@ -195,7 +195,7 @@ def write(path, header, arrays):
 
 def test_file_holds_every_field_and_where_it_comes_from(content):
     header, arrays = content
-    assert set(arrays) == {f"{part}/{field}" for part in ("state", "start") for field in State._fields}
+    assert set(arrays) == {f"{part}/{field}" for part in ("state", "start") for field in FIELDS}
     assert header["package_version"] == package_version()
     assert header["commands"] == {"cabin": ["speed", 5.0]}
     assert header["time"] == 1.0
@@ -226,13 +226,16 @@ def change_arrays(**changes):
         ),
         (change_header(format_version="x"), f"format version 'x'; this cable_twin reads {FORMAT_VERSION}"),
         (change_header(format="other"), "not a snapshot of cable_twin: its header is another one"),
-        (change_arrays(**{"state/reference": None}), f"no reference in its state; {MADE}"),
+        (change_arrays(**{"state/reference.velocity": None}), f"no reference.velocity in its state; {MADE}"),
         (change_arrays(**{"start/clock": None}), f"no clock in its start; {MADE}"),
         (change_arrays(**{"state/weather": np.zeros(1)}), f"unknown weather in its state; {MADE}"),
-        (change_arrays(**{"state/reference": np.full((1, 3), np.nan)}), "damaged: state/reference is not finite"),
         (
-            change_arrays(**{"state/reference": np.zeros((2, 3))}),
-            "state/reference is float64 of shape (2, 3); its scenario needs float64 of shape (1, 3)",
+            change_arrays(**{"state/reference.velocity": np.full(1, np.nan)}),
+            "damaged: state/reference.velocity is not finite",
+        ),
+        (
+            change_arrays(**{"state/reference.velocity": np.zeros(2)}),
+            "state/reference.velocity is float64 of shape (2,); its scenario needs float64 of shape (1,)",
         ),
         (
             change_arrays(**{"state/clock": np.zeros(1)}),

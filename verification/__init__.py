@@ -24,6 +24,7 @@ MODULES = (
     "moving_cable",
     "tramway",
     "loads",
+    "meshes",
 )
 
 

@@ -22,17 +22,17 @@ def momentum(simulation: Simulation) -> tuple[FloatArray, float, FloatArray]:
     """
     cable, carriages, state = simulation.system.cable, simulation.system.carriages, simulation._state
     linear, first, angular = np.zeros(2), np.zeros(2), 0.0
-    scale = np.array([1.0, cable.element_length, 1.0, cable.element_length])
-    mass = np.array(MASS) * np.outer(scale, scale) * cable.mass_per_length * cable.element_length
-    for element in range(cable.element_count):
-        e = state.nodal_coordinates[element : element + 2].reshape(4, 2)
-        e_dot = state.nodal_velocities[element : element + 2].reshape(4, 2)
+    for element, length in enumerate(cable.element_length):
+        scale = np.array([1.0, length, 1.0, length])
+        mass = np.array(MASS) * np.outer(scale, scale) * cable.mass_per_length * length
+        e = state.nodes.position[element : element + 2].reshape(4, 2)
+        e_dot = state.nodes.velocity[element : element + 2].reshape(4, 2)
         row = mass[0] + mass[2]
         linear += row @ e_dot
         first += row @ e
         angular += float(np.sum(mass * (np.outer(e[:, 1], e_dot[:, 0]) - np.outer(e[:, 0], e_dot[:, 1]))))
     for body, m in enumerate(carriages.mass):
-        q, v = state.body_coordinates[body], state.body_velocities[body]
+        q, v = state.bodies.position[body], state.bodies.velocity[body]
         linear += m * v[:2]
         first += m * q[:2]
         angular += m * (q[1] * v[0] - q[0] * v[1]) + carriages.inertia[body] * v[2]
@@ -81,8 +81,8 @@ def axial_bar(
     state = simulation._state
     arc_lengths = np.linspace(0.0, length, elements + 1)
     wave = 0.5 * np.pi / length
-    state.nodal_coordinates[:, 0, 0] += amplitude * np.sin(wave * arc_lengths)
-    state.nodal_coordinates[:, 1, 0] += amplitude * wave * np.cos(wave * arc_lengths)
+    state.nodes.position[:, 0, 0] += amplitude * np.sin(wave * arc_lengths)
+    state.nodes.position[:, 1, 0] += amplitude * wave * np.cos(wave * arc_lengths)
     start_moving(simulation)
     return simulation, float(frequency)
 
@@ -141,16 +141,16 @@ def kelvin_voigt() -> Iterator[Result]:
             )
             state, amplitude = simulation._state, 1e-3 * np.sqrt(bending / axial)
             arc_lengths = np.linspace(0.0, length, elements + 1)
-            state.nodal_coordinates[:, 0, 1] = amplitude * np.sin(wave * arc_lengths)
-            state.nodal_coordinates[:, 1, 1] = amplitude * wave * np.cos(wave * arc_lengths)
+            state.nodes.position[:, 0, 1] = amplitude * np.sin(wave * arc_lengths)
+            state.nodes.position[:, 1, 1] = amplitude * wave * np.cos(wave * arc_lengths)
             start_moving(simulation)
             row, column, start = elements // 2, 1, 0.0
-        initial = simulation._state.nodal_coordinates[row, 0, column] - start
+        initial = simulation._state.nodes.position[row, 0, column] - start
         damped = frequency * np.sqrt(1.0 - zeta**2)
         worst = 0.0
         for frame in range(41):
             time = simulation.advance_to(0.2 * np.pi * frame / frequency).time
-            got = (simulation._state.nodal_coordinates[row, 0, column] - start) / initial
+            got = (simulation._state.nodes.position[row, 0, column] - start) / initial
             phase = damped * time
             exact = np.exp(-zeta * frequency * time) * (np.cos(phase) + zeta * frequency / damped * np.sin(phase))
             worst = max(worst, abs(got - exact))
@@ -185,12 +185,12 @@ def thrown_cable(step: float, gravity: float, elements: int = 8) -> Simulation:
     state, spin = simulation._state, 3.0
     # a turn of the whole about the origin, and a throw: nothing moves against anything at first
     throw = np.array([0.4, 2.0])
-    e = state.nodal_coordinates
-    state.nodal_velocities[:, 0] = throw + spin * np.stack([e[:, 0, 1], -e[:, 0, 0]], axis=-1)
-    state.nodal_velocities[:, 1] = spin * np.stack([e[:, 1, 1], -e[:, 1, 0]], axis=-1)
-    q = state.body_coordinates
-    state.body_velocities[:, :2] = throw + spin * np.stack([q[:, 1], -q[:, 0]], axis=-1)
-    state.body_velocities[:, 2] = spin
+    e = state.nodes.position
+    state.nodes.velocity[:, 0] = throw + spin * np.stack([e[:, 0, 1], -e[:, 0, 0]], axis=-1)
+    state.nodes.velocity[:, 1] = spin * np.stack([e[:, 1, 1], -e[:, 1, 0]], axis=-1)
+    q = state.bodies.position
+    state.bodies.velocity[:, :2] = throw + spin * np.stack([q[:, 1], -q[:, 0]], axis=-1)
+    state.bodies.velocity[:, 2] = spin
     start_moving(simulation)
     return simulation
 

@@ -131,8 +131,8 @@ def start_moving(simulation: Simulation) -> None:
     """Give the start the accelerations that belong to it, so that the first step is as accurate as all others."""
     state = simulation._state
     assert solve_accelerations(simulation.system, state, 0.0, simulation._work)
-    state.nodal_algorithmic[:] = state.nodal_accelerations
-    state.body_algorithmic[:] = state.body_accelerations
+    state.nodes.algorithmic[:] = state.nodes.acceleration
+    state.bodies.algorithmic[:] = state.bodies.acceleration
 
 
 def observed_order(errors: list[float], ratio: float = 2.0) -> float:

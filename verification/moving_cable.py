@@ -24,7 +24,8 @@ STRING = {"unstrained_length": STRING_LENGTH, "end": (STRING_END, 0.0), "gravity
 
 def set_speed(simulation: Simulation, speed: float, rate: float = 0.0) -> None:
     """Let the cable move at once, at a speed (m/s) and acceleration (m/s²)."""
-    simulation._state.rope[:] = 0.0, speed, rate
+    for array, value in zip(simulation._state.rope, (0.0, speed, rate), strict=True):
+        array[0] = value
     simulation._state.rope_target[0] = speed
 
 
@@ -99,14 +100,14 @@ def moving_string_in_time() -> Iterator[Result]:
     shape = 1e-3 * shapes[:, 0] / np.abs(shapes[:, 0]).max()
     state = simulation._state
     for array, values in (
-        (state.nodal_coordinates, shape.real),
-        (state.nodal_velocities, (1j * expected * shape).real),
+        (state.nodes.position, shape.real),
+        (state.nodes.velocity, (1j * expected * shape).real),
     ):
         flat = array[..., 1].ravel()
         flat[free] = values
         array[..., 1] = flat.reshape(-1, 2)
-    state.nodal_accelerations[..., 1] = -(expected**2) * state.nodal_coordinates[..., 1]
-    state.nodal_algorithmic[:] = state.nodal_accelerations
+    state.nodes.acceleration[..., 1] = -(expected**2) * state.nodes.position[..., 1]
+    state.nodes.algorithmic[:] = state.nodes.acceleration
     heights = []
     for k in range(20 * 200 + 100):
         simulation.advance_to((k + 1) * simulation.step)
@@ -192,7 +193,7 @@ def swing_of_a_stop() -> Iterator[Result]:
     )
     set_speed(simulation, 5.0)
     state = simulation._state
-    state.body_velocities[:, 0] = 5.0 * 1.01
+    state.bodies.velocity[:, 0] = 5.0 * 1.01
     simulation.advance_to(1.0)
     before = simulation.snapshot.carriages["chair"].bodies["chair"].pitch
     yield Result("pitch before", "rad", 0.0, before, 2e-3)
@@ -220,14 +221,14 @@ def viscous_power(simulation: Simulation) -> float:
     powers = []
     for cable in (simulation.system.cable, undamped(simulation)):
         add_cable(cable, state, 0.0, 0.0, 0.0, work)
-        powers.append(float(np.sum(work.right_side * state.nodal_velocities)))
+        powers.append(float(np.sum(work.right_side * state.nodes.velocity)))
     return powers[1] - powers[0]
 
 
 def carrier_energies(simulation: Simulation) -> FloatArray:
     """Mechanical energy (carriages,) in J of each carrier of one body, on the cable or not."""
     state, carriages = simulation._state, simulation.system.carriages
-    v, q = state.body_velocities, state.body_coordinates
+    v, q = state.bodies.velocity, state.bodies.position
     kinetic = 0.5 * carriages.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + 0.5 * carriages.inertia * v[:, 2] ** 2
     return kinetic - carriages.mass * (simulation.system.cable.gravity[1] * q[:, 1])
 
@@ -264,10 +265,10 @@ def open_system() -> Iterator[Result]:
     # the drive's force from the ends of the rope alone: tension, stretch, weight and momentum carried in and out
     forces = np.array([simulation.snapshot.supports[end].force for end in ("start", "end")])
     cable, speed = simulation.system.cable, drive.speed
-    slopes = np.linalg.norm(state.nodal_coordinates[[0, -1], 1], axis=1)
+    slopes = np.linalg.norm(state.nodes.position[[0, -1], 1], axis=1)
     tensions = np.linalg.norm(forces, axis=1) + cable.mass_per_length * speed**2 * slopes
     ends = tensions * (1.0 + 0.5 * tensions / cable.axial_stiffness)
     ends -= 0.5 * cable.mass_per_length * (speed * slopes) ** 2
-    ends += cable.mass_per_length * cable.gravity[1] * state.nodal_coordinates[[0, -1], 0, 1]
+    ends += cable.mass_per_length * cable.gravity[1] * state.nodes.position[[0, -1], 0, 1]
     expected = float(ends[1] - ends[0])
     yield Result("force of the drive from both ends", "N", expected, drive.force, 0.002 * abs(expected))

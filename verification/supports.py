@@ -114,7 +114,7 @@ def frictionless_saddle() -> Iterator[Result]:
         pull = float(np.hypot(*force))
         yield Result(f"pull at the {name}", "N", pull, float(np.hypot(*got[name])), 2e-4 * pull)
     yield Result("travel of the counterweight", "m", travel, snapshot.supports["end"].travel or 0.0, 5e-3)
-    weight, at = 20.87 * GRAVITY, float(simulation._state.support_arc_length[12])
+    weight, at = 20.87 * GRAVITY, float(simulation._state.contact_arc_length[12])
     before = np.hypot(*(-got["start"] + np.array([0.0, weight * at])))
     after = np.hypot(*(got["end"] - np.array([0.0, weight * (1010.0 - at)])))
     yield Result("tension after the saddle less that before, share", "-", 0.0, float(after / before - 1.0), 5e-5)
@@ -201,7 +201,7 @@ def passing_cabin() -> Iterator[Result]:
         "towers__tower__friction": 0.0,
     }
     bare = tramway(**level)
-    middle = float(bare._state.support_arc_length[6])
+    middle = float(bare._state.contact_arc_length[6])
     standing = tramway(cabin={"arc_length": middle, "joint": "fixed"}, **level)
     more = standing.snapshot.supports["tower"].force - bare.snapshot.supports["tower"].force
     yield Result("load that it adds, over its weight, z", "-", 1.0, float(more[2]) / (12e3 * GRAVITY), 2e-3)
@@ -242,9 +242,9 @@ def plucked(friction: float, push: float, **solver: Any) -> Simulation:
     simulation = tramway(
         towers__tower__friction=friction, towers__tower__damping=0.0, **{f"solver__{k}": v for k, v in solver.items()}
     )
-    place = simulation._state.nodal_coordinates[:, 0, 0]
+    place = simulation._state.nodes.position[:, 0, 0]
     inside = (place > 0.0) & (place < 480.0)
-    simulation._state.nodal_velocities[inside, 0, 1] += push * np.sin(np.pi * place[inside] / 480.0) ** 2
+    simulation._state.nodes.velocity[inside, 0, 1] += push * np.sin(np.pi * place[inside] / 480.0) ** 2
     return simulation
 
 
@@ -274,7 +274,7 @@ def order_over_a_tower() -> Iterator[Result]:
         simulation = plucked(0.0, 0.2, step=step, tolerance=1e-12)
         start_moving(simulation)
         simulation.advance_to(1.0)
-        places.append(simulation._state.nodal_coordinates[:, 0].copy())
+        places.append(simulation._state.nodes.position[:, 0].copy())
     errors = [float(np.abs(place - places[-1]).max()) for place in places[:-1]]
     yield Result("order", "-", 2.0, observed_order(errors), 0.15)
 
@@ -311,11 +311,11 @@ def two_integrators() -> Iterator[Result]:
                 }
             )
         )
-        x = simulation._state.nodal_coordinates[:, 0, 0]
-        simulation._state.nodal_velocities[x < 50.0, 0, 1] += 2.0 * np.sin(np.pi * x[x < 50.0] / 50.0) ** 2
+        x = simulation._state.nodes.position[:, 0, 0]
+        simulation._state.nodes.velocity[x < 50.0, 0, 1] += 2.0 * np.sin(np.pi * x[x < 50.0] / 50.0) ** 2
         start_moving(simulation)
         simulation.advance_to(1.0)
-        places[integrator, step] = simulation._state.nodal_coordinates[:, 0].copy()
+        places[integrator, step] = simulation._state.nodes.position[:, 0].copy()
     exact = places["runge_kutta", 1e-4]
     for step, tolerance in ((1e-3, 1e-4), (5e-4, 5e-5)):
         worst = float(np.abs(places["generalized_alpha", step] - exact).max())
@@ -326,8 +326,8 @@ def two_integrators() -> Iterator[Result]:
 def deropement() -> Iterator[Result]:
     """The whole rope thrown upwards at 12 m/s leaves the saddle and comes back."""
     simulation = tramway(towers__tower__friction=0.0)
-    place = simulation._state.nodal_coordinates[:, 0, 0]
-    simulation._state.nodal_velocities[1:-1, 0, 1] += 12.0 * np.sin(np.pi * place[1:-1] / 1000.0)
+    place = simulation._state.nodes.position[:, 0, 0]
+    simulation._state.nodes.velocity[1:-1, 0, 1] += 12.0 * np.sin(np.pi * place[1:-1] / 1000.0)
     off, least, highest, landed, halvings = False, np.inf, 0.0, False, 0
     for frame in range(1, 1001):
         snapshot = simulation.advance_to(0.01 * frame)
@@ -337,7 +337,7 @@ def deropement() -> Iterator[Result]:
         least = min(least, tower.normal_load)
         landed = landed or (off and not tower.lifted_off)
         off = off or tower.lifted_off
-        highest = max(highest, float(simulation.cable_positions(simulation._state.support_arc_length)[6, 2]))
+        highest = max(highest, float(simulation.cable_positions(simulation._state.contact_arc_length)[6, 2]))
     yield Result("lifts off and lands", "-", 1.0, float(off and landed), 0.0)
     yield Result("least load, that kept by the twin", "N", least, tower.lowest_load, 0.0)
     yield Result("rises above the saddle", "-", 1.0, float(highest > 80.0), 0.0)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,53 +11,70 @@ from numpy.typing import NDArray
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.lanes import WIDTH
-from cable_twin.mechanics.language.memory import copy_array
+from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.parameters import FREE, HAULED, SPEED, FloatArray, System
 
 
 @by_reference
+class Motion(NamedTuple):
+    """Coordinates of one kind and their rates, in arrays of one shape; units m or rad, and per second."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray  # the true one
+    algorithmic: FloatArray  # auxiliary acceleration of generalized-alpha, a weighted mean over a step of true ones
+
+
+@by_reference
+class Course(NamedTuple):
+    """What a drive asks for, or a rope has taken as it was asked."""
+
+    position: FloatArray  # m
+    velocity: FloatArray  # m/s
+    acceleration: FloatArray  # m/s²
+
+
+@by_reference
 class State(NamedTuple):
-    """Motion of the whole system at one time.
+    """Motion of the whole system at one time, and what its drives were told."""
 
-    `*_algorithmic` are the auxiliary accelerations of generalized-alpha, a weighted mean over a step of the true ones.
-    """
-
-    nodal_coordinates: FloatArray  # e, (nodes, 2, dim): r in m, r_x
-    nodal_velocities: FloatArray  # (nodes, 2, dim) m/s, 1/s
-    nodal_accelerations: FloatArray  # (nodes, 2, dim) m/s², 1/s²
-    nodal_algorithmic: FloatArray  # (nodes, 2, dim)
-    body_coordinates: FloatArray  # r, (bodies, 3): x, z in m, pitch in rad
-    body_velocities: FloatArray  # (bodies, 3) m/s, rad/s
-    body_accelerations: FloatArray  # (bodies, 3) m/s², rad/s²
-    body_algorithmic: FloatArray  # (bodies, 3)
-    sliding_coordinate: FloatArray  # n, (carriages,) m, arc length on the whole cable
-    sliding_velocity: FloatArray  # (carriages,) m/s
-    sliding_acceleration: FloatArray  # (carriages,) m/s²
-    sliding_element: NDArray[np.int64]  # (carriages,) element on which the joint is
+    nodes: Motion  # e, (nodes, 2, dim): r in m, r_x (-)
+    bodies: Motion  # r, (bodies, 3): x, z in m, pitch in rad
+    joints: Motion  # n, (carriages,) m, arc length on the whole cable; without inertia, so the true acceleration is
+    # known only to Runge-Kutta and where a haul rope pulls
+    sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled
+    joint_element: NDArray[np.int64]  # (carriages,) element on which the joint is
     friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
     multipliers: FloatArray  # lambda, (bodies, 2) N on each body at its upper pivot; first of a chain: sliding joint
-    drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
+    attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
+    payload: FloatArray  # (carriages,) kg, already in the masses of the system
     drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE, SPEED, or HAULED
     sheave_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED of the drive sheave where HAULED
+    drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
     drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
     drive_braking: NDArray[np.bool_]  # (carriages,) an emergency stop is in force
     braking_time: FloatArray  # (carriages,) s, since then
-    reference: FloatArray  # (carriages, 3) m, m/s, m/s²: what a driven joint follows
-    support_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
-    support_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
-    support_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
-    tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
-    newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
-    attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
-    rope: FloatArray  # (3,) cable that has gone by (m), its speed (m/s) and acceleration (m/s²), towards the end
+    reference: Course  # (carriages,) what a driven joint or sheave follows
+    rope: Course  # (1,) cable that has gone by, towards the end
     rope_target: FloatArray  # (1,) m/s
     rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
-    sheave: FloatArray  # (carriages, 4) rope travel m, its rate m/s, m/s², and its algorithmic acceleration
-    hauled_acceleration: FloatArray  # (carriages,) m/s², true one of a joint at a haul rope; 0 elsewhere
-    payload: FloatArray  # (carriages,) kg, already in the masses of the system
+    contact_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
+    contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
+    contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
+    tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
     wind: FloatArray  # (dim,) m/s
+    newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
+
+
+RECORDS: dict[str, Any] = {"nodes": Motion, "bodies": Motion, "joints": Motion, "sheaves": Motion}
+RECORDS |= {"reference": Course, "rope": Course}
+FIELDS = tuple(  # as `fields_of` names them
+    name if name not in RECORDS else f"{name}.{field}"
+    for name in State._fields
+    for field in (RECORDS[name]._fields if name in RECORDS else ("",))
+)
 
 
 @by_reference
@@ -97,43 +115,38 @@ def allocate_state(system: System) -> State:
     modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
     modes = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes).astype(np.int64)
     return State(
-        nodal_coordinates=np.zeros((nodes, 2, dim)),
-        nodal_velocities=np.zeros((nodes, 2, dim)),
-        nodal_accelerations=np.zeros((nodes, 2, dim)),
-        nodal_algorithmic=np.zeros((nodes, 2, dim)),
-        body_coordinates=np.zeros((bodies, 3)),
-        body_velocities=np.zeros((bodies, 3)),
-        body_accelerations=np.zeros((bodies, 3)),
-        body_algorithmic=np.zeros((bodies, 3)),
-        sliding_coordinate=np.zeros(carriages),
-        sliding_velocity=np.zeros(carriages),
-        sliding_acceleration=np.zeros(carriages),
-        sliding_element=np.zeros(carriages, dtype=np.int64),
+        nodes=_at_rest((nodes, 2, dim)),
+        bodies=_at_rest((bodies, 3)),
+        joints=_at_rest((carriages,)),
+        sheaves=_at_rest((carriages,)),
+        joint_element=np.zeros(carriages, dtype=np.int64),
         friction_deflection=np.zeros(carriages),
         friction_origin=np.zeros(carriages),
         multipliers=np.zeros((bodies, 2)),
-        drive_force=np.zeros(carriages),
+        attached=np.ones(carriages, dtype=np.bool_),
+        payload=np.zeros(carriages),
         drive_mode=modes,
         sheave_mode=np.full(carriages, FREE, dtype=np.int64),
+        drive_force=np.zeros(carriages),
         drive_target=np.zeros(carriages),
         drive_braking=np.zeros(carriages, dtype=np.bool_),
         braking_time=np.zeros(carriages),
-        reference=np.zeros((carriages, 3)),
-        support_arc_length=np.zeros(contacts),
-        support_deflection=np.zeros(contacts),
-        support_origin=np.zeros(contacts),
-        tower_load=np.zeros((system.supports.top.shape[0], 2)),
-        newton_curvature=np.zeros(1),
-        attached=np.ones(carriages, dtype=np.bool_),
-        rope=np.zeros(3),
+        reference=Course(*(np.zeros(carriages) for _ in Course._fields)),
+        rope=Course(*(np.zeros(1) for _ in Course._fields)),
         rope_target=np.zeros(1),
         rope_braking=np.zeros(1, dtype=np.bool_),
-        sheave=np.zeros((carriages, 4)),
-        hauled_acceleration=np.zeros(carriages),
-        payload=np.zeros(carriages),
+        contact_arc_length=np.zeros(contacts),
+        contact_deflection=np.zeros(contacts),
+        contact_origin=np.zeros(contacts),
+        tower_load=np.zeros((system.supports.top.shape[0], 2)),
         wind=np.zeros(dim),
+        newton_curvature=np.zeros(1),
         clock=np.zeros(1, dtype=np.int64),
     )
+
+
+def _at_rest(shape: tuple[int, ...]) -> Motion:
+    return Motion(*(np.zeros(shape) for _ in Motion._fields))
 
 
 def allocate_workspace(system: System) -> Workspace:
@@ -168,47 +181,38 @@ def allocate_workspace(system: System) -> Workspace:
     )
 
 
+def fields_of(record: Any, within: str = "") -> dict[str, NDArray[Any]]:
+    """All arrays of a state by name, those of the records in it as in "nodes.position"."""
+    found: dict[str, NDArray[Any]] = {}
+    for name, field in zip(record._fields, record, strict=True):
+        found |= fields_of(field, f"{within}{name}.") if isinstance(field, tuple) else {f"{within}{name}": field}
+    return found
+
+
+def state_of(fields: Mapping[str, NDArray[Any]]) -> State:
+    """The state whose `fields_of` these are.
+
+    Raises:
+        KeyError: one is missing.
+    """
+    parts: dict[str, Any] = dict(fields)
+    for name, kind in RECORDS.items():
+        parts[name] = kind(*(fields[f"{name}.{field}"] for field in kind._fields))
+    return State(*(parts[name] for name in State._fields))
+
+
 def clone_state(state: State) -> State:
     """Independent copy."""
-    return State._make(array.copy() for array in state)
+    return state_of({name: array.copy() for name, array in fields_of(state).items()})
+
+
+def write_state(source: State, target: State) -> None:
+    """Write every array of `source` into `target`, without a kernel."""
+    for here, there in zip(fields_of(source).values(), fields_of(target).values(), strict=True):
+        there[...] = here
 
 
 @kernel
 def copy_state(source, target):
     """Write every array of `source` into `target`."""
-    copy_array(source.nodal_coordinates, target.nodal_coordinates)
-    copy_array(source.nodal_velocities, target.nodal_velocities)
-    copy_array(source.nodal_accelerations, target.nodal_accelerations)
-    copy_array(source.nodal_algorithmic, target.nodal_algorithmic)
-    copy_array(source.body_coordinates, target.body_coordinates)
-    copy_array(source.body_velocities, target.body_velocities)
-    copy_array(source.body_accelerations, target.body_accelerations)
-    copy_array(source.body_algorithmic, target.body_algorithmic)
-    copy_array(source.sliding_coordinate, target.sliding_coordinate)
-    copy_array(source.sliding_velocity, target.sliding_velocity)
-    copy_array(source.sliding_acceleration, target.sliding_acceleration)
-    copy_array(source.sliding_element, target.sliding_element)
-    copy_array(source.friction_deflection, target.friction_deflection)
-    copy_array(source.friction_origin, target.friction_origin)
-    copy_array(source.multipliers, target.multipliers)
-    copy_array(source.drive_force, target.drive_force)
-    copy_array(source.drive_mode, target.drive_mode)
-    copy_array(source.drive_target, target.drive_target)
-    copy_array(source.drive_braking, target.drive_braking)
-    copy_array(source.reference, target.reference)
-    copy_array(source.support_arc_length, target.support_arc_length)
-    copy_array(source.support_deflection, target.support_deflection)
-    copy_array(source.support_origin, target.support_origin)
-    copy_array(source.tower_load, target.tower_load)
-    copy_array(source.newton_curvature, target.newton_curvature)
-    copy_array(source.attached, target.attached)
-    copy_array(source.rope, target.rope)
-    copy_array(source.rope_target, target.rope_target)
-    copy_array(source.rope_braking, target.rope_braking)
-    copy_array(source.sheave_mode, target.sheave_mode)
-    copy_array(source.braking_time, target.braking_time)
-    copy_array(source.sheave, target.sheave)
-    copy_array(source.hauled_acceleration, target.hauled_acceleration)
-    copy_array(source.payload, target.payload)
-    copy_array(source.wind, target.wind)
-    copy_array(source.clock, target.clock)
+    copy_record(source, target)

@@ -7,6 +7,7 @@ from io import BytesIO
 
 import numpy as np
 
+from cable_twin.mechanics.state import fields_of
 from cable_twin.offline.replay_result import Comparison, Difference
 from cable_twin.recording.log_file import LogFile
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
@@ -69,8 +70,9 @@ def join(
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
     """Where two full states differ in a bit."""
     for part in ("state", "start"):
-        arrays, others = getattr(logged, part), getattr(replayed, part)
-        for name, array, other in zip(arrays._fields, arrays, others, strict=True):
+        others = fields_of(getattr(replayed, part))
+        for name, array in fields_of(getattr(logged, part)).items():
+            other = others[name]
             if array.tobytes() != other.tobytes():
                 same = np.array([a.tobytes() == b.tobytes() for a, b in zip(array.flat, other.flat, strict=True)])
                 place = int(np.argmin(same))

@@ -76,7 +76,7 @@ def check_payload(command: Command, scenario: Scenario, system: System, state: S
         room = scenario.vehicles[name].payload
         assert room is not None
         index = list(scenario.vehicles).index(name)
-        place, speed = float(state.sliding_coordinate[index]), float(state.sliding_velocity[index])
+        place, speed = float(state.joints.position[index]), float(state.joints.velocity[index])
         distance = room.station_distance or 2.0 * float(system.carriages.stop_stroke[index])
         if min(place, length - place) > distance:
             raise CommandError(

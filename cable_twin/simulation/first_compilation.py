@@ -19,6 +19,7 @@ from typing import Any
 import numba
 
 from cable_twin.mechanics.drives.haul_rope import condense_sheave
+from cable_twin.mechanics.drives.motion import find_saturated
 from cable_twin.mechanics.drives.moving_rope import attach_carriers, move_rope
 from cable_twin.mechanics.drives.reference import advance_reference
 from cable_twin.mechanics.language.compilation import is_compiled, keeps_kernels
@@ -28,13 +29,12 @@ from cable_twin.mechanics.on_rope.sliding_joint import add_joint, driven_force
 from cable_twin.mechanics.on_rope.tower import add_supports, settle_supports
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equations_of_motion import hold_supports, solve
-from cable_twin.mechanics.solution.generalized_alpha import advance, find_saturated, largest_increment
-from cable_twin.mechanics.solution.runge_kutta import advance_explicitly
+from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 
 PR_SET_PDEATHSIG = 1  # of linux/prctl.h
-INTEGRATORS = {"generalized_alpha": advance, "runge_kutta": advance_explicitly}
 
 
 @contextlib.contextmanager
@@ -43,7 +43,7 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
 
     On leaving, it is in the cache; if the other process failed, it will be compiled on its first call as ever.
     """
-    if not keeps_kernels() or is_compiled(INTEGRATORS[integrator]) or len(os.sched_getaffinity(0)) < 2:
+    if not keeps_kernels() or is_compiled(integrator_named(integrator)) or len(os.sched_getaffinity(0)) < 2:
         yield
         return
     root = str(Path(__file__).resolve().parents[2])
@@ -97,7 +97,7 @@ def main() -> None:
     state, work = allocate_state(system), allocate_workspace(system)
     for function, arguments in begin_with(system, state, work).items():
         numba.typeof(function).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
-    INTEGRATORS[integrator](system, state, state, state, work, 0)
+    integrator_named(integrator)(system, state, state, state, work, 0)
 
 
 if __name__ == "__main__":

@@ -19,12 +19,33 @@ from typing import IO, Any
 
 import numpy as np
 
-from cable_twin.mechanics.state import State
+from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+VERSION_1 = {  # what its fields are now, one by one or by their columns
+    "nodal_coordinates": "nodes.position",
+    "nodal_velocities": "nodes.velocity",
+    "nodal_accelerations": "nodes.acceleration",
+    "nodal_algorithmic": "nodes.algorithmic",
+    "body_coordinates": "bodies.position",
+    "body_velocities": "bodies.velocity",
+    "body_accelerations": "bodies.acceleration",
+    "body_algorithmic": "bodies.algorithmic",
+    "sliding_coordinate": "joints.position",
+    "sliding_velocity": "joints.velocity",
+    "sliding_acceleration": "joints.algorithmic",
+    "hauled_acceleration": "joints.acceleration",
+    "sliding_element": "joint_element",
+    "support_arc_length": "contact_arc_length",
+    "support_deflection": "contact_deflection",
+    "support_origin": "contact_origin",
+    "sheave": ("sheaves.position", "sheaves.velocity", "sheaves.acceleration", "sheaves.algorithmic"),
+    "reference": ("reference.position", "reference.velocity", "reference.acceleration"),
+    "rope": ("rope.position", "rope.velocity", "rope.acceleration"),
+}
 SUFFIX = ".npz"
 PARTS = ("state", "start")
 # what zipfile, numpy and json raise on the way
@@ -68,7 +89,7 @@ class FullState:
         driven = [*scenario.vehicles, *scenario.drives]
         pairs = [(part, getattr(self, part), own) for part, own in (("state", state), ("start", start))]
         for part, given, own in pairs:
-            for field, array, target in zip(State._fields, given, own, strict=True):
+            for (field, array), target in zip(fields_of(given).items(), fields_of(own).values(), strict=True):
                 if array.shape != target.shape or array.dtype != target.dtype:
                     raise SnapshotError(
                         f"{part}/{field} is {array.dtype} of shape {array.shape}; "
@@ -77,8 +98,7 @@ class FullState:
         if strange := [name for name in self.commands if name not in driven]:
             raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
         for _, given, own in pairs:
-            for array, target in zip(given, own, strict=True):
-                target[...] = array
+            write_state(given, own)
 
     def write(self, target: Path | IO[bytes]) -> None:
         """Write it; a file appears whole or not at all.
@@ -100,7 +120,7 @@ class FullState:
         }
         arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
         for part in PARTS:
-            arrays |= {f"{part}/{name}": array for name, array in getattr(self, part)._asdict().items()}
+            arrays |= {f"{part}/{name}": array for name, array in fields_of(getattr(self, part)).items()}
         if not isinstance(target, Path):
             np.savez(target, **arrays)  # type: ignore[arg-type]  # its option allow_pickle is none of our names
             return
@@ -158,6 +178,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             header = json.loads(archive["header"].tobytes())
             _check_header(header, name)
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
+            if header["format_version"] == 1:
+                arrays = _from_version_1(arrays)
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
     except SnapshotError:
@@ -171,6 +193,20 @@ def _read(stream: IO[bytes], name: str) -> FullState:
         raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
     states = [_state(part, arrays, name, made) for part in PARTS]
     return FullState(loaded, time, states[0], states[1], stopped, commands)
+
+
+def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays of both states under the names of this version; in version 1, motions were columns of one array."""
+    renamed = {}
+    for key, array in arrays.items():
+        part, _, field = key.partition("/")
+        now = VERSION_1.get(field, field)
+        if isinstance(now, str):
+            renamed[f"{part}/{now}"] = array
+        else:
+            for name, column in zip(now, np.atleast_2d(array).T, strict=True):
+                renamed[f"{part}/{name}"] = np.ascontiguousarray(column)
+    return renamed
 
 
 def _check_header(header: Any, name: str) -> None:
@@ -190,15 +226,15 @@ def _check_header(header: Any, name: str) -> None:
 def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
     """Put one state together; fields that one version has and the other has not are named."""
     given = {key.partition("/")[2] for key in arrays if key.startswith(f"{part}/")}
-    if missing := [field for field in State._fields if field not in given]:
+    if missing := [field for field in FIELDS if field not in given]:
         raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
-    if unknown := sorted(given - set(State._fields)):
+    if unknown := sorted(given - set(FIELDS)):
         raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
-    for field in State._fields:
+    for field in FIELDS:
         array = arrays[f"{part}/{field}"]
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise SnapshotError(f"{name}: damaged: {part}/{field} is not finite")
-    return State._make(arrays[f"{part}/{field}"] for field in State._fields)
+    return state_of({field: arrays[f"{part}/{field}"] for field in FIELDS})
 
 
 __all__ = ["SUFFIX", "FullState", "SnapshotError", "package_version", "read_full_state"]

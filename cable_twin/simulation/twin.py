@@ -12,6 +12,7 @@ from typing import IO
 import numpy as np
 
 from cable_twin.geometry.clearance import clearance_seen, ground_of
+from cable_twin.mechanics.drives.command import set_drive_mode
 from cable_twin.mechanics.drives.moving_rope import park
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
@@ -21,9 +22,10 @@ from cable_twin.mechanics.readout.columns import energies, groups, sample_positi
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, lay_straight, settle
-from cable_twin.mechanics.solution.generalized_alpha import Outcome, set_drive_mode
+from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, write_state
 from cable_twin.records import (
     AppliedCommand,
     Clearance,
@@ -35,7 +37,7 @@ from cable_twin.records import (
 from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.simulation.command_checks import check_drive, check_payload, check_wind
 from cable_twin.simulation.driving import brake, drive, drive_mode, hang_in_ropes
-from cable_twin.simulation.first_compilation import INTEGRATORS, compiling_ahead
+from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import CABLE, Layout, Snapshot
@@ -79,7 +81,7 @@ class Simulation:
         loads = [carriage.payload.mass if carriage.payload else 0.0 for carriage in scenario.vehicles.values()]
         self._load(np.array(loads, dtype=np.float64))
         for index, carriage in enumerate(scenario.vehicles.values()):
-            self._state.sliding_coordinate[index] = carriage.arc_length
+            self._state.joints.position[index] = carriage.arc_length
             if carriage.joint == "clamped" and carriage.arc_length > scenario.cable.unstrained_length:
                 park(self.system, self._state, index, carriage.arc_length)
             if carriage.joint == "sliding":
@@ -102,7 +104,7 @@ class Simulation:
         self._stopped = False
         self._commands: dict[str, Command] = {}
         self._at_start = True
-        self._advance = INTEGRATORS[scenario.solver.integrator]
+        self._advance = integrator_named(scenario.solver.integrator)
         self._advance(self._packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
         self._initial = clone_state(self._state)
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
@@ -291,8 +293,7 @@ class Simulation:
             self._stopped = False
             self._commands.clear()
             clock = int(self._state.clock[0])
-            for array, start in zip(self._state, self._initial, strict=True):
-                array[...] = start  # not the kernel, which this would be the first to call from Python
+            write_state(self._initial, self._state)  # not the kernel, which this would be the first to call from Python
             self._state.clock[0] = clock
             self._load(self._state.payload)
         self._at_start = False
@@ -399,7 +400,7 @@ class Simulation:
         arc_lengths = np.ascontiguousarray(arc_lengths, dtype=np.float64)
         result = np.empty((count, arc_lengths.size, 3))
         for shape, positions in zip(shapes, result, strict=True):
-            mode = self._state._replace(nodal_coordinates=np.ascontiguousarray(shape))
+            mode = self._state._replace(nodes=self._state.nodes._replace(position=np.ascontiguousarray(shape)))
             sample_positions(self.system.cable, mode, arc_lengths, positions)
         return result / np.abs(result).max(axis=(1, 2), keepdims=True)
 

@@ -20,7 +20,7 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
     system = make_system(dim, chains=chains, cable=ELASTIC, air=air)
     state, work = disturbed_state(system)
     state.drive_mode[:] = modes
-    state.reference[:, 0] = state.sliding_coordinate + 0.01
+    state.reference.position[:] = state.joints.position + 0.01
     state.wind[0], state.wind[-1] = WIND
     for carriage in range(len(chains)):
         place_joint(system.cable, state, carriage)
@@ -29,44 +29,32 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
 
 def add_drag(system, state, work):
     """Drag on rope and bodies as `assemble` has it."""
-    drag_rope(
-        system.cable,
-        system.air.rope_drag,
-        state.wind,
-        state.nodal_coordinates,
-        state.nodal_velocities,
-        25.0,
-        1.0,
-        work.diagonal,
-        work.upper,
-        work.lower,
-        work.right_side,
-    )
-    drag_bodies(system.air.body_drag, state.wind, state.body_velocities, 25.0, work.body_drag, work.body_drag_tangent)
+    drag_rope(system.cable, system.air.rope_drag, state, 25.0, 1.0, work)
+    drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, 25.0, work.body_drag, work.body_drag_tangent)
 
 
 def drag_on_cable(system, state):
     """Nodal forces (nodes 2, dim): the definition in numpy."""
     cable = system.cable
     places, weights = np.polynomial.legendre.leggauss(POINTS)
-    e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodal_coordinates, state.nodal_velocities))
+    e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodes.position, state.nodes.velocity))
     forces = np.zeros_like(e)
     for element in range(cable.element_count):
-        nodes = slice(2 * element, 2 * element + 4)
+        nodes, length = slice(2 * element, 2 * element + 4), cable.element_length[element]
         for place, weight in zip((places + 1.0) / 2.0, weights / 2.0, strict=True):
-            shape = np.array(shape_functions(place * cable.element_length, cable.element_length))
-            r_x = np.array(shape_functions_x(place * cable.element_length, cable.element_length)) @ e[nodes]
+            shape = np.array(shape_functions(place * length, length))
+            r_x = np.array(shape_functions_x(place * length, length)) @ e[nodes]
             t = r_x / np.linalg.norm(r_x)
             relative = state.wind - shape @ e_dot[nodes]
             across = relative - t * (t @ relative)
             force = system.air.rope_drag * np.linalg.norm(across) * across
-            forces[nodes] += np.outer(shape, force) * weight * cable.element_length
+            forces[nodes] += np.outer(shape, force) * weight * length
     return forces
 
 
 def drag_on_bodies(system, state):
     """Forces and moments (bodies, 3)."""
-    relative = state.wind - state.body_velocities[:, :2]
+    relative = state.wind - state.bodies.velocity[:, :2]
     forces = system.air.body_drag[:, None] * np.linalg.norm(relative, axis=1, keepdims=True) * relative
     return np.column_stack([forces, np.zeros(len(forces))])
 
@@ -102,7 +90,7 @@ def test_newton_step(rope, body, modes):
 def test_no_wind_and_no_motion_is_no_force():
     """Also where the relative wind, by whose size the tangent divides, is zero."""
     system, state, work = setup()
-    for array in (state.nodal_velocities, state.body_velocities, state.wind):
+    for array in (state.nodes.velocity, state.bodies.velocity, state.wind):
         array[:] = 0.0
     work.right_side[:] = 0.0
     work.diagonal[:] = 0.0
@@ -115,10 +103,10 @@ def test_no_wind_and_no_motion_is_no_force():
 
 def test_a_rope_that_runs_along_itself_feels_nothing():
     system, state, work = setup(chains=())
-    state.nodal_coordinates[:, 0] = np.arange(4)[:, None] * 0.7 * np.array([0.8, 0.6])
-    state.nodal_coordinates[:, 1] = 0.8, 0.6
-    state.nodal_velocities[:] = 0.0
-    state.nodal_velocities[:, 0] = 9.0 * np.array([0.8, 0.6])
+    state.nodes.position[:, 0] = np.arange(4)[:, None] * 0.7 * np.array([0.8, 0.6])
+    state.nodes.position[:, 1] = 0.8, 0.6
+    state.nodes.velocity[:] = 0.0
+    state.nodes.velocity[:, 0] = 9.0 * np.array([0.8, 0.6])
     state.wind[:] = 0.0
     work.right_side[:] = 0.0
     add_drag(system, state, work)

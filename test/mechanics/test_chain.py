@@ -51,7 +51,7 @@ def test_velocity_of_a_pivot():
     system = make_system(chains=(2,))
     state, _ = disturbed_state(system)
     offset = system.carriages.lower_pivot[1]
-    q, q_dot = state.body_coordinates[1], state.body_velocities[1]
+    q, q_dot = state.bodies.position[1], state.bodies.velocity[1]
 
     def place(t):
         at = q + t[0] * q_dot
@@ -69,7 +69,7 @@ def test_gaps_of_a_chain(count):
     chain = system.carriages._replace(
         upper_pivot=system.carriages.upper_pivot[1:], lower_pivot=system.carriages.lower_pivot[1:]
     )
-    exact = gaps(chain, np.array([0.4, -0.3]), state.body_coordinates[1:])
+    exact = gaps(chain, np.array([0.4, -0.3]), state.bodies.position[1:])
     np.testing.assert_allclose(work.joint_gap[1:].ravel(), exact, atol=1e-15)
 
 
@@ -83,7 +83,7 @@ def test_accelerations_of_the_gaps(count, feedback):
 
     def along(t):
         at = place + t * speed + 0.5 * t * t * curving
-        return gaps(system.carriages, at, state.body_coordinates + t * state.body_velocities)
+        return gaps(system.carriages, at, state.bodies.position + t * state.bodies.velocity)
 
     exact = second_difference(along, 1e-3)
     rate = difference(lambda t: along(t[0]), np.zeros(1), 1e-3)[:, 0]
@@ -123,12 +123,12 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, stiffness_factor):
 
     def equations(unknown):
         delta, forces = unknown[:size].reshape(count, 3), unknown[size:].reshape(count, 2)
-        q = state.body_coordinates + stiffness_factor * delta
-        return chain_residual(carriages, q, forces, state.body_accelerations + mass_factor * delta)
+        q = state.bodies.position + stiffness_factor * delta
+        return chain_residual(carriages, q, forces, state.bodies.acceleration + mass_factor * delta)
 
     start = np.concatenate([np.zeros(size), state.multipliers.ravel()])
     top = difference(equations, start, 1e-3)
-    q = state.body_coordinates
+    q = state.bodies.position
     jacobian = difference(lambda x: gaps(carriages, place, x.reshape(count, 3)), q.ravel(), 1e-3)
     matrix = np.block([[top], [jacobian, np.zeros((2 * count, 2 * count))]])
     gap = gaps(carriages, place, q)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from systems import disturbed_state, make_system
+from systems import disturbed_state, make_system, put
 
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
-from cable_twin.mechanics.rope.point import locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.point import point_at, position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
 from verification import JIT
 from verification.models import moving
@@ -29,13 +28,13 @@ def balance_of_end_nodes(system, state, work):
     nodal = work.right_side.reshape(-1, work.right_side.shape[2])
 
     def act(arc_length, force):
-        element, x = locate(cable, arc_length)
-        nodal[2 * element : 2 * element + 4] += np.outer(shape_functions(x, cable.element_length), force)
+        point = point_at(cable, arc_length)
+        nodal[2 * point.element : 2 * point.element + 4] += np.outer(point.shape, force)
 
     for carriage in np.flatnonzero(state.attached):
-        act(state.sliding_coordinate[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
+        act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
     for contact in range(system.supports.stiffness.size):
-        act(state.support_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
+        act(state.contact_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
     return -nodal[[0, -2]]
 
 
@@ -69,17 +68,17 @@ def in_motion(elements, dim=2, **options):
     )
     system = system._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
-    state.rope[:] = 0.3, 1.7, 0.6
+    put(state.rope, 0.3, 1.7, 0.6)
     state.wind[:] = rng.standard_normal(dim) * 4.0
-    state.sliding_coordinate[:] = cars
+    state.joints.position[:] = cars
     for contact, place in enumerate(loads["supports"]):
-        state.support_arc_length[contact] = place
+        state.contact_arc_length[contact] = place
         system.supports.position[contact] = np.array(position_on_cable(system.cable, state, place))
         system.supports.position[contact, -1] += 0.03  # pressed in
         find_contact(system.cable, system.supports, state, contact)
         assert contact_force(system.cable, system.supports, state, contact)[1] > 1.0
-    state.support_origin[:] = state.support_arc_length - 0.004
-    state.support_deflection[:] = 0.2
+    state.contact_origin[:] = state.contact_arc_length - 0.004
+    state.contact_deflection[:] = 0.2
     return system, state, work
 
 

@@ -37,7 +37,7 @@ def right_side(system, state, work, factors=(0.0, 0.0, 0.0)):
 def test_it_pulls_with_its_force_less_its_inertia_along_its_line():
     system, state, work = weighted((-10.0, 10.0))
     got = right_side(system, state, work).reshape(work.right_side.shape)
-    pull = 50.0 - 7.0 * DIRECTION @ state.nodal_accelerations[-1, 0]
+    pull = 50.0 - 7.0 * DIRECTION @ state.nodes.acceleration[-1, 0]
     np.testing.assert_allclose(got[-1, 0], pull * DIRECTION)
     assert not got[:-1].any()
     assert not got[-1, 1].any()
@@ -47,16 +47,16 @@ def test_it_pulls_with_its_force_less_its_inertia_along_its_line():
 def test_tangent_is_the_derivative_of_the_force(limits):
     system, state, work = weighted(limits)
     mass_factor, rate_factor = 40.0, 3.0
-    shape = state.nodal_coordinates.shape
+    shape = state.nodes.position.shape
 
     def moved(change):
         after = clone_state(state)
-        after.nodal_coordinates[:] += change.reshape(shape)
-        after.nodal_velocities[:] += rate_factor * change.reshape(shape)
-        after.nodal_accelerations[:] += mass_factor * change.reshape(shape)
+        after.nodes.position[:] += change.reshape(shape)
+        after.nodes.velocity[:] += rate_factor * change.reshape(shape)
+        after.nodes.acceleration[:] += mass_factor * change.reshape(shape)
         return right_side(system, after, work)
 
-    exact = -difference(moved, np.zeros(state.nodal_coordinates.size), 1e-4)
+    exact = -difference(moved, np.zeros(state.nodes.position.size), 1e-4)
     right_side(system, state, work, (mass_factor, rate_factor, 1.0))
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 
@@ -75,9 +75,9 @@ def test_buffers_push_back_into_the_travel_and_never_pull():
 
 def test_energies_are_those_of_mass_force_and_buffer():
     system, state, _ = weighted()
-    travel = (state.nodal_coordinates[-1, 0] - [2.2, 0.4]) @ DIRECTION
-    state.nodal_coordinates[-1, 0] += (0.5 - travel) * DIRECTION
-    speed = state.nodal_velocities[-1, 0] @ DIRECTION
+    travel = (state.nodes.position[-1, 0] - [2.2, 0.4]) @ DIRECTION
+    state.nodes.position[-1, 0] += (0.5 - travel) * DIRECTION
+    speed = state.nodes.velocity[-1, 0] @ DIRECTION
     got = counterweight_energies(system.counterweights, system.cable, state, 1)
     np.testing.assert_allclose(got, [3.5 * speed**2, 450.0 * 0.2**2, -50.0 * 0.5])
     assert counterweight_energies(system.counterweights, system.cable, state, 0) == (0.0, 0.0, 0.0)

@@ -36,7 +36,7 @@ def drive(start=25.0, **limits):
     system = build_system(scenario)
     state = allocate_state(system)
     state.drive_mode[:] = SPEED
-    state.reference[0, 0] = start
+    state.reference.position[0] = start
     return system, state
 
 
@@ -44,10 +44,10 @@ def run(system, state, duration, target=None, step=STEP):
     """Reference (steps + 1, 3) at every step."""
     if target is not None:
         state.drive_target[0] = target
-    path = [state.reference[0].copy()]
+    path = [np.array(state.reference)[:, 0]]
     for _ in range(round(duration / step)):
         advance_reference(system.carriages, system.cable, state, 0, step)
-        path.append(state.reference[0].copy())
+        path.append(np.array(state.reference)[:, 0])
     return np.array(path)
 
 
@@ -65,7 +65,7 @@ def test_trapezoid_is_exact_whatever_the_step(step):
 def test_reversal_turns_at_the_place_of_the_closed_form():
     system, state = drive(20.0, acceleration=0.5)
     run(system, state, 8.0, 2.0)
-    at = state.reference[0, 0]
+    at = state.reference.position[0]
     path = run(system, state, 10.0, -2.0)
     assert path[:, 0].max() == pytest.approx(at + 2.0**2 / (2.0 * 0.5), abs=1e-4)
     assert path[800, 0] == pytest.approx(at, abs=1e-9)
@@ -116,8 +116,8 @@ def test_braking_speed_stops_within_the_distance():
 def test_emergency_deceleration_replaces_both_limits():
     system, state = drive(10.0, acceleration=0.5, jerk=0.2, emergency_deceleration=2.0)
     run(system, state, 10.0, 3.0)
-    assert state.reference[0, 1] == 3.0
-    at = state.reference[0, 0]
+    assert state.reference.velocity[0] == 3.0
+    at = state.reference.position[0]
     state.drive_braking[0] = True
     path = run(system, state, 2.0, 0.0)
     assert path[-1, 1] == 0.0

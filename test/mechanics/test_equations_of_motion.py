@@ -6,7 +6,7 @@ its own tests. Their derivatives are differences of fourth order.
 
 import numpy as np
 import pytest
-from systems import difference, disturbed_state, make_system, second_difference
+from systems import changed, difference, disturbed_state, make_system, second_difference
 from test_chain import chain_residual, gaps
 
 from cable_twin.mechanics.on_rope.sliding_joint import friction_force, place_joint, stop_force
@@ -33,12 +33,12 @@ def setup(chains, *, places=None, modes=None, cable=None, **carriages):
     system = make_system(chains=chains, cable=cable, carriages=carriages)
     state, work = disturbed_state(system)
     if places is not None:
-        state.sliding_coordinate[:] = places
+        state.joints.position[:] = places
     state.drive_mode[:] = FREE if modes is None else modes
     state.drive_force[state.drive_mode == FORCE] = 12.0
-    state.reference[:, 0] = state.sliding_coordinate + 0.01
-    state.reference[:, 2] = 0.4
-    state.friction_origin[:] = state.sliding_coordinate - 0.004
+    state.reference.position[:] = state.joints.position + 0.01
+    state.reference.acceleration[:] = 0.4
+    state.friction_origin[:] = state.joints.position - 0.004
     state.friction_deflection[:] = 0.2
     for carriage in range(count):
         place_joint(system.cable, state, carriage)
@@ -48,17 +48,17 @@ def setup(chains, *, places=None, modes=None, cable=None, **carriages):
 def joint_weights(system, state, carriage, function):
     """Shape functions (or derivatives) of a joint as a row (nodes 2,) over the nodal vectors."""
     cable = system.cable
-    element = int(state.sliding_element[carriage])
+    element = int(state.joint_element[carriage])
     row = np.zeros(2 * (cable.element_count + 1))
     row[2 * element : 2 * element + 4] = function(
-        state.sliding_coordinate[carriage] - element * cable.element_length, cable.element_length
+        state.joints.position[carriage] - cable.node_arc_length[element], cable.element_length[element]
     )
     return row
 
 
 def constraints(system, state):
     """Φ (2 bodies,) in m of all joints of all carriages."""
-    e = state.nodal_coordinates.reshape(-1, 2)
+    e = state.nodes.position.reshape(-1, 2)
     offset, result = system.carriages.body_offset, [np.zeros(0)]
     for carriage in range(system.carriages.fixed.size):
         chain = slice(offset[carriage], offset[carriage + 1])
@@ -66,21 +66,21 @@ def constraints(system, state):
             upper_pivot=system.carriages.upper_pivot[chain], lower_pivot=system.carriages.lower_pivot[chain]
         )
         place = joint_weights(system, state, carriage, shape_functions) @ e
-        result.append(gaps(own, place, state.body_coordinates[chain]))
+        result.append(gaps(own, place, state.bodies.position[chain]))
     return np.concatenate(result)
 
 
 def rows(system, state, work):
     """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints."""
     cable, carriages = system.cable, system.carriages
-    e = state.nodal_coordinates.reshape(-1, 2)
+    e = state.nodes.position.reshape(-1, 2)
     add_cable(cable, state, 0.0, 0.0, 0.0, work)
     if system.moving_cable.moving:
         add_flow(cable, state, 0.0, 0.0, work)
     on_cable = -work.right_side.reshape(-1, 2)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
-        element = min(int(arc_length / cable.element_length), cable.element_count - 1)
-        weights = shape_functions(arc_length - element * cable.element_length, cable.element_length)
+        element = np.searchsorted(cable.node_arc_length[1:-1], arc_length, side="right")
+        weights = shape_functions(arc_length - cable.node_arc_length[element], cable.element_length[element])
         on_cable[2 * element : 2 * element + 4] -= np.outer(weights, force)
     for node, moment in ((1, cable.end_moment[0]), (-1, cable.end_moment[1])):
         # work M δpitch with the pitch atan2(-z, x) of the slope (x, z)
@@ -96,15 +96,15 @@ def rows(system, state, work):
             lower_pivot=carriages.lower_pivot[chain],
         )
         forces = state.multipliers[chain]
-        on_bodies.append(chain_residual(own, state.body_coordinates[chain], forces, state.body_accelerations[chain]))
+        on_bodies.append(chain_residual(own, state.bodies.position[chain], forces, state.bodies.acceleration[chain]))
         on_cable = on_cable + np.outer(joint_weights(system, state, carriage, shape_functions), forces[0])
         r_x = joint_weights(system, state, carriage, shape_functions_x) @ e
         norm = np.linalg.norm(r_x)
         along = forces[0] @ r_x / norm
         normal = np.linalg.norm(forces[0] - along * r_x / norm)
-        s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
+        s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
         if state.drive_mode[carriage] == SPEED:
-            on_sliding.append(s - state.reference[carriage, 0])
+            on_sliding.append(s - state.reference.position[carriage])
         else:
             pull = state.drive_force[carriage] + friction_force(carriages, state, carriage, normal)[0]
             pull += stop_force(carriages, cable, carriage, s, s_dot)[0]
@@ -143,14 +143,15 @@ def dense_newton_step(system, state, work, mass_factor, rate_factor):
     def residual(unknown):
         e, q, s, multipliers = split(system, unknown)
         driven = state.drive_mode == SPEED
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates + e,
-            nodal_velocities=state.nodal_velocities + rate_factor * e,
-            nodal_accelerations=state.nodal_accelerations + mass_factor * e,
-            body_coordinates=state.body_coordinates + q,
-            body_accelerations=state.body_accelerations + mass_factor * q,
-            sliding_coordinate=state.sliding_coordinate + s,
-            sliding_velocity=state.sliding_velocity + np.where(driven, 0.0, rate_factor) * s,
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + e,
+            nodes_velocity=state.nodes.velocity + rate_factor * e,
+            nodes_acceleration=state.nodes.acceleration + mass_factor * e,
+            bodies_position=state.bodies.position + q,
+            bodies_acceleration=state.bodies.acceleration + mass_factor * q,
+            joints_position=state.joints.position + s,
+            joints_velocity=state.joints.velocity + np.where(driven, 0.0, rate_factor) * s,
             multipliers=state.multipliers + multipliers,
         )
         return rows(system, moved, work)
@@ -258,15 +259,16 @@ def test_right_side_of_the_constraints(feedback):
     exact = second_difference(along, 1e-3) + 2.0 * feedback * rate + feedback**2 * along(0.0)
     measure_gap_accelerations(system, state, feedback, work)
     np.testing.assert_allclose(work.joint_gap.ravel(), exact, atol=1e-6)
-    assert work.sliding_increment[1] == state.reference[1, 2]
+    assert work.sliding_increment[1] == state.reference.acceleration[1]
 
 
 def moving(state, t):
     """State of a motion at constant velocities, `t` seconds on; joints stay on their elements."""
-    return state._replace(
-        nodal_coordinates=state.nodal_coordinates + t * state.nodal_velocities,
-        body_coordinates=state.body_coordinates + t * state.body_velocities,
-        sliding_coordinate=state.sliding_coordinate + t * state.sliding_velocity,
+    return changed(
+        state,
+        nodes_position=state.nodes.position + t * state.nodes.velocity,
+        bodies_position=state.bodies.position + t * state.bodies.velocity,
+        joints_position=state.joints.position + t * state.joints.velocity,
     )
 
 
@@ -280,13 +282,16 @@ def test_accelerations_solve_equation_16(model, modes):
     bodies, count = system.carriages.mass.size, system.carriages.fixed.size
     total = size + 5 * bodies + count
     at_rest = clone_state(state)
-    for array in (at_rest.nodal_accelerations, at_rest.body_accelerations, at_rest.multipliers):
+    for array in (at_rest.nodes.acceleration, at_rest.bodies.acceleration, at_rest.multipliers):
         array[:] = 0.0
 
     def residual(unknown):
         e_ddot, q_ddot, _, multipliers = split(system, unknown)
-        trial = at_rest._replace(
-            nodal_accelerations=e_ddot, body_accelerations=q_ddot, multipliers=np.ascontiguousarray(multipliers)
+        trial = changed(
+            at_rest,
+            nodes_acceleration=e_ddot,
+            bodies_acceleration=q_ddot,
+            multipliers=np.ascontiguousarray(multipliers),
         )
         return rows(system, trial, work)
 
@@ -294,10 +299,11 @@ def test_accelerations_solve_equation_16(model, modes):
         e, q, s, _ = split(system, unknown)
         return constraints(
             system,
-            at_rest._replace(
-                nodal_coordinates=state.nodal_coordinates + e,
-                body_coordinates=state.body_coordinates + q,
-                sliding_coordinate=state.sliding_coordinate + s,
+            changed(
+                at_rest,
+                nodes_position=state.nodes.position + e,
+                bodies_position=state.bodies.position + q,
+                joints_position=state.joints.position + s,
             ),
         )
 
@@ -310,7 +316,7 @@ def test_accelerations_solve_equation_16(model, modes):
     for carriage in range(count):
         if modes[carriage] == SPEED:
             row = size + 3 * bodies + carriage
-            matrix[row], right[row] = 0.0, state.reference[carriage, 2]
+            matrix[row], right[row] = 0.0, state.reference.acceleration[carriage]
             matrix[row, row] = 1.0
     still = held(system)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
@@ -318,7 +324,7 @@ def test_accelerations_solve_equation_16(model, modes):
     exact = split(system, np.linalg.solve(matrix, right))
 
     assert solve_accelerations(system, state, 0.0, work)
-    got = (state.nodal_accelerations, state.body_accelerations, state.sliding_acceleration, state.multipliers)
+    got = (state.nodes.acceleration, state.bodies.acceleration, state.joints.acceleration, state.multipliers)
     for name, value, expected in zip(("cable", "bodies", "sliding", "multipliers"), got, exact, strict=True):
         np.testing.assert_allclose(value, expected, rtol=0, atol=1e-7 * np.abs(expected).max(), err_msg=name)
 

@@ -10,8 +10,9 @@ from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution import equilibrium
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
-from cable_twin.mechanics.solution.generalized_alpha import Outcome, advance
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.mechanics.solution.generalized_alpha import advance
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, fields_of
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from verification.statics import CANTILEVER, LEVEL_SPAN, hung
@@ -31,7 +32,7 @@ def prepare(scenario):
     system = build_system(scenario)
     state, work = allocate_state(system), allocate_workspace(system)
     for index, carriage in enumerate(scenario.carriages.values()):
-        state.sliding_coordinate[index] = carriage.arc_length
+        state.joints.position[index] = carriage.arc_length
     return system, state, work
 
 
@@ -71,7 +72,7 @@ def test_chains_hang_below_their_joint():
     system, state, _ = prepare(loaded_span())
     lay_straight(system, state, np.zeros(2), np.array([101.0, 0.0]))
     hang_carriages(system, state)
-    np.testing.assert_allclose(state.body_coordinates, [[39.8, -0.5, 0.0], [39.4, -2.1, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(state.bodies.position, [[39.8, -0.5, 0.0], [39.4, -2.1, 0.0]], atol=1e-12)
 
 
 def test_all_forces_balance_at_rest():
@@ -79,7 +80,7 @@ def test_all_forces_balance_at_rest():
     system, state, work = prepare(loaded_span())
     settle(system, state, work)
     state.drive_mode[:] = SPEED
-    state.reference[:, 0] = state.sliding_coordinate
+    state.reference.position[:] = state.joints.position
     assert measure_gaps(system, state, work, True) < 1e-9
     assemble(system, state, 0.0, 0.0, 1.0, work)
     # right_side holds minus the residual once what the carriages still have to close is taken off, which is nothing
@@ -87,9 +88,9 @@ def test_all_forces_balance_at_rest():
     np.testing.assert_allclose(state.multipliers, [[0.0, 1200.0 * 9.81], [0.0, 900.0 * 9.81]], atol=1e-6)
     # the lower body hangs plumb; the moments on the upper one balance
     place = position_on_cable(system.cable, state, 40.0)
-    joint = state.body_coordinates[1, :2] + turned(state.body_coordinates[1, 2], [0.3, 1.0])
-    assert joint[0] == pytest.approx(state.body_coordinates[1, 0], abs=1e-9)
-    moment = 300.0 * (state.body_coordinates[0, 0] - place[0]) + 900.0 * (joint[0] - place[0])
+    joint = state.bodies.position[1, :2] + turned(state.bodies.position[1, 2], [0.3, 1.0])
+    assert joint[0] == pytest.approx(state.bodies.position[1, 0], abs=1e-9)
+    moment = 300.0 * (state.bodies.position[0, 0] - place[0]) + 900.0 * (joint[0] - place[0])
     assert moment == pytest.approx(0.0, abs=1e-6)
 
 
@@ -103,8 +104,8 @@ def test_rest_is_rest():
     system, state, work = prepare(loaded_span(**{"carriages.one.joint": "fixed"}))
     settle(system, state, work)
     assert solve_accelerations(system, state, 0.0, work)
-    assert np.abs(state.body_accelerations).max() < 1e-5
-    for array in (state.nodal_velocities, state.body_velocities, state.sliding_velocity):
+    assert np.abs(state.bodies.acceleration).max() < 1e-5
+    for array in (state.nodes.velocity, state.bodies.velocity, state.joints.velocity):
         assert not array.any()
 
 
@@ -191,7 +192,7 @@ def test_ends_that_no_catenary_meets_are_named():
         settle(system, state, work)
 
 
-@pytest.mark.parametrize("field", ["nodal_coordinates", "nodal_velocities", "body_coordinates", "sliding_velocity"])
+@pytest.mark.parametrize("field", ["nodes.position", "nodes.velocity", "bodies.position", "joints.velocity"])
 def test_not_a_number_stops_the_solver_and_is_named(field):
     """The outcome says so and names an element at a bad node; the state is bit for bit that before the call.
 
@@ -201,8 +202,8 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
     settle(system, state, work)
     good, before = clone_state(state), clone_state(state)
     assert Outcome(*advance(system, state, good, before, work, 2)).converged
-    array = getattr(state, field)
-    if field.startswith("nodal"):
+    array = fields_of(state)[field]
+    if field.startswith("nodes"):
         array[4, 0, 1] = np.nan
     else:
         array.ravel()[0] = np.nan
@@ -211,8 +212,8 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == system.solver.max_halvings + 1
-    assert outcome.element in ((3, 4) if field.startswith("nodal") else range(6))
-    for one, other in zip(state, at_call, strict=True):
+    assert outcome.element in ((3, 4) if field.startswith("nodes") else range(6))
+    for one, other in zip(fields_of(state).values(), fields_of(at_call).values(), strict=True):
         np.testing.assert_array_equal(one, other)
     assert state.clock[0] == 2
 
@@ -222,11 +223,11 @@ def test_not_a_number_reaches_no_snapshot():
     simulation = Simulation(loaded_span(elements=6))
     simulation.advance_to(0.002)
     state = simulation._state
-    kept = state.nodal_velocities[4, 0, 1]
-    state.nodal_velocities[4, 0, 1] = np.nan
+    kept = state.nodes.velocity[4, 0, 1]
+    state.nodes.velocity[4, 0, 1] = np.nan
     with pytest.raises(SolverError, match=r"step 3 \(to 0\.003 s\) failed: .* on element [34], .* at 0\.002 s"):
         simulation.advance_to(0.01)
-    state.nodal_velocities[4, 0, 1] = kept
+    state.nodes.velocity[4, 0, 1] = kept
     assert simulation.time == 0.002
     assert np.isfinite(simulation.advance_to(0.004).cable.positions).all()
 
@@ -242,7 +243,7 @@ def test_a_step_that_cannot_converge_leaves_the_last_good_state():
         simulation.advance_to(0.005)
     assert simulation.time == 0.0
     assert simulation.snapshot.solver.steps == 0
-    for one, other in zip(simulation._state, start, strict=True):
+    for one, other in zip(fields_of(simulation._state).values(), fields_of(start).values(), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -263,7 +264,7 @@ def test_good_steps_before_a_bad_one_are_kept():
     assert steps > 0
     assert simulation.time == pytest.approx(0.01 * steps)
     assert np.isfinite(simulation.snapshot.cable.positions).all()
-    assert all(np.isfinite(array).all() for array in simulation._state)
+    assert all(np.isfinite(array).all() for array in fields_of(simulation._state).values())
 
 
 def test_carriage_at_the_support_takes_its_weight_there():

@@ -21,7 +21,7 @@ def joint():
     )
     system = build_system(scenario)
     state = allocate_state(system)
-    state.sliding_coordinate[:] = state.friction_origin[:] = 2.0
+    state.joints.position[:] = state.friction_origin[:] = 2.0
     return system, state
 
 
@@ -34,10 +34,10 @@ def derivative(function, at, step=1e-7):
 def test_derivatives(joint, mobilised, way):
     system, state = joint
     state.friction_deflection[0] = mobilised
-    state.sliding_velocity[0] = 0.2
+    state.joints.velocity[0] = 0.2
 
     def force(s=2.0 + way, s_dot=0.2, normal=50.0):
-        state.sliding_coordinate[0], state.sliding_velocity[0] = s, s_dot
+        state.joints.position[0], state.joints.velocity[0] = s, s_dot
         return friction_force(system.carriages, state, 0, normal)
 
     _, by_s, by_s_dot, by_normal = force()
@@ -51,7 +51,7 @@ def test_it_is_smooth_where_the_motion_turns(joint):
     state.friction_deflection[0] = 0.6
     values = []
     for way in (-1e-9, 0.0, 1e-9):
-        state.sliding_coordinate[0] = 2.0 + way
+        state.joints.position[0] = 2.0 + way
         values.append(deflection(system.carriages, state, 0)[0])
     np.testing.assert_allclose(values, 0.6, atol=1e-5)
 
@@ -59,24 +59,24 @@ def test_it_is_smooth_where_the_motion_turns(joint):
 def test_one_way_mobilises_as_dahl_has_it(joint):
     system, state = joint
     for way in np.linspace(0.0, 5e-3, 26):
-        state.sliding_coordinate[0] = 2.0 + way
+        state.joints.position[0] = 2.0 + way
         assert deflection(system.carriages, state, 0)[0] == pytest.approx(1.0 - exp(-way / PRESLIDING), abs=1e-12)
 
 
 def test_ways_add_up_whatever_the_steps(joint):
     system, state = joint
     for _ in range(7):
-        state.sliding_coordinate[0] += 2e-4
+        state.joints.position[0] += 2e-4
         settle_friction(system.carriages, state, 0)
     assert state.friction_deflection[0] == pytest.approx(1.0 - exp(-7 * 2e-4 / PRESLIDING), abs=1e-12)
-    assert state.friction_origin[0] == state.sliding_coordinate[0]
+    assert state.friction_origin[0] == state.joints.position[0]
 
 
 @pytest.mark.parametrize("way", [-1.0, -1e-4, 1e-4, 1.0])
 def test_it_never_gives_more_than_its_limit(joint, way):
     system, state = joint
     state.friction_deflection[0] = -np.sign(way)
-    state.sliding_coordinate[0] = 2.0 + way
+    state.joints.position[0] = 2.0 + way
     force = friction_force(system.carriages, state, 0, 50.0)[0]
     assert abs(force) <= ROLLING * 50.0 + 1e-12
 

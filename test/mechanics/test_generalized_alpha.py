@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.solution.generalized_alpha import (
-    Outcome,
     advance,
     coefficients,
     correct,
-    largest_increment,
     predict,
 )
-from cable_twin.mechanics.state import clone_state
+from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.mechanics.state import Motion, clone_state, fields_of
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT
@@ -40,9 +40,10 @@ def test_predictor_and_corrector_keep_the_updates_of_newmark(radius):
     generator = np.random.default_rng(3)
     x, v, q_ddot, a = generator.standard_normal((4, 5))
     x_0, v_0, q_ddot_0, a_0 = x.copy(), v.copy(), q_ddot.copy(), a.copy()
-    predict(c, h, x, v, q_ddot, a)
+    motion = Motion(x, v, q_ddot, a)
+    predict(c, h, motion)
     for _ in range(2):
-        correct(c, h, generator.standard_normal(5), x, v, q_ddot, a)
+        correct(c, h, generator.standard_normal(5), motion)
     np.testing.assert_allclose(x, x_0 + h * v_0 + h * h * ((0.5 - c.beta) * a_0 + c.beta * a), atol=1e-12)
     np.testing.assert_allclose(v, v_0 + h * ((1.0 - c.gamma) * a_0 + c.gamma * a), atol=1e-12)
     mean = (1.0 - c.alpha_f) * q_ddot + c.alpha_f * q_ddot_0
@@ -55,7 +56,7 @@ def test_free_fall_is_exact_with_the_accelerations_of_the_start():
     )
     start_moving(simulation)
     simulation.advance_to(0.5)
-    fall = simulation._state.nodal_coordinates[:, 0, 1]
+    fall = simulation._state.nodes.position[:, 0, 1]
     np.testing.assert_allclose(fall, -0.5 * 9.81 * 0.25, rtol=1e-10)
 
 
@@ -64,7 +65,7 @@ def test_free_fall_without_them_starts_half_a_step_late():
         length=2.0, mass_per_length=1.0, axial=1e4, bending=1.0, elements=3, supports=("free", "free"), step=0.01
     )
     simulation.advance_to(0.5)
-    speed = simulation._state.nodal_velocities[:, 0, 1]
+    speed = simulation._state.nodes.velocity[:, 0, 1]
     np.testing.assert_allclose(speed, -9.81 * (0.5 - 0.005), rtol=1e-10)
 
 
@@ -74,7 +75,7 @@ def test_order_in_time_of_an_axial_wave():
         simulation, frequency = axial_bar(frequency_step, 0.7, 0.0, 4)
         quarter = 0.5 * np.pi / frequency
         time = simulation.advance_to(quarter).time
-        got = simulation._state.nodal_coordinates[-1, 0, 0] - 2.0
+        got = simulation._state.nodes.position[-1, 0, 0] - 2.0
         errors.append(abs(got - 1e-3 * np.cos(frequency * time)))
     assert observed_order(errors) == pytest.approx(2.0, abs=0.15)
 
@@ -92,8 +93,8 @@ def test_nothing_moves_in_equilibrium_with_every_joint_held():
     simulation = seed(**{"carriages.carriage.drive.mode": "speed"})
     before = clone_state(simulation._state)
     simulation.advance_to(0.05)
-    np.testing.assert_allclose(simulation._state.nodal_coordinates, before.nodal_coordinates, atol=1e-8)
-    np.testing.assert_allclose(simulation._state.body_coordinates, before.body_coordinates, atol=1e-8)
+    np.testing.assert_allclose(simulation._state.nodes.position, before.nodes.position, atol=1e-8)
+    np.testing.assert_allclose(simulation._state.bodies.position, before.bodies.position, atol=1e-8)
 
 
 def test_joints_stay_closed_and_energy_is_not_gained():
@@ -126,7 +127,7 @@ def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     assert outcome.halvings == 2
     assert outcome.increment > 1e-9
     assert 0 <= outcome.element < ELEMENTS
-    for array, kept in zip(simulation._state, before, strict=True):
+    for array, kept in zip(fields_of(simulation._state).values(), fields_of(before).values(), strict=True):
         np.testing.assert_array_equal(array, kept)
 
 
@@ -143,7 +144,7 @@ def test_an_increment_that_is_no_number_is_seen_wherever_it_is(bad):
 
 def test_a_state_that_is_no_number_ends_in_a_failed_step():
     simulation = seed()
-    simulation._state.nodal_velocities[2, 0, 0] = np.nan
+    simulation._state.nodes.velocity[2, 0, 0] = np.nan
     scratch = clone_state(simulation._state), clone_state(simulation._state), simulation._work
     outcome = Outcome(*advance(simulation.system, simulation._state, *scratch, 1))
     assert not outcome.converged

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from systems import difference, disturbed_state, make_system
+from systems import changed, difference, disturbed_state, make_system, put
 from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split
 
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope, haul_energies, rope_force, sheave_force
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.state import Motion
 
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 
@@ -22,10 +23,10 @@ def setup(chains=(2,), *, station=END, sheave=FORCE, **changes):
     state, work = disturbed_state(system)
     state.drive_mode[:], state.sheave_mode[:] = HAULED, sheave
     state.drive_force[:] = 40.0
-    state.sheave[:] = np.array([0.0, 0.7, -1.3, 0.5])
-    state.sheave[:, 0] = state.sliding_coordinate + 0.02
-    state.hauled_acceleration[:] = 0.9
-    state.friction_origin[:] = state.sliding_coordinate - 0.004
+    put(state.sheaves, 0.0, 0.7, -1.3, 0.5)
+    state.sheaves.position[:] = state.joints.position + 0.02
+    state.joints.acceleration[:] = 0.9
+    state.friction_origin[:] = state.joints.position - 0.004
     state.friction_deflection[:] = 0.2
     for carriage in range(count):
         place_joint(system.cable, state, carriage)
@@ -37,8 +38,8 @@ def haul_rows(system, state):
     on_s, on_u = [], []
     ropes, carriages = system.haul_ropes, system.carriages
     for k in range(carriages.fixed.size):
-        u, u_dot, u_ddot, _ = state.sheave[k]
-        s, s_dot, s_ddot = state.sliding_coordinate[k], state.sliding_velocity[k], state.hauled_acceleration[k]
+        u, u_dot, u_ddot, _ = np.array(state.sheaves)[:, k]
+        s, s_dot, s_ddot = state.joints.position[k], state.joints.velocity[k], state.joints.acceleration[k]
         way = u if ropes.station[k] == START else system.cable.unstrained_length - u
         length = ropes.beyond_track[k] + way
         stiffness = ropes.axial_stiffness[k] / length
@@ -62,19 +63,20 @@ def moved_by(system, state, unknown):
     """State moved by Newton increments of all unknowns, as the integrator moves it."""
     count = system.carriages.fixed.size
     e, q, s, multipliers = split(system, unknown[: unknown.size - count])
-    sheave = state.sheave + np.outer(unknown[unknown.size - count :], [1.0, RATE_FACTOR, MASS_FACTOR, 0.0])
-    return state._replace(
-        nodal_coordinates=state.nodal_coordinates + e,
-        nodal_velocities=state.nodal_velocities + RATE_FACTOR * e,
-        nodal_accelerations=state.nodal_accelerations + MASS_FACTOR * e,
-        body_coordinates=state.body_coordinates + q,
-        body_velocities=state.body_velocities + RATE_FACTOR * q,
-        body_accelerations=state.body_accelerations + MASS_FACTOR * q,
-        sliding_coordinate=state.sliding_coordinate + s,
-        sliding_velocity=state.sliding_velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
-        hauled_acceleration=state.hauled_acceleration + MASS_FACTOR * s,
+    sheaves = np.array(state.sheaves) + np.outer([1.0, RATE_FACTOR, MASS_FACTOR, 0.0], unknown[unknown.size - count :])
+    return changed(
+        state,
+        nodes_position=state.nodes.position + e,
+        nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
+        nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
+        bodies_position=state.bodies.position + q,
+        bodies_velocity=state.bodies.velocity + RATE_FACTOR * q,
+        bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * q,
+        joints_position=state.joints.position + s,
+        joints_velocity=state.joints.velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
+        joints_acceleration=state.joints.acceleration + MASS_FACTOR * s,
         multipliers=state.multipliers + multipliers,
-        sheave=sheave,
+        sheaves=Motion(*sheaves),
     )
 
 
@@ -132,7 +134,7 @@ def test_newton_step(station, sheave):
 def test_newton_step_of_a_slack_rope(sheave):
     """What the counter rope can pull is what the loop can push."""
     system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
-    state.sheave[:, 0] = state.sliding_coordinate - 0.3
+    state.sheaves.position[:] = state.joints.position - 0.3
     assert rope_force(system, state, 0)[0] == -15.0
     check_newton_step(system, state, work, hauled_residual(system, work))
 
@@ -145,10 +147,10 @@ def test_newton_step_of_several_carriages():
 @pytest.mark.parametrize(("station", "sign"), [(START, 1.0), (END, -1.0)])
 def test_a_rope_without_a_counter_rope_only_pulls(station, sign):
     system, state, _ = setup(station=station, pretension=np.zeros(1))
-    state.sheave[0, 1] = state.sliding_velocity[0]
-    state.sheave[0, 0] = state.sliding_coordinate[0] + sign * 0.1
+    state.sheaves.velocity[0] = state.joints.velocity[0]
+    state.sheaves.position[0] = state.joints.position[0] + sign * 0.1
     assert rope_force(system, state, 0)[0] == 0.0
-    state.sheave[0, 0] = state.sliding_coordinate[0] - sign * 0.1
+    state.sheaves.position[0] = state.joints.position[0] - sign * 0.1
     assert sign * rope_force(system, state, 0)[0] < -100.0
 
 
@@ -156,10 +158,10 @@ def test_a_rope_without_a_counter_rope_only_pulls(station, sign):
 @pytest.mark.parametrize("force", [-300.0, 0.0, 420.0])
 def test_a_carriage_hangs_in_its_rope(station, force):
     system, state, _ = setup(station=station)
-    state.sliding_velocity[:] = 0.0
+    state.joints.velocity[:] = 0.0
     assert hang_in_rope(system, state, 0, force)
     assert rope_force(system, state, 0)[0] == pytest.approx(force, abs=1e-9)
-    state.hauled_acceleration[:] = 0.0
+    state.joints.acceleration[:] = 0.0
     assert sheave_force(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert not hang_in_rope(system, state, 0, 501.0 if station == START else -501.0)
 
@@ -169,12 +171,12 @@ def test_energy_is_what_the_forces_and_masses_say():
     system, state, _ = setup(damping_ratio=np.zeros(1))
 
     def elastic(s):
-        return haul_energies(system, state._replace(sliding_coordinate=s))[1]
+        return haul_energies(system, changed(state, joints_position=s))[1]
 
-    slope = difference(lambda s: np.array([elastic(s)]), state.sliding_coordinate.copy(), 1e-4)
+    slope = difference(lambda s: np.array([elastic(s)]), state.joints.position.copy(), 1e-4)
     assert -slope[0, 0] == pytest.approx(rope_force(system, state, 0)[0], rel=1e-9)
-    length = 0.4 + system.cable.unstrained_length - state.sheave[0, 0]
+    length = 0.4 + system.cable.unstrained_length - state.sheaves.position[0]
     share = np.linspace(0.0, 1.0, 2001)
-    speed = (1.0 - share) * state.sliding_velocity[0] + share * 0.7
+    speed = (1.0 - share) * state.joints.velocity[0] + share * 0.7
     rod = 0.5 * 2.0 * length * np.trapezoid(speed**2, share)
     assert haul_energies(system, state)[0] == pytest.approx(rod + 0.5 * 7.0 * 0.7**2, rel=1e-6)

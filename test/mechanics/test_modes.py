@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from systems import difference
+from systems import changed, difference
 from test_equilibrium import loaded_span, prepare
 
 from cable_twin.mechanics.solution import modes
@@ -52,24 +52,25 @@ def test_modes_solve_equation_16():
     system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed"}))
     settle(system, state, work)
     frequencies, shapes = natural_modes(system, state, 4)
-    still = state.body_coordinates.copy()
+    still = state.bodies.position.copy()
     free, _ = np.linalg.qr(modes._free_directions(system).toarray())
     directions = modes._body_directions(system, state).toarray()
-    nodal = state.nodal_coordinates.size
+    nodal = state.nodes.position.size
 
     def accelerations(x):
         """Of nodes and pitches, at the coordinates that x (free nodal directions and pitches) makes."""
         e, pitches = free @ x[: free.shape[1]], x[free.shape[1] :]
         q = still.ravel() + directions @ np.concatenate([e, pitches])
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates + e.reshape(state.nodal_coordinates.shape),
-            nodal_accelerations=np.zeros_like(state.nodal_accelerations),
-            body_coordinates=q.reshape(still.shape),
-            body_accelerations=np.zeros_like(still),
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + e.reshape(state.nodes.position.shape),
+            nodes_acceleration=np.zeros_like(state.nodes.acceleration),
+            bodies_position=q.reshape(still.shape),
+            bodies_acceleration=np.zeros_like(still),
             multipliers=state.multipliers.copy(),
         )
         assert solve_accelerations(system, moved, 0.0, work)
-        return np.concatenate([free.T @ moved.nodal_accelerations.ravel(), moved.body_accelerations[:, 2]])
+        return np.concatenate([free.T @ moved.nodes.acceleration.ravel(), moved.bodies.acceleration[:, 2]])
 
     matrix = -difference(accelerations, np.zeros(free.shape[1] + still.shape[0]), 1e-5)
     values, vectors = np.linalg.eig(matrix)
@@ -108,7 +109,7 @@ def test_shapes_are_orthogonal_over_the_mass():
 def test_mass_does_not_depend_on_the_mesh(scale):
     """A rigid shift of all nodes has the whole mass: to 1e-12."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": round(3 * scale)}))
-    shift = np.zeros(simulation._state.nodal_coordinates.shape)
+    shift = np.zeros(simulation._state.nodes.position.shape)
     shift[:, 0, 1] = 1.0
     mass = shift.ravel() @ (modes._cable_mass(simulation.system) @ shift.ravel())
     assert mass == pytest.approx(1010.0, rel=1e-12)

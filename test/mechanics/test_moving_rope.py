@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import dense_blocks, difference, disturbed_state, make_system
+from systems import changed, dense_blocks, difference, disturbed_state, make_system, put
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import attach_carriers, haul_force, loop_coordinate, move_rope
@@ -17,8 +17,9 @@ from cable_twin.mechanics.rope.shape_functions import (
     shape_functions_xx,
 )
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
-from cable_twin.mechanics.solution.generalized_alpha import Outcome, advance
-from cable_twin.mechanics.state import allocate_workspace, clone_state
+from cable_twin.mechanics.solution.generalized_alpha import advance
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
 
 MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
@@ -35,7 +36,7 @@ def moving_system(**changes):
     """Bare cable in general position that moves at 1.7 m/s and speeds up at 0.6 m/s²."""
     system = make_system(**changes)._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
-    state.rope[:] = 0.3, 1.7, 0.6
+    put(state.rope, 0.3, 1.7, 0.6)
     return system, state, work
 
 
@@ -43,10 +44,12 @@ def fields(system, coordinates, function):
     """S, S_x or S_xx times `coordinates` at the Gauss points of all elements, and all weights in m."""
     cable = system.cable
     points, weights = gauss()
-    rows = np.array([function(u * cable.element_length, cable.element_length) for u in points])
     e = coordinates.reshape(-1, coordinates.shape[-1])
-    values = [rows @ e[2 * element : 2 * element + 4] for element in range(cable.element_count)]
-    return np.concatenate(values), np.tile(weights, cable.element_count) * cable.element_length
+    values = []
+    for element, length in enumerate(cable.element_length):
+        rows = np.array([function(u * length, length) for u in points])
+        values.append(rows @ e[2 * element : 2 * element + 4])
+    return np.concatenate(values), np.outer(cable.element_length, weights).ravel()
 
 
 def test_integrals_of_the_shape_functions():
@@ -64,21 +67,22 @@ def test_force_is_that_of_the_convective_acceleration(dim):
     cable = system.cable
     work.right_side[:] = 0.0
     add_flow(cable, state, 0.0, 0.0, work)
-    r_tx, _ = fields(system, state.nodal_velocities, shape_functions_x)
-    r_x, _ = fields(system, state.nodal_coordinates, shape_functions_x)
-    r_xx, _ = fields(system, state.nodal_coordinates, shape_functions_xx)
-    _, speed, rate = state.rope
+    r_tx, _ = fields(system, state.nodes.velocity, shape_functions_x)
+    r_x, _ = fields(system, state.nodes.position, shape_functions_x)
+    r_xx, _ = fields(system, state.nodes.position, shape_functions_xx)
+    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
     acceleration = 2.0 * speed * r_tx + speed**2 * r_xx + rate * r_x
     points, weights = gauss()
     expected = np.zeros((2 * (cable.element_count + 1), dim))
     for element in range(cable.element_count):
         for k, u in enumerate(points):
-            row = np.array(shape_functions(u * cable.element_length, cable.element_length))
+            length = cable.element_length[element]
+            row = np.array(shape_functions(u * length, length))
             value = acceleration[element * points.size + k]
-            weight = weights[k] * cable.element_length * cable.mass_per_length
+            weight = weights[k] * length * cable.mass_per_length
             expected[2 * element : 2 * element + 4] -= weight * np.outer(row, value)
     # by parts the ends have ρA v² r_x more, which their supports take
-    boundary = cable.mass_per_length * speed**2 * state.nodal_coordinates[:, 1]
+    boundary = cable.mass_per_length * speed**2 * state.nodes.position[:, 1]
     expected[0] -= boundary[0]
     expected[-2] += boundary[-1]
     np.testing.assert_allclose(work.right_side.reshape(-1, dim), expected, atol=1e-12)
@@ -90,22 +94,23 @@ def test_tangent_is_the_derivative_of_the_force(dim):
     system, state, work = moving_system(dim=dim)
 
     def residual(change):
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates + change.reshape(state.nodal_coordinates.shape),
-            nodal_velocities=state.nodal_velocities + 25.0 * change.reshape(state.nodal_coordinates.shape),
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + change.reshape(state.nodes.position.shape),
+            nodes_velocity=state.nodes.velocity + 25.0 * change.reshape(state.nodes.position.shape),
         )
         scratch = allocate_workspace(system)
         add_flow(system.cable, moved, 0.0, 0.0, scratch)
         return -scratch.right_side.ravel()
 
-    exact = difference(residual, np.zeros(state.nodal_coordinates.size), 1e-2)
+    exact = difference(residual, np.zeros(state.nodes.position.size), 1e-2)
     add_flow(system.cable, state, 25.0, 1.0, work)
     np.testing.assert_allclose(dense_blocks(work), exact, atol=1e-9)
 
 
 def test_a_cable_that_stands_still_has_no_such_force():
     system, state, work = moving_system()
-    state.rope[1:] = 0.0
+    put(state.rope, state.rope.position[0], 0.0, 0.0)
     add_flow(system.cable, state, 25.0, 1.0, work)
     assert not np.any(work.right_side)
     assert not np.any(work.diagonal)
@@ -114,9 +119,9 @@ def test_a_cable_that_stands_still_has_no_such_force():
 def test_kinetic_energy_is_that_of_the_velocity_of_the_cable():
     """½∫ρA |r_t + v r_x|² dx by quadrature less the part of r_t alone."""
     system, state, _ = moving_system()
-    r_t, weights = fields(system, state.nodal_velocities, shape_functions)
-    r_x, _ = fields(system, state.nodal_coordinates, shape_functions_x)
-    whole = np.sum(weights[:, None] * (r_t + state.rope[1] * r_x) ** 2) - np.sum(weights[:, None] * r_t**2)
+    r_t, weights = fields(system, state.nodes.velocity, shape_functions)
+    r_x, _ = fields(system, state.nodes.position, shape_functions_x)
+    whole = np.sum(weights[:, None] * (r_t + state.rope.velocity[0] * r_x) ** 2) - np.sum(weights[:, None] * r_t**2)
     assert flow_energy(system.cable, state) == pytest.approx(0.5 * system.cable.mass_per_length * whole, rel=1e-12)
 
 
@@ -125,10 +130,10 @@ def test_kinetic_energy_is_that_of_the_velocity_of_the_cable():
 def test_flow_integrals_of_any_number_of_elements(elements, dim):
     """Whole groups of lanes, what is left over, and both: by quadrature to 1e-12."""
     system, state, _ = moving_system(dim=dim, cable={"element_count": elements})
-    r_x, weights = fields(system, state.nodal_coordinates, shape_functions_x)
-    r_t, _ = fields(system, state.nodal_velocities, shape_functions)
-    r_tx, _ = fields(system, state.nodal_velocities, shape_functions_x)
-    r_tt, _ = fields(system, state.nodal_accelerations, shape_functions)
+    r_x, weights = fields(system, state.nodes.position, shape_functions_x)
+    r_t, _ = fields(system, state.nodes.velocity, shape_functions)
+    r_tx, _ = fields(system, state.nodes.velocity, shape_functions_x)
+    r_tt, _ = fields(system, state.nodes.acceleration, shape_functions)
     expected = [
         system.cable.mass_per_length * np.sum(weights[:, None] * r_x * other) for other in (r_t, r_x, r_tt, r_tx)
     ]
@@ -141,22 +146,23 @@ def test_haul_force_is_the_rate_of_its_momentum():
     system, state, _ = moving_system()
 
     def momentum(t):
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates
-            + t[0] * state.nodal_velocities
-            + 0.5 * t[0] ** 2 * state.nodal_accelerations,
-            nodal_velocities=state.nodal_velocities + t[0] * state.nodal_accelerations,
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position
+            + t[0] * state.nodes.velocity
+            + 0.5 * t[0] ** 2 * state.nodes.acceleration,
+            nodes_velocity=state.nodes.velocity + t[0] * state.nodes.acceleration,
         )
-        r_t, weights = fields(system, moved.nodal_velocities, shape_functions)
-        r_x, _ = fields(system, moved.nodal_coordinates, shape_functions_x)
-        speed = state.rope[1] + t[0] * state.rope[2]
+        r_t, weights = fields(system, moved.nodes.velocity, shape_functions)
+        r_x, _ = fields(system, moved.nodes.position, shape_functions_x)
+        speed = state.rope.velocity[0] + t[0] * state.rope.acceleration[0]
         integral = np.sum(weights[:, None] * r_x * (r_t + speed * r_x))
         return np.array([system.cable.mass_per_length * integral])
 
     rate = difference(momentum, np.zeros(1), 1e-3)[0, 0]
     # ∫ρA r_tx·r_t dx = ½ρA [r_t²] is in d/dt but not in the force; it vanishes where the ends are held
-    r_tx, weights = fields(system, state.nodal_velocities, shape_functions_x)
-    r_t, _ = fields(system, state.nodal_velocities, shape_functions)
+    r_tx, weights = fields(system, state.nodes.velocity, shape_functions_x)
+    r_t, _ = fields(system, state.nodes.velocity, shape_functions)
     ends = system.cable.mass_per_length * np.sum(weights[:, None] * r_tx * r_t)
     assert haul_force(system, state) == pytest.approx(rate - ends, rel=1e-9)
 
@@ -166,7 +172,7 @@ def test_newton_step_of_a_moving_cable(rope):
     """Condensed against dense, carriages clamped to it included; `add_flow` is held against its definition above."""
     system, state, work = setup([1, 2], modes=SPEED, cable=ELASTIC)
     moving = system._replace(moving_cable=MOVING)
-    state.rope[:] = rope
+    put(state.rope, *rope)
     check_newton_step(moving, state, work)
 
 
@@ -175,7 +181,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
     count = len(places)
     system = make_system(
         chains=[1] * count,
-        cable={"element_length": element_length, "damping_time": 0.01},
+        cable={"element_length": element_length, "damping_time": 0.01, "even": True},
         carriages={
             "clamped": np.ones(count, dtype=np.bool_),
             "loop_place": np.array(places, dtype=float),
@@ -185,13 +191,12 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
         },
     )._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
-    for array in state[:-1]:
+    for array in fields_of(state).values():
         array[...] = 0
-    nodes = np.arange(system.cable.element_count + 1)
-    state.nodal_coordinates[:, 0, 0] = 1.05 * nodes * system.cable.element_length
-    state.nodal_coordinates[:, 1, 0] = 1.05
+    state.nodes.position[:, 0, 0] = 1.05 * system.cable.node_arc_length
+    state.nodes.position[:, 1, 0] = 1.05
     state.drive_mode[:] = SPEED
-    state.rope[1] = state.rope_target[0] = speed
+    state.rope.velocity[0] = state.rope_target[0] = speed
     attach_carriers(system, state)
     move_rope(system, state, 0.0)
     return system, state, work
@@ -200,7 +205,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
 @pytest.mark.parametrize(("travelled", "place"), [(0.0, 1.5), (3.4, 4.9), (3.6, 0.1), (-1.6, 4.9), (-11.4, 0.1)])
 def test_loop_coordinate_goes_round_both_ways(travelled, place):
     system, state, _ = loop([1.5])
-    state.rope[0] = travelled
+    state.rope.position[0] = travelled
     assert loop_coordinate(system, state, 0) == pytest.approx(place, abs=1e-12)
 
 
@@ -209,37 +214,37 @@ def test_what_is_off_the_mesh_hangs_in_the_nearer_station(place, attached, stati
     """At rest, and its joint carries its weight."""
     system, state, work = loop([place])
     assert state.attached[0] == attached
-    assert state.sliding_coordinate[0] == pytest.approx(station)
+    assert state.joints.position[0] == pytest.approx(station)
     assert measure_gaps(system, state, work, True) < 1e-12
     if not attached:
-        assert not np.any(state.body_velocities)
+        assert not np.any(state.bodies.velocity)
         np.testing.assert_allclose(state.multipliers[0], [0.0, 9.81 * system.carriages.mass[0]])
 
 
 def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
     """Upright, without a gap, at the velocity and acceleration of its point of the cable."""
     system, state, work = loop([4.95])
-    state.nodal_velocities[1] = [[0.1, -0.3], [0.05, 0.2]]
-    state.rope[:] = 0.15, 1.3, 0.4
+    state.nodes.velocity[1] = [[0.1, -0.3], [0.05, 0.2]]
+    put(state.rope, 0.15, 1.3, 0.4)
     attach_carriers(system, state)
     assert state.attached[0]
-    assert state.sliding_coordinate[0] == pytest.approx(0.1)
+    assert state.joints.position[0] == pytest.approx(0.1)
     assert measure_gaps(system, state, work, True) < 1e-12
-    assert state.body_coordinates[0, 2] == 0.0
+    assert state.bodies.position[0, 2] == 0.0
     velocity = joint_velocity(system.cable, state, 0)
-    np.testing.assert_allclose(state.body_velocities[0], [*velocity, 0.0])
+    np.testing.assert_allclose(state.bodies.velocity[0], [*velocity, 0.0])
 
     def place(t):
         """Joint after `t` at the present velocities and rope acceleration."""
-        e = state.nodal_coordinates + t[0] * state.nodal_velocities
+        e = state.nodes.position + t[0] * state.nodes.velocity
         s = 0.1 + 1.3 * t[0] + 0.5 * 0.4 * t[0] ** 2
-        return np.array(shape_functions(s, system.cable.element_length)) @ e[:2].reshape(4, 2)
+        return np.array(shape_functions(s, system.cable.element_length[0])) @ e[:2].reshape(4, 2)
 
     np.testing.assert_allclose(velocity, difference(place, np.zeros(1), 1e-3)[:, 0], atol=1e-10)
     step = 1e-3
     second = (place([step]) - 2.0 * place([0.0]) + place([-step])) / step**2
-    np.testing.assert_allclose(state.body_accelerations[0, :2], second, atol=1e-5)
-    force = system.carriages.mass[0] * (state.body_accelerations[0, :2] + [0.0, 9.81])
+    np.testing.assert_allclose(state.bodies.acceleration[0, :2], second, atol=1e-5)
+    force = system.carriages.mass[0] * (state.bodies.acceleration[0, :2] + [0.0, 9.81])
     np.testing.assert_allclose(state.multipliers[0], force)
 
 
@@ -257,11 +262,11 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
         assert outcome.gap < 1e-9
         loops = np.array([loop_coordinate(system, state, k) for k in range(5)])
         np.testing.assert_array_equal(state.attached, loops <= 2.1)
-        np.testing.assert_allclose(state.sliding_coordinate[state.attached], loops[state.attached], atol=1e-12)
+        np.testing.assert_allclose(state.joints.position[state.attached], loops[state.attached], atol=1e-12)
         seen.update(np.flatnonzero(state.attached).tolist())
-        assert all(np.isfinite(array).all() for array in state)
+        assert all(np.isfinite(array).all() for array in fields_of(state).values())
     assert seen == {0, 1, 2, 3, 4}
-    assert state.rope[0] == pytest.approx(8.0 * direction)
+    assert state.rope.position[0] == pytest.approx(8.0 * direction)
     gaps = (np.diff([loop_coordinate(system, state, k) for k in range(5)])) % 5.0
     np.testing.assert_allclose(gaps, 1.0, atol=1e-12)
 
@@ -273,11 +278,11 @@ def test_a_loop_no_longer_than_the_cable_has_every_carrier_on_it(direction):
     system = system._replace(moving_cable=MOVING._replace(loop_length=2.1))
     good, before = clone_state(state), clone_state(state)
     passed = 0
-    places = state.sliding_coordinate.copy()
+    places = state.joints.position.copy()
     for _ in range(300):
         assert Outcome(*advance(system, state, good, before, work, 10)).converged
         assert state.attached.all()
-        np.testing.assert_allclose(state.sliding_velocity, direction)
-        passed += int(np.sum(np.abs(state.sliding_coordinate - places) > 1.0))
-        places = state.sliding_coordinate.copy()
+        np.testing.assert_allclose(state.joints.velocity, direction)
+        passed += int(np.sum(np.abs(state.joints.position - places) > 1.0))
+        places = state.joints.position.copy()
     assert passed == 4  # 3 m go by

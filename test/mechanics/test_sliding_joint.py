@@ -4,7 +4,7 @@ from math import exp
 
 import numpy as np
 import pytest
-from systems import difference, disturbed_state, make_system, second_difference
+from systems import changed, difference, disturbed_state, make_system, second_difference
 
 from cable_twin.mechanics.on_rope.sliding_joint import (
     deflection,
@@ -17,7 +17,8 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     stop_force,
     velocity_acceleration,
 )
-from cable_twin.mechanics.rope.point import locate, position_on_cable
+from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import shape_functions
 
 ROUGH = {"rolling_friction": np.array([0.3]), "viscous_friction": np.array([5.0])}
 
@@ -25,36 +26,38 @@ ROUGH = {"rolling_friction": np.array([0.3]), "viscous_friction": np.array([5.0]
 def one_joint(s=1.2, **carriages):
     system = make_system(chains=(1,), carriages=carriages)
     state, work = disturbed_state(system)
-    state.sliding_coordinate[0] = s
+    state.joints.position[0] = s
     place_joint(system.cable, state, 0)
     return system, state, work
 
 
 @pytest.mark.parametrize(
     ("arc_length", "element", "local"),
-    [(0.0, 0, 0.0), (0.69, 0, 0.69), (0.7, 1, 0.0), (1.5, 2, 0.1), (2.1, 2, 0.7), (2.4, 2, 1.0), (-0.2, 0, -0.2)],
+    [(0.0, 0, 0.0), (0.59, 0, 0.59), (0.6, 1, 0.0), (1.3, 2, 0.2), (2.0, 3, 0.3), (2.4, 3, 0.7), (-0.2, 0, -0.2)],
 )
 def test_arc_length_belongs_to_an_element(arc_length, element, local):
     """Beyond an end the end element goes on."""
-    found, x = locate(make_system().cable, arc_length)
-    assert found == element
-    assert x == pytest.approx(local, abs=1e-15)
+    cable = make_system(cable={"node_arc_length": np.array([0.0, 0.6, 1.1, 1.7, 2.1])}).cable
+    point = point_at(cable, arc_length)
+    assert point.element == element
+    np.testing.assert_allclose(point.shape, shape_functions(local, cable.element_length[element]), atol=1e-15)
 
 
 @pytest.mark.parametrize(("arc_length", "element"), [(float("nan"), 0), (float("inf"), 2), (-float("inf"), 0)])
 def test_what_is_no_arc_length_still_names_an_element(arc_length, element):
     """So that a broken state is found by the solver and not by an index out of range."""
-    assert locate(make_system().cable, arc_length)[0] == element
+    assert element_at(make_system().cable, arc_length) == element
 
 
 def test_cable_passes_through_its_nodes_smoothly():
     """r and r_x are continuous at a node: differences of r across it to 1e-9."""
     system, state, _ = one_joint()
     cable = system.cable
-    np.testing.assert_allclose(position_on_cable(cable, state, 0.7), state.nodal_coordinates[1, 0], atol=1e-15)
+    node = cable.node_arc_length[1]
+    np.testing.assert_allclose(position_on_cable(cable, state, node), state.nodes.position[1, 0], atol=1e-15)
     for side in (-1e-6, 1e-6):
-        r_x = (np.array(position_on_cable(cable, state, 0.7 + side)) - state.nodal_coordinates[1, 0]) / side
-        np.testing.assert_allclose(r_x, state.nodal_coordinates[1, 1], atol=2e-5)
+        r_x = (np.array(position_on_cable(cable, state, node + side)) - state.nodes.position[1, 0]) / side
+        np.testing.assert_allclose(r_x, state.nodes.position[1, 1], atol=2e-5)
 
 
 @pytest.mark.parametrize("s", [0.05, 1.2, 2.0])
@@ -63,9 +66,10 @@ def test_velocity_and_acceleration_of_the_joint(s):
     system, state, _ = one_joint(s)
 
     def place(t):
-        moved = state._replace(
-            nodal_coordinates=state.nodal_coordinates + t * state.nodal_velocities,
-            sliding_coordinate=state.sliding_coordinate + t * state.sliding_velocity,
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + t * state.nodes.velocity,
+            joints_position=state.joints.position + t * state.joints.velocity,
         )
         return np.array(joint_position(system.cable, moved, 0))
 
@@ -104,10 +108,10 @@ def test_mobilised_friction(way, before):
     state.friction_origin[0], state.friction_deflection[0] = 1.2, before
 
     def share(s):
-        moved = state._replace(sliding_coordinate=s)
+        moved = changed(state, joints_position=s)
         return np.array(deflection(system.carriages, moved, 0)[0])
 
-    z, z_by_s = deflection(system.carriages, state._replace(sliding_coordinate=np.array([1.2 + way])), 0)
+    z, z_by_s = deflection(system.carriages, changed(state, joints_position=np.array([1.2 + way])), 0)
     sign = np.sign(way)
     assert z == pytest.approx(sign + (before - sign) * exp(-abs(way) / 1e-2), abs=1e-13)
     exact = difference(share, np.array([1.2 + way]), 2e-5)[0]
@@ -121,7 +125,7 @@ def test_friction_is_smooth_through_zero_speed():
     system, state, _ = one_joint(**ROUGH)
     state.friction_origin[0], state.friction_deflection[0] = 1.2, 0.4
     shares = [
-        deflection(system.carriages, state._replace(sliding_coordinate=np.array([1.2 + way])), 0)[0]
+        deflection(system.carriages, changed(state, joints_position=np.array([1.2 + way])), 0)[0]
         for way in (-9.0, -1e-9, 0.0, 1e-9, 9.0)
     ]
     np.testing.assert_allclose(shares, [-1.0, 0.4, 0.4, 0.4, 1.0], atol=3e-7)
@@ -133,11 +137,11 @@ def test_friction_force_and_its_derivatives():
     state.friction_origin[0], state.friction_deflection[0] = 1.195, 0.3
 
     def force(x):
-        moved = state._replace(sliding_coordinate=x[:1], sliding_velocity=x[1:2])
+        moved = changed(state, joints_position=x[:1], joints_velocity=x[1:2])
         return np.array(friction_force(system.carriages, moved, 0, x[2])[0])
 
     at = np.array([1.2, 0.7, 40.0])
-    moved = state._replace(sliding_coordinate=at[:1], sliding_velocity=at[1:2])
+    moved = changed(state, joints_position=at[:1], joints_velocity=at[1:2])
     got = friction_force(system.carriages, moved, 0, at[2])
     z = 1.0 + (0.3 - 1.0) * exp(-0.5)
     assert got[0] == pytest.approx(-0.3 * 40.0 * z - 5.0 * 0.7, rel=1e-12)
@@ -148,12 +152,12 @@ def test_friction_takes_up_where_the_step_ended():
     """Two halves of a way mobilise what the whole does: to 1e-14."""
     system, state, _ = one_joint(**ROUGH)
     state.friction_origin[0], state.friction_deflection[0] = 1.2, -0.5
-    state.sliding_coordinate[0] = 1.208
+    state.joints.position[0] = 1.208
     whole = deflection(system.carriages, state, 0)[0]
-    state.sliding_coordinate[0] = 1.203
+    state.joints.position[0] = 1.203
     settle_friction(system.carriages, state, 0)
     assert state.friction_origin[0] == 1.203
-    state.sliding_coordinate[0] = 1.208
+    state.joints.position[0] = 1.208
     assert deflection(system.carriages, state, 0)[0] == pytest.approx(whole, abs=1e-14)
 
 
@@ -168,7 +172,7 @@ def test_drive_force_is_what_friction_and_stops_leave():
     force = state.multipliers[0]
     along = force @ tangent
     normal = np.linalg.norm(force - along * tangent)
-    stop = stop_force(system.carriages, system.cable, 0, 0.06, state.sliding_velocity[0])[0]
+    stop = stop_force(system.carriages, system.cable, 0, 0.06, state.joints.velocity[0])[0]
     friction = friction_force(system.carriages, state, 0, normal)[0]
     assert stop > 0.0
     assert friction != 0.0

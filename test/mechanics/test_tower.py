@@ -12,8 +12,7 @@ from cable_twin.mechanics.on_rope.tower import (
     normal_force,
     settle_supports,
 )
-from cable_twin.mechanics.rope.point import interpolate, locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.point import point_at, slope, value
 from cable_twin.mechanics.state import clone_state
 
 PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
@@ -21,11 +20,8 @@ PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
 
 def on_rope(cable, state, s):
     """Position and slope (2,) of the rope at an arc length."""
-    element, x = locate(cable, s)
-    return [
-        np.array(interpolate(state.nodal_coordinates, element, weights(x, cable.element_length), cable.gravity))
-        for weights in (shape_functions, shape_functions_x)
-    ]
+    point = point_at(cable, s)
+    return [np.array(function(state.nodes.position, point, cable.gravity)) for function in (value, slope)]
 
 
 def touching(depth=0.03, places=PLACES, **changes):
@@ -41,9 +37,9 @@ def touching(depth=0.03, places=PLACES, **changes):
     supports = system.supports._replace(
         position=np.array(position), normal=np.array(normal) / np.linalg.norm(normal, axis=1)[:, None], **changes
     )
-    state.support_arc_length[:] = np.array(places) + 0.05
-    state.support_origin[:] = np.array(places) - 0.004
-    state.support_deflection[:] = 0.2
+    state.contact_arc_length[:] = np.array(places) + 0.05
+    state.contact_origin[:] = np.array(places) - 0.004
+    state.contact_deflection[:] = 0.2
     return system._replace(supports=supports), state, work
 
 
@@ -58,17 +54,17 @@ def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
 @pytest.mark.parametrize("start", [-0.15, 0.0, 0.2])
 def test_the_contact_is_the_nearest_point_of_the_rope(start):
     system, state, _ = touching()
-    state.support_arc_length[:] = np.array(PLACES) + start
+    state.contact_arc_length[:] = np.array(PLACES) + start
     for contact, s in enumerate(PLACES):
         find_contact(system.cable, system.supports, state, contact)
-        assert state.support_arc_length[contact] == pytest.approx(s, abs=1e-11)
+        assert state.contact_arc_length[contact] == pytest.approx(s, abs=1e-11)
 
 
 def test_beyond_an_end_the_contact_stays_at_the_end():
     system, state, _ = touching(places=(0.3,))
     system.supports.position[0] = [-5.0, 0.0]
     find_contact(system.cable, system.supports, state, 0)
-    assert state.support_arc_length[0] == 0.0
+    assert state.contact_arc_length[0] == 0.0
 
 
 @pytest.mark.parametrize("depth", [0.03, 0.004], ids=["stiff", "toe"])
@@ -79,11 +75,11 @@ def test_tangent_is_the_derivative_of_the_force(depth, friction):
 
     def right_side(change):
         moved = clone_state(state)
-        moved.nodal_coordinates[:] += change.reshape(state.nodal_coordinates.shape)
-        moved.nodal_velocities[:] += rate_factor * change.reshape(state.nodal_coordinates.shape)
+        moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
+        moved.nodes.velocity[:] += rate_factor * change.reshape(state.nodes.position.shape)
         return forces_on_nodes(system, moved, work)
 
-    exact = -difference(right_side, np.zeros(state.nodal_coordinates.size), 2e-5)
+    exact = -difference(right_side, np.zeros(state.nodes.position.size), 2e-5)
     forces_on_nodes(system, state, work, rate_factor, 1.0)
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-6 * np.abs(exact).max())
     assert np.abs(exact).max() > 100.0
@@ -95,14 +91,14 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
 
     def energy(change):
         moved = clone_state(state)
-        moved.nodal_coordinates[:] += change.reshape(state.nodal_coordinates.shape)
+        moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
         total = 0.0
         for contact in range(3):
             find_contact(system.cable, system.supports, moved, contact)
             total += contact_energy(system.cable, system.supports, moved, contact)
         return np.array([total])
 
-    slope = difference(energy, np.zeros(state.nodal_coordinates.size), 2e-5)[0]
+    slope = difference(energy, np.zeros(state.nodes.position.size), 2e-5)[0]
     got = forces_on_nodes(system, state, work)
     np.testing.assert_allclose(got, -slope, rtol=0, atol=1e-7 * np.abs(slope).max())
     np.testing.assert_allclose(dense_blocks(work), dense_blocks(work).T)
@@ -114,10 +110,10 @@ def test_the_force_is_normal_and_along_the_rope_and_the_nodes_take_all_of_it():
     forces_on_nodes(system, state, work)
     for contact in range(3):
         force, normal = contact_force(system.cable, system.supports, state, contact)
-        _, r_x = on_rope(system.cable, state, state.support_arc_length[contact])
+        _, r_x = on_rope(system.cable, state, state.contact_arc_length[contact])
         tangent = r_x / np.hypot(*r_x)
         assert np.array([-tangent[1], tangent[0]]) @ force == pytest.approx(normal)
-        way = state.support_arc_length[contact] - state.support_origin[contact]
+        way = state.contact_arc_length[contact] - state.contact_origin[contact]
         share = 1.0 + (0.2 - 1.0) * np.exp(-way / 0.02)
         assert tangent @ force == pytest.approx(0.3 * normal * share)
         total += force
@@ -156,5 +152,5 @@ def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
     settle_supports(system.cable, system.supports, state)
     np.testing.assert_allclose(state.tower_load[:, 0], loads)
     np.testing.assert_allclose(state.tower_load[:, 1], [loads[0], 1.0, loads[2]])
-    np.testing.assert_array_equal(state.support_origin, state.support_arc_length)
-    np.testing.assert_allclose(state.support_deflection, 1.0 - 0.8 * np.exp(-0.004 / 0.02))
+    np.testing.assert_array_equal(state.contact_origin, state.contact_arc_length)
+    np.testing.assert_allclose(state.contact_deflection, 1.0 - 0.8 * np.exp(-0.004 / 0.02))

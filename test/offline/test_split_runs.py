@@ -206,7 +206,7 @@ def test_attached_state_of_another_run_is_found(copy, capsys):
     class Changed(LogFile):
         def snapshot(self):
             full = read_full_state(BytesIO(super().snapshot()), "state")
-            places = full.state.sliding_coordinate
+            places = full.state.joints.position
             places[0] = np.nextafter(places[0], np.inf)
             stream = BytesIO()
             full.write(stream)
@@ -217,7 +217,7 @@ def test_attached_state_of_another_run_is_found(copy, capsys):
     directory, _ = repair(replace(read, files=tuple(files)))
     assert replay.main([str(directory)]) == 1
     output = capsys.readouterr().out
-    assert "they part at 4.000000 s on snapshot.npz, state/sliding_coordinate[0]: logged " in output
+    assert "they part at 4.000000 s on snapshot.npz, state/joints.position[0]: logged " in output
     assert re.search(r"^ +snapshot\.npz +3 samples, +1 differ$", output, re.MULTILINE)
 
 

@@ -50,12 +50,12 @@ def rope_force(system, state, carriage):
         minus the one by s_dot.
     """
     ropes = system.haul_ropes
-    travel, rate = state.sheave[carriage, 0], state.sheave[carriage, 1]
+    travel, rate = state.sheaves.position[carriage], state.sheaves.velocity[carriage]
     length, by_travel = rope_length(system, carriage, travel)
     stiffness = ropes.axial_stiffness[carriage] / length
     damping, damping_by_length = rope_damping(system, carriage, length)
-    stretch = travel - state.sliding_coordinate[carriage]
-    stretching = rate - state.sliding_velocity[carriage]
+    stretch = travel - state.joints.position[carriage]
+    stretching = rate - state.joints.velocity[carriage]
     force = stiffness * stretch + damping * stretching
     sign = 1.0 if ropes.station[carriage] == END else -1.0
     if sign * force < -ropes.pretension[carriage]:
@@ -69,10 +69,10 @@ def sheave_force(system, state, carriage):
     """Force (N) of the drive on its sheave, towards larger s: what rope and inertia take."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
-    length, _ = rope_length(system, carriage, state.sheave[carriage, 0])
+    length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
     mass = ropes.mass_per_length[carriage] * length / 6.0
-    inertia = (ropes.drive_inertia[carriage] + 2.0 * mass) * state.sheave[carriage, 2]
-    return force + inertia + mass * state.hauled_acceleration[carriage]
+    inertia = (ropes.drive_inertia[carriage] + 2.0 * mass) * state.sheaves.acceleration[carriage]
+    return force + inertia + mass * state.joints.acceleration[carriage]
 
 
 @kernel
@@ -84,10 +84,10 @@ def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
     """
     ropes = system.haul_ropes
     force, by_s, by_s_dot, by_u = rope_force(system, state, carriage)
-    length, by_travel = rope_length(system, carriage, state.sheave[carriage, 0])
+    length, by_travel = rope_length(system, carriage, state.sheaves.position[carriage])
     rope = ropes.mass_per_length[carriage] / 6.0
     mass, mass_by_u = rope * length, rope * by_travel
-    u_ddot, s_ddot = state.sheave[carriage, 2], state.hauled_acceleration[carriage]
+    u_ddot, s_ddot = state.sheaves.acceleration[carriage], state.joints.acceleration[carriage]
     t_by_s = by_s + rate_factor * by_s_dot
     t_by_u = by_u - rate_factor * by_s_dot
     on_s = force - mass * (2.0 * s_ddot + u_ddot)
@@ -113,58 +113,21 @@ def recover_sheave(carriage, work):
 
 
 @kernel
-def predict_sheaves(state, c, h):
-    """Start of the iteration for haul ropes: true accelerations of the joints that they pull, and free sheaves.
-
-    A sheave in SPEED is put where its reference is. Comes after the prediction of the joints.
-    """
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] != HAULED:
-            continue
-        a = state.sliding_acceleration[carriage]
-        state.hauled_acceleration[carriage] = (a - c.alpha_f * state.hauled_acceleration[carriage]) / (1.0 - c.alpha_f)
-        sheave = state.sheave[carriage]
-        if state.sheave_mode[carriage] == SPEED:
-            sheave[0], sheave[1] = state.reference[carriage, 0], state.reference[carriage, 1]
-            sheave[2] = sheave[3] = state.reference[carriage, 2]
-        else:
-            after = (sheave[2] - c.alpha_m * sheave[3]) / (1.0 - c.alpha_m)
-            sheave[0] += h * (sheave[1] + h * ((0.5 - c.beta) * sheave[3] + c.beta * after))
-            sheave[1] += h * ((1.0 - c.gamma) * sheave[3] + c.gamma * after)
-            sheave[3] = after
-
-
-@kernel
-def correct_sheaves(state, c, h, work):
-    """Apply Newton increments (m) to the sheaves, and to the true accelerations of the joints at haul ropes."""
-    by_algorithmic = 1.0 / (c.beta * h * h)
-    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
-            state.hauled_acceleration[carriage] += by_acceleration * work.sliding_increment[carriage]
-            if state.sheave_mode[carriage] != SPEED:
-                delta, sheave = work.sheave_increment[carriage], state.sheave[carriage]
-                sheave[0] += delta
-                sheave[1] += c.gamma / (c.beta * h) * delta
-                sheave[2] += by_acceleration * delta
-                sheave[3] += by_algorithmic * delta
-
-
-@kernel
 def hang_in_rope(system, state, carriage, force):
     """Put the sheave where the rope has `force` (N) on the joint at rest; returns whether the rope can have it."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
-    s = state.sliding_coordinate[carriage]
+    s = state.joints.position[carriage]
     if ropes.station[carriage] == END:
         travel = (stiffness * s + force * (beyond + system.cable.unstrained_length)) / (stiffness + force)
         can = force >= -ropes.pretension[carriage]
     else:
         travel = (stiffness * s + force * beyond) / (stiffness - force)
         can = force <= ropes.pretension[carriage]
-    state.sheave[carriage] = 0.0
-    state.sheave[carriage, 0] = travel
-    state.reference[carriage, 0] = travel
+    sheaves = state.sheaves
+    sheaves.position[carriage], sheaves.velocity[carriage] = travel, 0.0
+    sheaves.acceleration[carriage] = sheaves.algorithmic[carriage] = 0.0
+    state.reference.position[carriage] = travel
     return can
 
 
@@ -174,13 +137,13 @@ def haul_energies(system, state):
     kinetic, elastic = 0.0, 0.0
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
-            u_dot, s_dot = state.sheave[carriage, 1], state.sliding_velocity[carriage]
-            length, _ = rope_length(system, carriage, state.sheave[carriage, 0])
+            u_dot, s_dot = state.sheaves.velocity[carriage], state.joints.velocity[carriage]
+            length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
             rope = system.haul_ropes.mass_per_length[carriage] * length / 6.0
             kinetic += 0.5 * system.haul_ropes.drive_inertia[carriage] * u_dot * u_dot
             kinetic += rope * (s_dot * s_dot + s_dot * u_dot + u_dot * u_dot)
             stiffness = system.haul_ropes.axial_stiffness[carriage] / length
-            stretch = state.sheave[carriage, 0] - state.sliding_coordinate[carriage]
+            stretch = state.sheaves.position[carriage] - state.joints.position[carriage]
             sign = 1.0 if system.haul_ropes.station[carriage] == END else -1.0
             slack = -system.haul_ropes.pretension[carriage] / stiffness
             stretch = max(sign * stretch, slack)

@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from math import floor, inf
 
-from cable_twin.mechanics.drives.reference import ramp
+from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import joint_place, joint_velocity, place_joint, velocity_acceleration
+from cable_twin.mechanics.on_rope.sliding_joint import (
+    joint_point,
+    joint_tangent,
+    joint_velocity,
+    place_joint,
+    velocity_acceleration,
+)
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.point import interpolate, locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import (
-    shape_functions,
-    shape_functions_x,
-)
+from cable_twin.mechanics.rope.point import point_at, position_on_cable, slope, value
 
 
 @kernel
@@ -33,19 +35,15 @@ def haul_force(system, state):
     on it, when what the cable itself carries out at one end it brings back at the other: round a closed loop.
     """
     cable = system.cable
-    speed, rate = state.rope[1], state.rope[2]
+    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
     _, squared, by_acceleration, by_rate = flow_integrals(cable, state)
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and state.attached[carriage]:
-            element, x = joint_place(cable, state, carriage)
-            shape = shape_functions_x(x, cable.element_length)
-            r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
+            r_x = joint_tangent(cable, state, carriage)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
     for contact in range(system.supports.stiffness.size):
-        element, x = locate(cable, state.support_arc_length[contact])
-        shape = shape_functions_x(x, cable.element_length)
-        r_x = interpolate(state.nodal_coordinates, element, shape, cable.gravity)
+        r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
         force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
     return force
 
@@ -54,7 +52,7 @@ def haul_force(system, state):
 def loop_coordinate(system, state, carriage):
     """Place (m) from 0 to the length of the loop of what is clamped; on the mesh up to the length of the cable."""
     length = system.moving_cable.loop_length
-    place = system.carriages.loop_place[carriage] + state.rope[0]
+    place = system.carriages.loop_place[carriage] + state.rope.position[0]
     return place - length * floor(place / length)
 
 
@@ -68,14 +66,13 @@ def move_rope(system, state, duration):
     limit, jerk = moving.acceleration_limit, moving.jerk_limit
     if state.rope_braking[0]:
         limit, jerk = moving.emergency_deceleration, inf
-    ramp(state.rope, state.rope_target[0], limit, jerk, duration)
+    ramp(state.rope, 0, state.rope_target[0], limit, jerk, duration)
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage]:
             place = loop_coordinate(system, state, carriage)
-            moved = abs(place - state.sliding_coordinate[carriage])
+            moved = abs(place - state.joints.position[carriage])
             if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:
-                state.reference[carriage, 0] = place
-                state.reference[carriage, 1], state.reference[carriage, 2] = state.rope[1], state.rope[2]
+                follow(state.reference, carriage, place, state.rope.velocity[0], state.rope.acceleration[0])
             else:
                 park(system, state, carriage, place)
 
@@ -89,9 +86,9 @@ def park(system, state, carriage, place):
         cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
     )
     state.attached[carriage] = False
-    state.sliding_coordinate[carriage] = station
-    state.reference[carriage, 0], state.reference[carriage, 1], state.reference[carriage, 2] = station, 0.0, 0.0
-    state.sliding_acceleration[carriage] = 0.0
+    state.joints.position[carriage] = station
+    follow(state.reference, carriage, station, 0.0, 0.0)
+    state.joints.algorithmic[carriage] = 0.0
     state.drive_force[carriage] = 0.0
     place_joint(cable, state, carriage)
     joint = position_on_cable(cable, state, station)
@@ -118,19 +115,18 @@ def attach_carriers(system, state):
 def attach(system, state, carriage, place):
     """Put one carriage on the cable at the arc length `place` (m)."""
     cable = system.cable
-    speed, rate = state.rope[1], state.rope[2]
+    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
     state.attached[carriage] = True
-    state.sliding_coordinate[carriage] = place
-    state.sliding_velocity[carriage] = speed
-    state.sliding_acceleration[carriage] = rate
-    state.reference[carriage, 0], state.reference[carriage, 1], state.reference[carriage, 2] = place, speed, rate
+    state.joints.position[carriage] = place
+    state.joints.velocity[carriage] = speed
+    state.joints.algorithmic[carriage] = rate
+    follow(state.reference, carriage, place, speed, rate)
     state.friction_origin[carriage], state.friction_deflection[carriage] = place, 0.0
     place_joint(cable, state, carriage)
-    element, x = joint_place(cable, state, carriage)
+    point = joint_point(cable, state, carriage)
     joint = position_on_cable(cable, state, place)
     velocity = joint_velocity(cable, state, carriage)
-    r_tt = interpolate(state.nodal_accelerations, element, shape_functions(x, cable.element_length), cable.gravity)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    r_tt, r_x = value(state.nodes.acceleration, point, cable.gravity), slope(state.nodes.position, point, cable.gravity)
     acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
     hang_chain(system.carriages, state, carriage, joint[0], joint[1])
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

@@ -49,15 +49,15 @@ def advance_reference(carriages, cable, state, carriage, duration):
     brakes in time for the ends of the track. A reversal pauses for the rest of the step in which it comes to rest where
     the two limits differ.
     """
-    reference = state.reference[carriage]
-    position, speed = reference[0], reference[1]
+    reference = state.reference
+    position, speed = reference.position[carriage], reference.velocity[carriage]
     limit, slowing = carriages.acceleration_limit[carriage], carriages.deceleration_limit[carriage]
     jerk = carriages.jerk_limit[carriage]
     target = state.drive_target[carriage]
     if state.drive_braking[carriage]:
         if not carriages.drive_stops[carriage]:
             # brakes: at rest by the end of the step, unless that takes more than they can
-            reference[0], reference[1], reference[2] = position + 0.5 * speed * duration, 0.0, -speed / duration
+            follow(reference, carriage, position + 0.5 * speed * duration, 0.0, -speed / duration)
             return
         slowing, jerk = carriages.emergency_deceleration[carriage], inf
         limit = slowing
@@ -73,17 +73,24 @@ def advance_reference(carriages, cable, state, carriage, duration):
         limit = slowing
         if target * speed < 0.0:
             target = 0.0
-    ramp(reference, target, limit, jerk, duration)
+    ramp(reference, carriage, target, limit, jerk, duration)
 
 
 @kernel
-def ramp(reference, target, limit, jerk, duration):
-    """Move a reference (3,), in m, m/s and m/s², by `duration` (s) towards the speed `target` (m/s).
+def follow(course, number, position, velocity, acceleration):
+    """Write one entry of a course: m, m/s, m/s²."""
+    course.position[number], course.velocity[number] = position, velocity
+    course.acceleration[number] = acceleration
+
+
+@kernel
+def ramp(course, number, target, limit, jerk, duration):
+    """Move one entry of a course by `duration` (s) towards the speed `target` (m/s).
 
     The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
     is not inf; without one the position is the exact integral of the trapezoid.
     """
-    position, speed, acceleration = reference[0], reference[1], reference[2]
+    position, speed, acceleration = course.position[number], course.velocity[number], course.acceleration[number]
     gap = target - speed
     direction = 1.0 if gap >= 0.0 else -1.0
     if jerk == inf:
@@ -99,11 +106,11 @@ def ramp(reference, target, limit, jerk, duration):
     if jerk == inf and reached:
         ramping = abs(gap) / limit if limit > 0.0 else 0.0
         position += 0.5 * (speed + target) * ramping + target * (duration - ramping)
-        reference[2] = 0.0 if ramping < duration else direction * limit
+        acceleration = 0.0 if ramping < duration else direction * limit
         speed = target
     else:
         after = speed + wanted * duration
         position += 0.5 * (speed + after) * duration
-        reference[2] = wanted
+        acceleration = wanted
         speed = target if reached else after
-    reference[0], reference[1] = position, speed
+    follow(course, number, position, speed, acceleration)

@@ -64,7 +64,7 @@ class _Fields(AttributeTemplate):
 
 
 @lower_getattr_generic(RecordType)
-def _read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer: ir.Value, name: str) -> ir.Value:
+def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer: ir.Value, name: str) -> ir.Value:
     """Call a function of its own for each field: it is written once in a module, and LLVM puts it in place."""
     kind = context.get_value_type(record.kinds[record.names.index(name)])
     function = ir.FunctionType(kind, [pointer.type])

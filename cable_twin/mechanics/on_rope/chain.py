@@ -26,7 +26,7 @@ def pivot(pitch, offset):
 @kernel
 def pivot_position(state, body, offset):
     """Position (x, z) in m of a pivot of `body`."""
-    q = state.body_coordinates[body]
+    q = state.bodies.position[body]
     arm_x, arm_z, _, _ = pivot(q[2], offset)
     return q[0] + arm_x, q[1] + arm_z
 
@@ -34,8 +34,8 @@ def pivot_position(state, body, offset):
 @kernel
 def pivot_velocity(state, body, offset):
     """Velocity (x, z) in m/s of a pivot of `body`."""
-    v = state.body_velocities[body]
-    _, _, turn_x, turn_z = pivot(state.body_coordinates[body, 2], offset)
+    v = state.bodies.velocity[body]
+    _, _, turn_x, turn_z = pivot(state.bodies.position[body, 2], offset)
     return v[0] + turn_x * v[2], v[1] + turn_z * v[2]
 
 
@@ -44,11 +44,11 @@ def hang_chain(carriages, state, carriage, joint_x, joint_z):
     """Hang every body of a carriage upright below (joint_x, joint_z), in m."""
     x, z = joint_x, joint_z
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        state.body_coordinates[body, 0] = x - carriages.upper_pivot[body, 0]
-        state.body_coordinates[body, 1] = z - carriages.upper_pivot[body, 1]
-        state.body_coordinates[body, 2] = 0.0
-        x = state.body_coordinates[body, 0] + carriages.lower_pivot[body, 0]
-        z = state.body_coordinates[body, 1] + carriages.lower_pivot[body, 1]
+        state.bodies.position[body, 0] = x - carriages.upper_pivot[body, 0]
+        state.bodies.position[body, 1] = z - carriages.upper_pivot[body, 1]
+        state.bodies.position[body, 2] = 0.0
+        x = state.bodies.position[body, 0] + carriages.lower_pivot[body, 0]
+        z = state.bodies.position[body, 1] + carriages.lower_pivot[body, 1]
 
 
 @kernel
@@ -57,12 +57,12 @@ def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
     force_x, force_z = 0.0, 0.0
     for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
         for axis in range(2):
-            state.body_velocities[body, axis] = velocity[axis]
-            state.body_accelerations[body, axis] = acceleration[axis]
-            state.body_algorithmic[body, axis] = acceleration[axis]
-        state.body_velocities[body, 2] = 0.0
-        state.body_accelerations[body, 2] = 0.0
-        state.body_algorithmic[body, 2] = 0.0
+            state.bodies.velocity[body, axis] = velocity[axis]
+            state.bodies.acceleration[body, axis] = acceleration[axis]
+            state.bodies.algorithmic[body, axis] = acceleration[axis]
+        state.bodies.velocity[body, 2] = 0.0
+        state.bodies.acceleration[body, 2] = 0.0
+        state.bodies.algorithmic[body, 2] = 0.0
         force_x += carriages.mass[body] * (acceleration[0] - gravity[0])
         force_z += carriages.mass[body] * (acceleration[1] - gravity[1])
         state.multipliers[body, 0], state.multipliers[body, 1] = force_x, force_z
@@ -89,7 +89,7 @@ def joint_accelerations(carriages, state, carriage, feedback, position, velocity
     above_x, above_z = acceleration[0], acceleration[1]
     place_x, place_z, speed_x, speed_z = position[0], position[1], velocity[0], velocity[1]
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        pitch, spin = state.body_coordinates[body, 2], state.body_velocities[body, 2]
+        pitch, spin = state.bodies.position[body, 2], state.bodies.velocity[body, 2]
         arm_x, arm_z, _, _ = pivot(pitch, carriages.upper_pivot[body])
         x, z = pivot_position(state, body, carriages.upper_pivot[body])
         v_x, v_z = pivot_velocity(state, body, carriages.upper_pivot[body])
@@ -114,9 +114,9 @@ def condense_chain(carriages, gravity, state, carriage, mass_factor, stiffness_f
     below_x, below_z = 0.0, 0.0  # multiplier of the joint below
     for body in range(end - 1, first - 1, -1):
         mass, inertia = carriages.mass[body], carriages.inertia[body]
-        q_ddot = state.body_accelerations[body]
+        q_ddot = state.bodies.acceleration[body]
         force_x, force_z = state.multipliers[body, 0], state.multipliers[body, 1]
-        pitch = state.body_coordinates[body, 2]
+        pitch = state.bodies.position[body, 2]
         _, _, turn_x, turn_z = pivot(pitch, carriages.upper_pivot[body])
         _, _, low_x, low_z = pivot(pitch, carriages.lower_pivot[body])
         if body == end - 1:
@@ -169,7 +169,7 @@ def recover_chain(carriages, state, carriage, joint_x, joint_z, work):
         state.multipliers[body, 1] += d[1] * p_x + d[2] * p_z + b[1]
         row = work.pitch_row[body]
         turn = -(row[0] * p_x + row[1] * p_z + work.pitch_right[body]) / work.pitch_pivot[body]
-        pitch = state.body_coordinates[body, 2]
+        pitch = state.bodies.position[body, 2]
         _, _, turn_x, turn_z = pivot(pitch, carriages.upper_pivot[body])
         _, _, low_x, low_z = pivot(pitch, carriages.lower_pivot[body])
         centre_x = p_x + work.joint_gap[body, 0] - turn_x * turn

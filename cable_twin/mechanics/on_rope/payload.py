@@ -38,11 +38,11 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
 def shift_centres(state: State, change: FloatArray) -> None:
     """Move the centres of mass of `state` by `change` (bodies, 2) in m in the bodies' axes; no body moves by it."""
     for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
-        pitch, spin = float(state.body_coordinates[body, 2]), float(state.body_velocities[body, 2])
+        pitch, spin = float(state.bodies.position[body, 2]), float(state.bodies.velocity[body, 2])
         arm_x, arm_z, turn_x, turn_z = pivot(pitch, change[body])
-        state.body_coordinates[body, :2] += arm_x, arm_z
-        state.body_velocities[body, :2] += turn_x * spin, turn_z * spin
-        for accelerations in (state.body_accelerations, state.body_algorithmic):
+        state.bodies.position[body, :2] += arm_x, arm_z
+        state.bodies.velocity[body, :2] += turn_x * spin, turn_z * spin
+        for accelerations in (state.bodies.acceleration, state.bodies.algorithmic):
             turning = float(accelerations[body, 2])
             accelerations[body, 0] += turn_x * turning - arm_x * spin * spin
             accelerations[body, 1] += turn_z * turning - arm_z * spin * spin

@@ -10,61 +10,52 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
+from cable_twin.mechanics.language.vectors import add_scaled, dot, full, load, minus, outer, scale, store
 from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
-from cable_twin.mechanics.rope.point import add_block, interpolate, locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
 @kernel
 def place_joint(cable, state, carriage):
     """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
-    state.sliding_element[carriage], _ = locate(cable, state.sliding_coordinate[carriage])
+    state.joint_element[carriage] = element_at(cable, state.joints.position[carriage])
 
 
-@kernel
-def joint_place(cable, state, carriage):
-    """Element on which the joint is, and the paper's n in it (m)."""
-    element = state.sliding_element[carriage]
-    return element, state.sliding_coordinate[carriage] - element * cable.element_length
+@inlined_kernel
+def joint_point(cable, state, carriage):
+    """Place of the joint, on the element on which it is."""
+    return point_on(cable, state.joint_element[carriage], state.joints.position[carriage])
 
 
 @kernel
 def joint_position(cable, state, carriage):
     """S(n) e (dim,) in m."""
-    element, x = joint_place(cable, state, carriage)
-    return interpolate(state.nodal_coordinates, element, shape_functions(x, cable.element_length), cable.gravity)
+    return value(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
+
+
+@kernel
+def joint_tangent(cable, state, carriage):
+    """S_x(n) e (dim,), way along the cable by arc length."""
+    return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
 @kernel
 def joint_velocity(cable, state, carriage):
     """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
-    element, x = joint_place(cable, state, carriage)
-    length = cable.element_length
-    moving = interpolate(state.nodal_velocities, element, shape_functions(x, length), cable.gravity)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, length), cable.gravity)
-    return add_scaled(state.sliding_velocity[carriage], r_x, moving)
-
-
-@kernel
-def local_stretch(cable, state, carriage):
-    """|r_x| (-) at the joint: way along the cable by arc length."""
-    element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
-    return sqrt(dot(r_x, r_x))
+    point = joint_point(cable, state, carriage)
+    moving = value(state.nodes.velocity, point, cable.gravity)
+    return add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, cable.gravity), moving)
 
 
 @kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
-    element, x = joint_place(cable, state, carriage)
-    length = cable.element_length
-    s_dot = state.sliding_velocity[carriage]
-    turning = interpolate(state.nodal_velocities, element, shape_functions_x(x, length), cable.gravity)
-    bending = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, length), cable.gravity)
-    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
+    point = joint_point(cable, state, carriage)
+    s_dot = state.joints.velocity[carriage]
+    turning = slope(state.nodes.velocity, point, cable.gravity)
+    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bend(state.nodes.position, point, cable.gravity)))
 
 
 @kernel
@@ -87,7 +78,7 @@ def stop_force(carriages, cable, carriage, s, s_dot):
 @kernel
 def deflection(carriages, state, carriage):
     """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
-    way = state.sliding_coordinate[carriage] - state.friction_origin[carriage]
+    way = state.joints.position[carriage] - state.friction_origin[carriage]
     return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
 
@@ -102,7 +93,7 @@ def friction_force(carriages, state, carriage, normal):
     grip = rolling * normal
     if state.drive_braking[carriage]:
         grip += brake_force(carriages, state, carriage, TRACK_ROPE)
-    force = -grip * z - viscous * state.sliding_velocity[carriage]
+    force = -grip * z - viscous * state.joints.velocity[carriage]
     return force, -grip * z_by_s, -viscous, -rolling * z
 
 
@@ -110,7 +101,7 @@ def friction_force(carriages, state, carriage, normal):
 def settle_friction(carriages, state, carriage):
     """End a step: what is mobilised now is where the next one starts from."""
     state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
-    state.friction_origin[carriage] = state.sliding_coordinate[carriage]
+    state.friction_origin[carriage] = state.joints.position[carriage]
 
 
 @inlined_kernel
@@ -121,12 +112,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
-    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
-    element, x = joint_place(cable, state, carriage)
-    shape = shape_functions(x, cable.element_length)
-    shape_x = shape_functions_x(x, cable.element_length)
-    r_x = interpolate(state.nodal_coordinates, element, shape_x, like)
-    r_xx = interpolate(state.nodal_coordinates, element, shape_functions_xx(x, cable.element_length), like)
+    s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
+    point = joint_point(cable, state, carriage)
+    r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
     force = load(state.multipliers[first], like)
     impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
@@ -162,28 +150,26 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 
     d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
-    diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
+    shape, shape_x, rows = point.shape, point.shape_x, work.sliding_row
     for i in range(4):
         row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
         store(row, rows[carriage, i])
         column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
-        accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
+        add_to(scale(-1.0, pull), work.right_side, point.element, i)
     for i in range(4):
         column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[carriage, j], like))
-            tangent = minus(full(shape[i] * shape[j], d, 0.0), condensed)
-            add_block(tangent, element, i, j, diagonal, upper, lower)
+            add_block(minus(full(shape[i] * shape[j], d, 0.0), condensed), point.element, i, j, work)
 
 
 @kernel
 def driven_force(system, state, carriage):
     """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
     cable, carriages = system.cable, system.carriages
-    s, s_dot = state.sliding_coordinate[carriage], state.sliding_velocity[carriage]
-    element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
+    r_x = joint_tangent(cable, state, carriage)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -208,14 +194,13 @@ def recover_joint(system, state, carriage, work):
     """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
     cable = system.cable
     like = cable.gravity
-    element, x = joint_place(cable, state, carriage)
-    shape = shape_functions(x, cable.element_length)
-    r_x = interpolate(state.nodal_coordinates, element, shape_functions_x(x, cable.element_length), like)
+    point = joint_point(cable, state, carriage)
+    r_x = slope(state.nodes.position, point, like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
     for i in range(4):
-        increment = load(work.right_side[element + i // 2, i % 2], like)
-        moved = add_scaled(shape[i], increment, moved)
+        increment = coordinate(work.right_side, point.element, i, like)
+        moved = add_scaled(point.shape[i], increment, moved)
         right -= dot(load(work.sliding_row[carriage, i], like), increment)
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta

@@ -25,7 +25,6 @@ from cable_twin.mechanics.language.vectors import (
     minus,
     multiply,
     outer,
-    scale,
     store,
     symmetric,
 )
@@ -44,8 +43,7 @@ from cable_twin.mechanics.on_rope.tower import add_supports
 from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
-from cable_twin.mechanics.rope.point import locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
 
@@ -68,7 +66,7 @@ def measure_gaps(system, state, work, place):
         joint = joint_position(system.cable, state, carriage)
         close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
         if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference[carriage, 0] - state.sliding_coordinate[carriage]
+            work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
@@ -95,7 +93,7 @@ def measure_gap_accelerations(system, state, feedback, work):
         turning = velocity_acceleration(system.cable, state, carriage)
         joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
         if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference[carriage, 2]
+            work.sliding_increment[carriage] = state.reference.acceleration[carriage]
 
 
 @inlined_kernel
@@ -114,7 +112,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.air.present:
         drag_bodies(
-            system.air.body_drag, state.wind, state.body_velocities, rate_factor, work.body_drag, work.body_drag_tangent
+            system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
         )
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
@@ -136,19 +134,7 @@ def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, wo
         add_flow(cable, state, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        drag_rope(
-            cable,
-            system.air.rope_drag,
-            state.wind,
-            state.nodal_coordinates,
-            state.nodal_velocities,
-            rate_factor,
-            stiffness_factor,
-            work.diagonal,
-            work.upper,
-            work.lower,
-            work.right_side,
-        )
+        drag_rope(cable, system.air.rope_drag, state, rate_factor, stiffness_factor, work)
 
 
 @inlined_kernel
@@ -156,16 +142,12 @@ def add_loads(cable, state, stiffness_factor, work):
     """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
     like = cable.gravity
     for k in range(cable.load_arc_length.size):
-        element, x = locate(cable, cable.load_arc_length[k])
-        shape = shape_functions(x, cable.element_length)
-        force = load(cable.load_force[k], like)
-        for i in range(4):
-            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
+        add_force(load(cable.load_force[k], like), point_at(cable, cable.load_arc_length[k]), work.right_side)
     for end in range(2):
         moment = cable.end_moment[end]
         if moment != 0.0:
             node = 0 if end == 0 else cable.element_count
-            x, z = state.nodal_coordinates[node, 1, 0], state.nodal_coordinates[node, 1, 1]
+            x, z = state.nodes.position[node, 1, 0], state.nodes.position[node, 1, 1]
             squared = x * x + z * z
             work.right_side[node, 1, 0] += moment * z / squared
             work.right_side[node, 1, 1] -= moment * x / squared
@@ -237,13 +219,13 @@ def solve_accelerations(system, state, feedback, work):
     Returns:
         False when the system has no solution.
     """
-    clear_array(state.nodal_accelerations)
-    clear_array(state.body_accelerations)
+    clear_array(state.nodes.acceleration)
+    clear_array(state.bodies.acceleration)
     measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):
         return False
-    copy_array(work.right_side, state.nodal_accelerations)
-    copy_array(work.body_increment, state.body_accelerations)
-    copy_array(work.sliding_increment, state.sliding_acceleration)
+    copy_array(work.right_side, state.nodes.acceleration)
+    copy_array(work.body_increment, state.bodies.acceleration)
+    copy_array(work.sliding_increment, state.joints.acceleration)
     return True

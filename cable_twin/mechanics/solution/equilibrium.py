@@ -9,16 +9,17 @@ import numpy as np
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, local_stretch
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.on_rope.tower import settle_supports
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.generalized_alpha import largest_increment
-from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state
+from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state, fields_of
 
 MAX_RELAXATIONS = 5000
+GIVEN = ("joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock")  # what a start is asked to have
 
 
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -47,7 +48,7 @@ def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
-        place = position_on_cable(system.cable, state, state.sliding_coordinate[carriage])
+        place = position_on_cable(system.cable, state, state.joints.position[carriage])
         hang_chain(carriages, state, carriage, place[0], place[1])
         if not state.attached[carriage]:
             move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
@@ -64,10 +65,11 @@ def relax(system, state, good, work, max_relaxations, tolerance):
     """
     cable = system.cable
     hang_carriages(system, state)
-    wave_time = cable.element_length * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
+    shortest = cable.cell_length
+    wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     mass_factor = 1.0 / (wave_time * wave_time)
     smallest = 1e-12 * mass_factor
-    largest = 0.1 * cable.element_length
+    largest = 0.1 * shortest
     increment = 0.0
     for iteration in range(max_relaxations):
         copy_state(state, good)
@@ -82,13 +84,13 @@ def relax(system, state, good, work, max_relaxations, tolerance):
             copy_state(good, state)
             mass_factor *= 8.0
             continue
-        combine_arrays(state.nodal_coordinates, 1.0, work.right_side, state.nodal_coordinates)
-        combine_arrays(state.body_coordinates, 1.0, work.body_increment, state.body_coordinates)
+        combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
+        combine_arrays(state.bodies.position, 1.0, work.body_increment, state.bodies.position)
         if increment < tolerance and mass_factor <= smallest:
             for carriage in range(state.drive_mode.size):
                 state.drive_force[carriage] = driven_force(system, state, carriage)
-            for contact in range(state.support_origin.size):
-                state.support_origin[contact] = state.support_arc_length[contact] - state.rope[0]
+            for contact in range(state.contact_origin.size):
+                state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
             settle_supports(cable, system.supports, state)
             return iteration + 1, increment
         if increment < largest:
@@ -106,7 +108,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
         EquilibriumError: when the cable has neither a clamp nor weight.
     """
     cable = system.cable
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    arc_lengths = cable.node_arc_length
     held = 0 if np.all(np.isfinite(cable.support_position[0])) else 1
     direction = cable.support_direction[held]
     if not np.all(np.isfinite(direction)):
@@ -125,11 +127,11 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     """Lay the cable at rest and unstrained from `start` towards `end` (dim,) in m, the carriages hanging below it."""
     cable = system.cable
     direction = (end - start) / np.linalg.norm(end - start)
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
-    state.nodal_coordinates[:, 0] = start + np.outer(arc_lengths, direction)
-    state.nodal_coordinates[:, 1] = direction
-    state.friction_origin[:] = state.sliding_coordinate
-    state.reference[:, 0] = state.sliding_coordinate
+    arc_lengths = cable.node_arc_length
+    state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
+    state.nodes.position[:, 1] = direction
+    state.friction_origin[:] = state.joints.position
+    state.reference.position[:] = state.joints.position
     hang_carriages(system, state)
 
 
@@ -140,7 +142,7 @@ def lay_cable(system: System, state: State) -> None:
         EquilibriumError: when there is no such place.
     """
     cable, supports = system.cable, system.supports
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    arc_lengths = cable.node_arc_length
     ends = cable.support_position.copy()
     if not np.all(np.isfinite(ends)):
         positions, slopes = hanging(system)
@@ -152,13 +154,13 @@ def lay_cable(system: System, state: State) -> None:
         ends = rest.corner[[0, -1]]
         for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
             first, last = supports.contact_offset[tower : tower + 2]
-            state.support_arc_length[first:last] = middle
+            state.contact_arc_length[first:last] = middle
     for end, place, direction in zip((0, -1), ends, cable.support_direction, strict=True):
         if np.all(np.isfinite(place)):
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
-    state.nodal_coordinates[:, 0], state.nodal_coordinates[:, 1] = positions, slopes
+    state.nodes.position[:, 0], state.nodes.position[:, 1] = positions, slopes
 
 
 def settle(system: System, state: State, work: Workspace) -> None:
@@ -176,15 +178,14 @@ def settle(system: System, state: State, work: Workspace) -> None:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable, supports = system.cable, system.supports
-    given = (state.sliding_coordinate, state.drive_mode, state.sheave_mode, state.attached, state.wind)
-    for array in state[:-1]:
-        if not any(array is kept for kept in given):
+    for name, array in fields_of(state).items():
+        if name not in GIVEN:
             array[:] = 0
     lay_cable(system, state)
-    state.friction_origin[:] = state.sliding_coordinate
+    state.friction_origin[:] = state.joints.position
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
-    state.reference[:, 0] = state.sliding_coordinate
+    state.reference.position[:] = state.joints.position
     smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
@@ -199,5 +200,5 @@ def settle(system: System, state: State, work: Workspace) -> None:
     state.tower_load[:, 1] = state.tower_load[:, 0]
     state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
     for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
-        state.drive_force[carriage] *= local_stretch(cable, state, carriage)
+        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(cable, state, carriage))
     state.drive_mode[:] = modes

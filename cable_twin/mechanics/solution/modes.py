@@ -18,7 +18,7 @@ from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.tower import add_supports
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
-from cable_twin.mechanics.rope.point import locate
+from cable_twin.mechanics.rope.point import element_at
 from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
@@ -120,31 +120,32 @@ def _free_directions(system: System) -> csc_array:
 def _cable_mass(system: System) -> csc_array:
     """Mass matrix (nodes 2 dim, nodes 2 dim) of the cable (eq. 5, 6)."""
     cable = system.cable
-    lengths = np.array([1.0, cable.element_length, 1.0, cable.element_length])
-    element = np.array(MASS) * np.outer(lengths, lengths) * cable.mass_per_length * cable.element_length
-    every_axis = np.kron(element, np.eye(len(cable.gravity)))
-    return _assemble(system, np.broadcast_to(every_axis, (cable.element_count, *every_axis.shape)))
+    length, dim = cable.element_length, len(cable.gravity)
+    scale = np.stack([np.ones_like(length), length, np.ones_like(length), length], axis=1)
+    weights = np.array(MASS) * scale[:, :, None] * scale[:, None, :] * (cable.mass_per_length * length)[:, None, None]
+    every_axis = np.einsum("eij,ab->eiajb", weights, np.eye(dim))
+    return _assemble(system, every_axis.reshape(cable.element_count, 4 * dim, 4 * dim))
 
 
 def _cable_stiffness(system: System, state: State) -> csc_array:
     """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
     cable = system.cable
     dim = len(cable.gravity)
-    length = cable.element_length
-    # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
-    shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
     zero = (0.0,) * dim
     matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
 
-    def force(vectors: FloatArray) -> FloatArray:
+    def force(length: float, vectors: FloatArray) -> FloatArray:
         d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
-        return np.concatenate(elastic_force(cable, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
+        return np.concatenate(elastic_force(cable, length, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
-    for element in range(cable.element_count):
-        vectors = np.concatenate(chord_and_slopes(state.nodal_coordinates, element, cable))
+    for element, length in enumerate(cable.element_length.tolist()):
+        # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
+        shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
+        vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable))
         tangent = np.empty((3 * dim, 3 * dim))
         for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
-            tangent[:, column] = (force(vectors + change) - force(vectors - change)) / (2.0 * DIFFERENCE * length)
+            both = force(length, vectors + change) - force(length, vectors - change)
+            tangent[:, column] = both / (2.0 * DIFFERENCE * length)
         matrices[element] = shape.T @ tangent @ shape
     return _assemble(system, matrices)
 
@@ -152,7 +153,7 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
 def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
     """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
     state, work = clone_state(state), allocate_workspace(system)
-    state.nodal_velocities[:] = 0.0
+    state.nodes.velocity[:] = 0.0
     smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
     matrices = []
     for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
@@ -196,8 +197,9 @@ def _body_directions(system: System, state: State) -> csc_array:
     nodal = (cable.element_count + 1) * 2 * dim
     entries: list[tuple[int, int, float]] = []
     for carriage in range(carriages.fixed.size):
-        element, x = locate(cable, float(state.sliding_coordinate[carriage]))
-        weights = shape_functions(x, cable.element_length)
+        s = float(state.joints.position[carriage])
+        element = int(element_at(cable, s))
+        weights = shape_functions(s - cable.node_arc_length[element], cable.element_length[element])
         first = int(carriages.body_offset[carriage])
         for body in range(first, int(carriages.body_offset[carriage + 1])):
             for axis in range(2):
@@ -216,7 +218,7 @@ def _body_directions(system: System, state: State) -> csc_array:
 def _arm(system: System, state: State, body: int, above: int) -> tuple[float, float, float, float]:
     """First and second derivative (x, z, x, z) in m of the place of `body` by the pitch of `above` in its chain."""
     carriages = system.carriages
-    pitch = float(state.body_coordinates[above, 2])
+    pitch = float(state.bodies.position[above, 2])
     up_x, up_z, up_turn_x, up_turn_z = pivot(pitch, carriages.upper_pivot[above])
     if above == body:
         return -up_turn_x, -up_turn_z, up_x, up_z

@@ -12,16 +12,15 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.drives.reference import advance_reference
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.drives.motion import prescribe, report_forces
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, settle_friction
-from cable_twin.mechanics.on_rope.tower import settle_supports
-from cable_twin.mechanics.parameters import SPEED, FloatArray, System
+from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps, solve_accelerations
-from cable_twin.mechanics.solution.generalized_alpha import worst_element
+from cable_twin.mechanics.solution.increments import worst_element
+from cable_twin.mechanics.solution.stepping import begin_step, settle
 from cable_twin.mechanics.state import copy_state
 
 IMAGINARY_LIMIT = 2.0 * 2.0**0.5  # largest stable (frequency times step) of the method for an undamped oscillation
@@ -33,13 +32,13 @@ NODE_TOLERANCE = 1e-12  # of an element's length
 def stable_step(system: System) -> float:
     """Largest stable step (s) of the method for the bare cable.
 
-    The highest frequency is that of the endless straight mesh over all phases between neighbours, axial or in bending;
-    with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.
+    The highest frequency is that of the endless straight mesh of its shortest element over all phases between
+    neighbours, axial or in bending; with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.
     """
     from scipy.linalg import eigh  # noqa: PLC0415 - a quarter of a second, of every start
 
     cable = system.cable
-    length = cable.element_length
+    length = float(cable.element_length.min())
     axial = np.array(
         [
             [6 / 5, 1 / 10, -6 / 5, 1 / 10],
@@ -69,62 +68,63 @@ def _at_phase(element: FloatArray, phase: float) -> NDArray[np.complex128]:
 
 
 @kernel
-def combine_stage(start, weight, state):
-    """Coordinates and velocities of the next stage: those of `start` plus `weight` (s) times the rates in `state`."""
-    combine_arrays(start.nodal_coordinates, weight, state.nodal_velocities, state.nodal_coordinates)
-    combine_arrays(start.nodal_velocities, weight, state.nodal_accelerations, state.nodal_velocities)
-    combine_arrays(start.body_coordinates, weight, state.body_velocities, state.body_coordinates)
-    combine_arrays(start.body_velocities, weight, state.body_accelerations, state.body_velocities)
-    combine_arrays(start.sliding_coordinate, weight, state.sliding_velocity, state.sliding_coordinate)
-    combine_arrays(start.sliding_velocity, weight, state.sliding_acceleration, state.sliding_velocity)
+def add_rates(weight, rates, start, target):
+    """Write `start` plus `weight` (s) times the `rates`, for one kind of coordinates and for their velocities."""
+    combine_arrays(start.position, weight, rates.velocity, target.position)
+    combine_arrays(start.velocity, weight, rates.acceleration, target.velocity)
 
 
 @kernel
-def add_rates(weight, state, total):
-    """Add `weight` times the rates in `state` to the sums in `total`: velocities to its coordinates, and so on."""
-    combine_arrays(total.nodal_coordinates, weight, state.nodal_velocities, total.nodal_coordinates)
-    combine_arrays(total.nodal_velocities, weight, state.nodal_accelerations, total.nodal_velocities)
-    combine_arrays(total.body_coordinates, weight, state.body_velocities, total.body_coordinates)
-    combine_arrays(total.body_velocities, weight, state.body_accelerations, total.body_velocities)
-    combine_arrays(total.sliding_coordinate, weight, state.sliding_velocity, total.sliding_coordinate)
-    combine_arrays(total.sliding_velocity, weight, state.sliding_acceleration, total.sliding_velocity)
+def add_all_rates(weight, rates, start, target):
+    """The same for nodes, bodies and joints of three states, of which any may be another one."""
+    add_rates(weight, rates.nodes, start.nodes, target.nodes)
+    add_rates(weight, rates.bodies, start.bodies, target.bodies)
+    add_rates(weight, rates.joints, start.joints, target.joints)
 
 
 @kernel
 def classical_step(system, state, start, total, h, work):
     """One step of the classical method from `start`; returns whether all four stages could be solved."""
     copy_state(start, state)
-    copy_state(start, total)
+    begin_step(system, state, h)
+    copy_state(state, total)
     for stage in range(4):
         if not solve_accelerations(system, state, FEEDBACK / system.solver.step, work):
             return False
-        add_rates(h / 6.0 if stage in (0, 3) else h / 3.0, state, total)
+        add_all_rates(h / 6.0 if stage in (0, 3) else h / 3.0, state, total, total)
         if stage < 3:
-            combine_stage(start, h if stage == 2 else 0.5 * h, state)
-    copy_array(total.nodal_coordinates, state.nodal_coordinates)
-    copy_array(total.nodal_velocities, state.nodal_velocities)
-    copy_array(total.body_coordinates, state.body_coordinates)
-    copy_array(total.body_velocities, state.body_velocities)
-    copy_array(total.sliding_coordinate, state.sliding_coordinate)
-    copy_array(total.sliding_velocity, state.sliding_velocity)
-    for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
-            advance_reference(system.carriages, system.cable, state, carriage, h)
-            state.sliding_coordinate[carriage] = state.reference[carriage, 0]
-            state.sliding_velocity[carriage] = state.reference[carriage, 1]
+            add_all_rates(h if stage == 2 else 0.5 * h, state, start, state)
+    copy_place(total.nodes, state.nodes)
+    copy_place(total.bodies, state.bodies)
+    copy_place(total.joints, state.joints)
+    prescribe(state)
     return True
+
+
+@kernel
+def copy_place(source, target):
+    """Write coordinates and velocities, not accelerations."""
+    copy_array(source.position, target.position)
+    copy_array(source.velocity, target.velocity)
+
+
+@inlined_kernel
+def place_in_element(cable, state, carriage):
+    """Where the joint is on its element, from 0 to 1."""
+    element = state.joint_element[carriage]
+    return (state.joints.position[carriage] - cable.node_arc_length[element]) / cable.element_length[element]
 
 
 @kernel
 def overshoot(cable, state):
     """How far (elements) the joint that left its element most is beyond its node; and which joint that is."""
     farthest, which = 0.0, -1
-    for carriage in range(state.sliding_coordinate.size):
-        place = state.sliding_coordinate[carriage] / cable.element_length - state.sliding_element[carriage]
+    for carriage in range(state.joints.position.size):
+        place = place_in_element(cable, state, carriage)
         beyond = 0.0
-        if place > 1.0 and state.sliding_element[carriage] < cable.element_count - 1:
+        if place > 1.0 and state.joint_element[carriage] < cable.element_count - 1:
             beyond = place - 1.0
-        elif place < 0.0 and state.sliding_element[carriage] > 0:
+        elif place < 0.0 and state.joint_element[carriage] > 0:
             beyond = -place
         if beyond > farthest:
             farthest, which = beyond, carriage
@@ -149,15 +149,15 @@ def step_to_node(system, state, start, total, h, work):
     for _ in range(MAX_CUTS):
         if beyond <= NODE_TOLERANCE:
             # within or on the node: `short` is a step that leaves nobody's element
-            place = state.sliding_coordinate[which] / cable.element_length - state.sliding_element[which]
+            place = place_in_element(cable, state, which)
             if min(abs(place), abs(place - 1.0)) <= NODE_TOLERANCE or long - short <= 1e-14 * h:
                 return taken, which
             short = taken
         else:
             long = taken
         # the joint moves almost evenly within a step, so Newton's guess from its speed is nearly right
-        speed = state.sliding_velocity[which] / cable.element_length
-        place = state.sliding_coordinate[which] / cable.element_length - state.sliding_element[which]
+        speed = state.joints.velocity[which] / cable.element_length[state.joint_element[which]]
+        place = place_in_element(cable, state, which)
         guess = taken - (place - (1.0 if speed > 0.0 else 0.0)) / speed if speed != 0.0 else 0.5 * (short + long)
         taken = guess if short < guess < long else 0.5 * (short + long)
         if not classical_step(system, state, start, total, taken, work):
@@ -171,13 +171,13 @@ def step_to_node(system, state, start, total, h, work):
 @kernel
 def change_element(cable, state, carriage):
     """Move a joint that is on a node to the element it goes to."""
-    place = state.sliding_coordinate[carriage] / cable.element_length - state.sliding_element[carriage]
-    element = state.sliding_element[carriage] + (1 if place > 0.5 else -1)
-    state.sliding_element[carriage] = min(max(element, 0), cable.element_count - 1)
+    place = place_in_element(cable, state, carriage)
+    element = state.joint_element[carriage] + (1 if place > 0.5 else -1)
+    state.joint_element[carriage] = min(max(element, 0), cable.element_count - 1)
 
 
 @kernel
-def advance_explicitly(system, state, start, total, work, steps):
+def advance(system, state, start, total, work, steps):
     """Take `steps` whole steps; the counterpart of `generalized_alpha.advance`, with the same outcome.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
@@ -193,9 +193,7 @@ def advance_explicitly(system, state, start, total, work, steps):
             healthy = taken >= 0.0
             if healthy:
                 left -= taken
-                for joint in range(system.carriages.fixed.size):
-                    settle_friction(system.carriages, state, joint)
-                settle_supports(system.cable, system.supports, state)
+                settle(system, state)
                 if carriage >= 0:
                     change_element(system.cable, state, carriage)
                     nodes += 1
@@ -209,7 +207,5 @@ def advance_explicitly(system, state, start, total, work, steps):
             return False, done, 0, nodes, worst_gap, gap, worst_element(work)
         worst_gap = max(worst_gap, gap)
         state.clock[0] += 1
-    for carriage in range(system.carriages.fixed.size):
-        if state.drive_mode[carriage] == SPEED:
-            state.drive_force[carriage] = driven_force(system, state, carriage)
+    report_forces(system, state)
     return True, steps, 0, nodes, worst_gap, 0.0, worst_element(work)

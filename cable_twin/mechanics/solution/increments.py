@@ -1,0 +1,43 @@
+"""How large the last Newton increment was, and where."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from cable_twin.mechanics.language.compilation import kernel
+
+
+@kernel
+def largest_increment(system, work):
+    """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if one is."""
+    lengths = system.cable.element_length
+    worst, total = 0.0, 0.0
+    for node in range(work.right_side.shape[0]):
+        length = lengths[min(node, lengths.size - 1)]
+        for i in range(work.right_side.shape[2]):
+            r, slope = work.right_side[node, 0, i], length * work.right_side[node, 1, i]
+            worst = max(worst, abs(r), abs(slope))
+            total += r + slope
+    for body in range(work.body_increment.shape[0]):
+        x, z = work.body_increment[body, 0], work.body_increment[body, 1]
+        worst = max(worst, abs(x), abs(z))
+        total += x + z + work.body_increment[body, 2]
+    for carriage in range(work.sliding_increment.size):
+        worst = max(worst, abs(work.sliding_increment[carriage]))
+        worst = max(worst, abs(work.sheave_increment[carriage]))
+        total += work.sliding_increment[carriage] + work.sheave_increment[carriage]
+    return worst if isfinite(total) else total - total
+
+
+@kernel
+def worst_element(work):
+    """Element at whose first node the last Newton increment was largest, or not a number."""
+    worst, place = -1.0, 0
+    for node in range(work.right_side.shape[0]):
+        for i in range(work.right_side.shape[2]):
+            size = abs(work.right_side[node, 0, i])
+            if not size <= worst:
+                worst, place = size, node
+            if not isfinite(size):
+                return min(node, work.right_side.shape[0] - 2)
+    return min(place, work.right_side.shape[0] - 2)

@@ -1,0 +1,51 @@
+"""What every integrator does around its own step: drives before it, friction, contacts and grips after it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cable_twin.mechanics.drives.motion import move_drives
+from cable_twin.mechanics.drives.moving_rope import attach_carriers
+from cable_twin.mechanics.language.compilation import kernel, kernel_part
+from cable_twin.mechanics.on_rope.sliding_joint import settle_friction
+from cable_twin.mechanics.on_rope.tower import settle_supports
+from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
+
+
+class Outcome(NamedTuple):
+    """What came of a call: read `converged` before anything else.
+
+    An integrator gives the fields alone: numba makes a named tuple by Python code of its own, which a Ctrl-C crashes.
+    """
+
+    converged: bool
+    steps: int  # whole steps taken
+    iterations: int  # Newton iterations in all
+    halvings: int  # failed tries that were repeated with half the step
+    gap: float  # m, largest gap of a joint at the end of a step
+    increment: float  # m, largest of the last Newton iteration
+    element: int  # where that was
+
+
+@kernel_part
+def begin_step(system, state, h):
+    """Let all that is driven know where it is to be after `h` (s)."""
+    move_drives(system, state, h)
+
+
+@kernel_part
+def end_step(system, state, work):
+    """Keep what friction and contacts have become, and attach what has come onto the rope; the largest gap (m)."""
+    gap = measure_gaps(system, state, work, True)
+    settle(system, state)
+    if system.moving_cable.moving:
+        attach_carriers(system, state)
+    return gap
+
+
+@kernel
+def settle(system, state):
+    """What friction is mobilised now, and what each tower bears, is where the next step starts from."""
+    for carriage in range(system.carriages.fixed.size):
+        settle_friction(system.carriages, state, carriage)
+    settle_supports(system.cable, system.supports, state)
