@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from twin_process import COMPILING, TwinProcess, refused_starts, stamps
+from twin_process import COMPILING, TwinProcess, gaps, refused_starts, stamps
 
 from cable_twin.messages import SECOND
 from cable_twin.recording.log_reader import read_log
@@ -123,8 +124,9 @@ def test_rates_of_topics_are_those_that_were_asked_for(running):
     received = participant.received
     for topic, period in (("cable", 5), ("cable_path", 10), ("carriers/forces", 1)):
         participant.until(lambda topic=topic: len(received[topic]) > 20)
-        taken = stamps(received[topic])
-        assert {after - before for before, after in pairwise(taken)} == {period * FRAME}, topic
+        found = Counter(gaps(received[topic]))
+        assert found.most_common(1)[0][0] == period * FRAME, topic
+        assert not any(gap % (period * FRAME) for gap in found), topic  # a listener that is held up misses some
 
 
 def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]:
@@ -178,10 +180,9 @@ def test_all_topics_of_a_frame_have_one_stamp(running):
     received = participant.received
     topics = ("joint_states", "carriers/poses", "carriers/forces", "supports/tower_1/force")
     participant.until(lambda: all(len(received[topic]) > 100 for topic in topics))
-    taken = {topic: set(stamps(received[topic])) for topic in topics}
-    first, last = max(map(min, taken.values())), min(map(max, taken.values()))
-    frames = [{stamp for stamp in one if first <= stamp <= last} for one in taken.values()]
-    assert all(frame == frames[0] for frame in frames)
+    taken = [set(stamps(received[topic])) for topic in topics]
+    assert len(set.intersection(*taken)) > 50
+    assert len({stamp % FRAME for stamp in set.union(*taken)}) == 1  # a listener that is held up misses some
 
 
 def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
