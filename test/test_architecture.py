@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -156,33 +154,3 @@ def test_parts_of_a_package_do_not_lean_on_its_front(package):
     for name, path in modules().items():
         if name.startswith(f"{package}."):
             assert package not in imports(name, path), name
-
-
-def loaded_with(*names: str) -> set[str]:
-    """Top-level packages in a fresh interpreter that has imported some modules of this one."""
-    code = f"import sys; import {', '.join(names)}; print(*{{name.partition('.')[0] for name in sys.modules}})"
-    result = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=PACKAGE.parent,
-        timeout=60,
-    )
-    return set(result.stdout.split())
-
-
-def test_mechanics_imports_where_nothing_else_exists():
-    names = [f"cable_twin.{name}" for name in modules() if is_within(name, "mechanics")]
-    assert len(names) > 5
-    assert not loaded_with(*names) & set(OUTSIDE)
-
-
-def test_simulation_imports_without_ros_and_logs():
-    loaded = loaded_with("cable_twin.simulation", "cable_twin.scenario")
-    assert not loaded & {"rclpy", "mcap", "rerun", "rosbags"}
-
-
-def test_recording_and_offline_import_without_ros():
-    names = [f"cable_twin.{name}" for name in modules() if name.split(".")[0] in ("recording", "offline")]
-    assert "rclpy" not in loaded_with(*names)

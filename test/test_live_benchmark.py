@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from twin_process import COMPILING, allocate_domain, write_quick_scenario
+from twin_process import COMPILING, environment, write_quick_scenario
 
 from benchmarks.live import Result, Second, faults, unexplained
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def seconds(*rows):
@@ -62,12 +58,10 @@ def test_each_limit_is_named_when_it_is_missed():
 
 
 def run(*arguments, directory):
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "ROS_DOMAIN_ID": str(allocate_domain())}
     return subprocess.run(
         [sys.executable, "-m", "benchmarks", "live", *arguments],
         cwd=directory,
-        env=environment,
+        env=environment(directory),
         capture_output=True,
         text=True,
         timeout=2 * COMPILING,

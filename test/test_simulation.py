@@ -360,7 +360,7 @@ print("caught", caught)
 """
     result = subprocess.run(
         [sys.executable, "-c", code],
-        env=environment(tmp_path, 0),
+        env=environment(tmp_path),
         capture_output=True,
         text=True,
         timeout=COMPILING,

@@ -33,6 +33,7 @@ from cable_twin.records import (  # noqa: E402
 )
 from cable_twin.snapshot import Snapshot  # noqa: E402
 
+RERUN = Path(sys.executable).with_name("rerun")
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 
 
@@ -50,9 +51,7 @@ def column(path, entity, component):
 
 
 def rerun_command(*arguments):
-    run = subprocess.run(
-        [sys.executable, "-m", "rerun", *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
-    )
+    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout + run.stderr
 
@@ -422,7 +421,7 @@ def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
     """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(RENDERER.parents[1])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     assert "refused: the rerun recording cannot be written" in run.stdout
 
@@ -465,14 +464,14 @@ def test_commands_in_one_line():
 
 
 def test_renderer_explains_itself(tmp_path):
-    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=60, check=True)
+    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=300, check=True)
     assert "without a screen" in run.stdout
     missing = [sys.executable, RENDERER, tmp_path / "none.rrd"]
-    run = subprocess.run(missing, capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run(missing, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 1
     assert "no such recording" in run.stderr
     (tmp_path / "notes.rrd").write_text("no recording")
     other = [sys.executable, RENDERER, tmp_path / "notes.rrd"]
-    run = subprocess.run(other, capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run(other, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 1
     assert "notes.rrd: not a rerun recording (.rrd)" in run.stderr

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from twin_process import TwinProcess, environment, run_module, write_quick_scenario
+from twin_process import PATIENCE, TwinProcess, environment, run_module, write_quick_scenario
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -42,7 +42,7 @@ def twin(running):
 @pytest.fixture
 def drive(running, processes):
     """Start `drive` beside the twin."""
-    return lambda *arguments: processes(*arguments, module="drive", domain=running[0].domain)
+    return lambda *arguments: processes(*arguments, "--wait", str(PATIENCE), module="drive", domain=running[0].domain)
 
 
 def finish(participant: Participant, process: TwinProcess) -> int:
