@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shlex
+import shutil
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
@@ -33,6 +36,17 @@ def left_at_once(command: str) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def typed(command: str) -> str:
+    """What to type for another command of this installation: its name where a shell finds it, else where it is."""
+    beside = [directory / command for directory in (Path(sys.argv[0]).absolute().parent, Path(sys.executable).parent)]
+    file = next((file for file in beside if os.access(file, os.X_OK)), None)
+    found = shutil.which(command)
+    if file is None or (found is not None and os.path.samefile(found, file)):
+        return command
+    short = os.path.relpath(file)
+    return shlex.quote(str(file) if short.startswith("..") else short)
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.command_messages import command_from_message
-from cable_twin.commands import INPUTS, JOINT_COMMANDS
+from cable_twin.commands import INPUTS, JOINT_COMMANDS, KINDS
 from cable_twin.messages import SCENARIO, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
@@ -31,6 +31,7 @@ from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
+from cable_twin.ros.status import Status
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -94,6 +95,9 @@ class TwinNode(Node):
         real_time = self._settings["real_time_factor"] == 1.0
         self._diagnostics = Diagnostics(
             self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
+        )
+        self.status = Status(
+            self._simulation, self._loop, self._output, self._diagnostics, self.get_fully_qualified_name()
         )
         for topic in self._topics:
             if topic.name in INPUTS:
@@ -238,6 +242,8 @@ class TwinNode(Node):
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
         self._output.apply(applied)
+        if done := KINDS[applied.command.kind].done:  # by whomever: its caller has the answer, all others this line
+            self.get_logger().warning(f"{done} at {applied.time:.3f} s of simulated time")
         if applied.source == "command_timeout":
             names = ", ".join(applied.command.values)
             self.get_logger().warning(

@@ -67,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
+        from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
@@ -92,11 +93,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    row = BottomRow(node.status.text, sys.stdout, sys.stderr)
     try:
         node.start()
+        row.start()
         while not ending.is_set() and not node.failed:
             executor.spin_once(timeout_sec=0.2)
     finally:
+        row.stop()
         node.stop()
         executor.shutdown()
         node.destroy_node()
