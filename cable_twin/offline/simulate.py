@@ -60,7 +60,9 @@ class Plan:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a scenario and report; the help has the exit codes."""
-    options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    options.scenario = arguments.given_scenario(options)
     console = Console(stderr=True)
     try:
         if options.explain is not None:

@@ -15,6 +15,7 @@ from cable_twin.command_line import OneLineParser
 from cable_twin.rates import EVERY_FRAME, LOGGED
 from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
+from cable_twin.scenario import scenario_lines
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
@@ -55,6 +56,7 @@ examples:
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
+  simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
 """
 
@@ -67,10 +69,9 @@ def parser() -> OneLineParser:
         EPILOG,
         failure=UNUSABLE,
     )
-    result.add_argument(
-        "scenario",
-        nargs="?",
-        help=f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+    result.add_scenario(
+        f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+        scenario_lines,
     )
     result.add_argument(
         "--explain", metavar="KEY", help="say what a key of a scenario file, or a section, means, and run nothing"
