@@ -25,7 +25,7 @@ from cable_twin.offline.difference_table import print_differences
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
-from cable_twin.offline.review_picture import MadeRecording, existing_recordings, show
+from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
 from cable_twin.offline.signals import Comparison, compare
 from cable_twin.recording.log_reader import Log, LogError, read_log
 
@@ -38,7 +38,7 @@ exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cann
 
 examples:
   review                                 the newest run in cable_twin_logs
-  review cable_twin_logs/2026-01-31_09-30-00
+  review cable_twin_logs/2026-01-31_09-30-00 --rerun web
   review run.mcap --no-viewer --plots pictures
   review cable_twin_logs/2026-01-31_09-30-00 cable_twin_logs/2026-01-31_09-45-00 --plots pictures
 """
@@ -58,7 +58,14 @@ def parser() -> OneLineParser:
         f"default: the newest run in {RUNS}",
     )
     result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG")
-    result.add_argument("--no-viewer", action="store_true", help="neither make nor open a rerun recording")
+    result.add_argument(
+        "--rerun",
+        choices=("window", "web", "off"),
+        default="window",
+        help="show the rerun recording in a window, or to a browser of this machine until Ctrl-C, or make none; "
+        "default: window",
+    )
+    result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="as --rerun off")
     result.add_argument(
         "--repair", action="store_true", help="only copy what is readable of a bag cut short or damaged to BAG_repaired"
     )
@@ -84,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         logs = [read_log(bag) for bag in options.bags]
         if options.repair:
             return _repair(logs, console)
-        return _review(logs, options.plots, options.no_viewer, console)
+        return _review(logs, options.bags, options.plots, options.rerun, console)
     except LogError as error:
         for line in str(error).splitlines():
             print(f"review: {line}", file=sys.stderr)
@@ -133,7 +140,7 @@ def _progress(console: Console) -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: Console) -> int:
+def _review(logs: Sequence[Log], bags: Sequence[Path], plots: Path | None, rerun: str, console: Console) -> int:
     """Read, print, draw and open."""
     code = SHOWN
     comparisons: list[Comparison] = []
@@ -144,7 +151,7 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
             task = progress.add_task(f"reading {log.path.name}", total=log.size)
             readings.append(Reading(log, _mover(progress, task)))
         made: MadeRecording | None = None
-        if not no_viewer:
+        if rerun != "off":
             recordings = existing_recordings(logs[0]) if len(logs) == 1 else []
             if not recordings:
                 try:
@@ -165,8 +172,14 @@ def _review(logs: Sequence[Log], plots: Path | None, no_viewer: bool, console: C
     _print(readings, comparisons)
     if plots is not None and not _write_plots(readings, plots, console):
         code = NOT_WRITTEN
-    if recordings:
-        show(recordings)
+    if recordings and rerun == "web":
+        try:
+            serve(recordings)
+        except (OSError, ImportError) as error:
+            print(f"review: --rerun web: {error}", file=sys.stderr)
+            code = NOT_WRITTEN
+    elif recordings:
+        show(recordings, bags)
     return code
 
 

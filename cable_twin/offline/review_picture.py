@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -11,8 +12,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from cable_twin.command_line import typed
 from cable_twin.offline.reading import Reading
 from cable_twin.recording.log_reader import Log
+from cable_twin.recording.web_view import WebView
 
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 
@@ -37,6 +40,20 @@ def _made_name(logs: Sequence[Log]) -> str:
         return f"{logs[0].source.name}_review.rrd"
     more = f"_and_{len(logs) - 3}_more" if len(logs) > 3 else ""  # a name may have 255 characters
     return f"{'_and_'.join(log.source.name for log in logs[:3])}{more}.rrd"
+
+
+def serve(recordings: Sequence[Path]) -> None:
+    """Serve them to a browser of this machine until Ctrl-C.
+
+    Raises:
+        OSError: That cannot be done.
+    """
+    view = WebView(*map(str, recordings))
+    try:
+        print(f"in a browser, until Ctrl-C: {view.link}", flush=True)
+        view.wait()
+    finally:
+        view.close()
 
 
 class MadeRecording:
@@ -78,11 +95,12 @@ class MadeRecording:
             self._partial.unlink(missing_ok=True)
 
 
-def show(recordings: Sequence[Path]) -> None:
-    """Open the viewer where there is a screen, on the local interface only; else say how."""
+def show(recordings: Sequence[Path], bags: Sequence[Path]) -> None:
+    """Open the viewer where there is a screen, on the local interface only; else say how to see it in a browser."""
     files = [str(recording) for recording in recordings]
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        print(f"no display here; look at it with: rerun {' '.join(files)}")
+        print(f"rerun recording: {shlex.join(files)}")
+        print(f"no display here; in a browser: {typed('review')} {shlex.join(map(str, bags))} --rerun web")
         return
     subprocess.Popen(
         [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", *files],

@@ -158,7 +158,7 @@ def _run(plan: Plan, run: Run | None, figures: KeyFigures, console: Console, end
             )
     finally:
         if run is not None:
-            run.recorder.close()
+            run.close()
 
 
 def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:

@@ -31,7 +31,7 @@ from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
-from cable_twin.ros.status import Status
+from cable_twin.ros.status import Status, live_hint
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -117,7 +117,7 @@ class TwinNode(Node):
         """Open the logs and let simulated time run; a log that cannot be opened is told, and the twin goes on."""
         if self._settings["record"]:
             self._start_recording()
-        elif self._settings["rerun"] == "live":
+        elif self._settings["rerun"] in ("live", "web"):
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
         self._await_recorder()
@@ -149,7 +149,7 @@ class TwinNode(Node):
             self._output.finish()
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
-            self._output.run.recorder.close()
+            self._output.run.close()
             waiting.cancel()
             self._diagnostics.recording.look()
             self.get_logger().info(f"log closed: {self._output.run.directory}")
@@ -204,8 +204,7 @@ class TwinNode(Node):
             self._diagnostics.recording = RecordingWatch(self.get_logger(), fault=fault)
             return
         self._output.run = run
-        live = f"; live view: rerun --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
-        self.get_logger().info(f"log: {run.directory}{live}")
+        self.get_logger().info(f"log: {run.directory}{live_hint(run)}")
         factor = self._settings["real_time_factor"]
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
         self._diagnostics.recording = RecordingWatch(self.get_logger(), run.recorder, frame_time)

@@ -18,6 +18,7 @@ examples:
   sim seed_example                       the example of the paper; as sim --scenario seed_example
   sim --list                             the scenarios, a line each
   sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
+  sim --rerun web                        watch it in a browser; it prints the link
   sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
   sim --ros-args -r __ns:=/b             a second twin in this domain, under a name of its own
   drive cabin --speed 5                  in another terminal: let the cabin go

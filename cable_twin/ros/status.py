@@ -8,6 +8,7 @@ from collections import deque
 from rich.text import Text
 
 from cable_twin.command_line import typed
+from cable_twin.recording.run import Run
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
@@ -89,6 +90,13 @@ class Status:
         if judged is not None:
             return ("log fails", "bold red") if judged[0] == 2 else ("log falls behind", "yellow")
         return ("recording", "green") if self._output.run is not None else ("not recorded", "dim")
+
+
+def live_hint(run: Run) -> str:
+    """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
+    if run.web is not None:
+        return f"; live view, for a browser: {run.web.link}"
+    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
 
 
 def _highest_tension(scenario: Scenario, output: Output) -> float | None:

@@ -109,7 +109,12 @@ def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, caps
         monkeypatch.delenv(name, raising=False)
     before = sorted(runs[0].iterdir())
     assert main([str(runs[0])]) == 0
-    assert f"look at it with: rerun {runs[0] / runs[0].name}_0.rrd" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert f"rerun recording: {runs[0] / runs[0].name}_0.rrd\n" in output
+    (command,) = re.findall(
+        rf"^no display here; in a browser: (\S+) {re.escape(str(runs[0]))} --rerun web$", output, re.M
+    )
+    assert shutil.which(command)
     assert sorted(runs[0].iterdir()) == before
 
 
@@ -118,7 +123,7 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monk
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     alone = shutil.copy(bag(runs[0]), tmp_path / "alone.mcap")
     assert main([str(alone)]) == 0
-    assert f"rerun {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
+    assert f"rerun recording: {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone_review.rrd"}
     verify(tmp_path / "alone_review.rrd")
     made, original = entities(tmp_path / "alone_review.rrd"), entities(runs[0] / f"{runs[0].name}_0.rrd")
@@ -144,7 +149,7 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, c
     assert (unit, float(rms) > 0.5) == ("m/s", True)
     assert float(b_there) - float(a_there) == pytest.approx(float(largest), rel=1e-4)
     recording = copies[0] / "run0_and_run1.rrd"
-    assert f"rerun {recording}" in output
+    assert f"rerun recording: {recording}" in output
     verify(recording)
     text = entities(recording)
     for path in ("a/track/rope", "b/track/rope", "a/plots/speed/cabin", "b/plots/speed/cabin", "b/commands"):
