@@ -8,6 +8,7 @@ from typing import Protocol
 
 from cable_twin.figure_messages import figures_of_statuses
 from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.export import RunTable
 from cable_twin.offline.signals import Signals, signal_values
 from cable_twin.recording.log_reader import Log, LogError
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
@@ -46,6 +47,7 @@ class Reading:
         self._figures_time = 0.0  # s, of those
         self.signals = Signals()
         self.view: _View | None = None
+        self.table: RunTable | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
         self._items = read_snapshots(log, on_position=on_position)
         self._early: list[AppliedCommand | RecordedFigures] = []
@@ -88,6 +90,8 @@ class Reading:
         self.signals.update(item, values)
         if self.view is not None:
             self.view.log(item)
+        if self.table is not None:
+            self.table.take(item)
         self.frames += 1
         self.end = item.time
         yield item.time, values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -22,6 +23,7 @@ from rich.progress import (
 
 from cable_twin.command_line import OneLineParser
 from cable_twin.offline.difference_table import print_differences
+from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
@@ -65,6 +67,7 @@ def parser() -> OneLineParser:
         help="show the rerun recording in a window, or to a browser of this machine until Ctrl-C, or make none; "
         "default: window",
     )
+    add_export(result)
     result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="as --rerun off")
     result.add_argument(
         "--repair", action="store_true", help="only copy what is readable of a bag cut short or damaged to BAG_repaired"
@@ -86,12 +89,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
     if options.plots is not None and find_spec("matplotlib") is None:
         arguments.error("--plots needs matplotlib, which this Python does not have: pip install matplotlib")
+    if fault := export_fault(options):
+        arguments.error(fault)
     console = Console(stderr=True)
     try:
         logs = [read_log(bag) for bag in options.bags]
         if options.repair:
             return _repair(logs, console)
-        return _review(logs, options.bags, options.plots, options.rerun, console)
+        return _review(logs, options, Export(options), console)
+    except OSError as error:
+        print(f"review: {error.filename}: {error.strerror}", file=sys.stderr)
+        return NOT_WRITTEN
     except LogError as error:
         for line in str(error).splitlines():
             print(f"review: {line}", file=sys.stderr)
@@ -140,9 +148,9 @@ def _progress(console: Console) -> Progress:
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
-def _review(logs: Sequence[Log], bags: Sequence[Path], plots: Path | None, rerun: str, console: Console) -> int:
+def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, console: Console) -> int:
     """Read, print, draw and open."""
-    code = SHOWN
+    code, rerun = SHOWN, options.rerun
     comparisons: list[Comparison] = []
     recordings: list[Path] = []
     with _progress(console) as progress:
@@ -150,6 +158,7 @@ def _review(logs: Sequence[Log], bags: Sequence[Path], plots: Path | None, rerun
         for log in logs:
             task = progress.add_task(f"reading {log.path.name}", total=log.size)
             readings.append(Reading(log, _mover(progress, task)))
+            readings[-1].table = export.add(str(log.source), readings[-1].scenario.name)
         made: MadeRecording | None = None
         if rerun != "off":
             recordings = existing_recordings(logs[0]) if len(logs) == 1 else []
@@ -169,18 +178,30 @@ def _review(logs: Sequence[Log], bags: Sequence[Path], plots: Path | None, rerun
         finally:
             if made is not None:
                 made.discard()
-    _print(readings, comparisons)
-    if plots is not None and not _write_plots(readings, plots, console):
+    for reading in readings:
+        if reading.table is not None:
+            reading.table.figures = reading.figures
+    with export.words():
+        _print(readings, comparisons)
+        if options.plots is not None and not _write_plots(readings, options.plots, console):
+            code = NOT_WRITTEN
+    if not export.write("review"):
         code = NOT_WRITTEN
+    with export.words():
+        return _open(recordings, options.bags, rerun) or code
+
+
+def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
+    """Show the recordings where there are any."""
     if recordings and rerun == "web":
         try:
             serve(recordings)
         except (OSError, ImportError) as error:
             print(f"review: --rerun web: {error}", file=sys.stderr)
-            code = NOT_WRITTEN
+            return NOT_WRITTEN
     elif recordings:
         show(recordings, bags)
-    return code
+    return SHOWN
 
 
 def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:

@@ -7,18 +7,19 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.command_line import left_at_once
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.explain import print_entries
+from cable_twin.offline.export import Export, RunTable, export_fault
 from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.run_progress import run_progress
 from cable_twin.offline.script import (
     ScriptedCommand,
     ScriptError,
@@ -63,6 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     options.scenario = arguments.given_scenario(options)
+    if fault := export_fault(options):
+        arguments.error(fault)
     console = Console(stderr=True)
     try:
         if options.explain is not None:
@@ -75,18 +78,29 @@ def main(argv: Sequence[str] | None = None) -> int:
         return UNUSABLE
     with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
         try:
+            export = Export(options)
+        except OSError as error:
+            print(f"simulate: {error.filename}: {error.strerror}", file=sys.stderr)
+            return FAILED
+        try:
             run = _start(plan, options)
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
             return FAILED
         started = plan.simulation.time
         figures = KeyFigures(plan.simulation.scenario)
-        outcome = _run(plan, run, figures, console, ended)
+        name = plan.simulation.scenario.name
+        table = export.add(name if run is None else str(run.directory), name)
+        outcome = _run(plan, run, figures, table, console, ended)
         faults = [outcome.fault] if outcome.fault else []
         faults += run.recorder.faults if run is not None else []
         if argv is None:
             signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # the log is closed: `simulate | head` ends without a word
-        return _report(plan.simulation.scenario, started, outcome, figures, run, faults)
+        with export.words():
+            code = _report(plan.simulation.scenario, started, outcome, figures, run, faults)
+        if table is not None:
+            table.figures = figures.figures()
+        return code if export.write("simulate") else FAILED
 
 
 def _explain(key: str) -> None:
@@ -136,14 +150,27 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     return Plan(simulation, script, duration, frame_steps, rates, splitting)
 
 
-def _run(plan: Plan, run: Run | None, figures: KeyFigures, console: Console, ended: threading.Event) -> Outcome:
+def _run(
+    plan: Plan,
+    run: Run | None,
+    figures: KeyFigures,
+    table: RunTable | None,
+    console: Console,
+    ended: threading.Event,
+) -> Outcome:
     """Simulate, with a progress bar, and close the logs."""
     simulation = plan.simulation
     epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     if run is not None:
         run.begin(epoch_ns)
     try:
-        with _progress(console, simulation.time, plan.duration) as on_frame:
+        with run_progress(console, simulation.time, plan.duration) as show:
+
+            def on_frame(time: float) -> None:
+                show(time)
+                if table is not None:
+                    table.take(simulation.snapshot)
+
             return simulate(
                 simulation,
                 plan.script,
@@ -205,29 +232,6 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
         rerun="file" if options.record == "all" else "off",
         splitting=plan.splitting,
     )
-
-
-@contextmanager
-def _progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
-    """A bar with simulated time, speed in times real time, and the time that remains."""
-    columns = (
-        TextColumn("simulate"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} s, {task.fields[factor]:.1f} times real time, remaining"),
-        TimeRemainingColumn(),
-    )
-    # a file gets nothing of it, not even the empty line in the end
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("simulate", total=duration, factor=0.0)
-        began = time.monotonic()
-
-        def on_frame(simulated: float) -> None:
-            elapsed = max(time.monotonic() - began, 1e-3)
-            done = simulated - start
-            progress.update(task, completed=min(done, duration), factor=done / elapsed)
-
-        yield on_frame
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
+from cable_twin.offline.export import add_export
 from cable_twin.rates import EVERY_FRAME, LOGGED
 from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
@@ -56,6 +57,7 @@ examples:
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
+  simulate chairlift --duration 30 --record off --json - | jq '.runs[0].key_figures[] | select(.kept == false)'
   simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
 """
@@ -133,6 +135,7 @@ def parser() -> OneLineParser:
         default="all",
         help="MCAP bag and rerun recording, the bag alone, or nothing; default: all",
     )
+    add_export(result)
     return result
 
 
