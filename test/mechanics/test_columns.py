@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system, put
 
+from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.point import locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
 from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
 from verification import JIT
 from verification.models import moving
@@ -34,6 +35,13 @@ def balance_of_end_nodes(system, state, work):
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
+        if system.carriages.hinge_damping.any():
+            element, x = locate(cable, state.joints.position[carriage])
+            e = state.nodes.position.reshape(-1, 2)[2 * element : 2 * element + 4]
+            shape_x = np.array(shape_functions_x(x, cable.element_length))
+            r_x, (moment, _) = shape_x @ e, grip_moment(system, state, carriage)
+            turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
+            nodal[2 * element : 2 * element + 4] -= moment * np.outer(shape_x, turn)
     for contact in range(system.supports.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
     return -nodal[[0, -2]]
@@ -111,6 +119,16 @@ def test_each_part_is_in_the_end_forces():
 @pytest.mark.parametrize("supports", [[], [0.0, 3.5], [LENGTH, 1.75, 3.5 - LENGTH]])
 def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, supports):
     check(*in_motion(5, cars=cars, supports=supports))
+
+
+def test_moments_of_hinges_are_in_the_end_forces():
+    """Of carriages that turn against the cable, on the elements at both ends."""
+    system, state, work = in_motion(3)
+    bare = check(system, state, work)
+    for carriage in range(2):
+        place_joint(system.cable, state, carriage)
+    system.carriages.hinge_stiffness[:], system.carriages.hinge_damping[:] = 40.0, 6.0
+    assert (np.abs(check(system, state, work) - bare) > 1e-3).any(axis=1).all()
 
 
 def test_end_forces_of_a_tramway_under_way():

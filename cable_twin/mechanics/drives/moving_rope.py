@@ -14,7 +14,13 @@ from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import joint_place, joint_velocity, place_joint, velocity_acceleration
+from cable_twin.mechanics.on_rope.sliding_joint import (
+    grip_moment,
+    joint_place,
+    joint_velocity,
+    place_joint,
+    velocity_acceleration,
+)
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
 from cable_twin.mechanics.rope.point import interpolate, locate, position_on_cable
@@ -26,11 +32,12 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 @kernel
 def haul_force(system, state):
-    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ λ·r_x - Σ F·r_x.
+    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
-    λ is of what is clamped, F of the contacts of towers on the cable: their friction, since they press across r_x.
-    The equation of motion of the cable that has gone by. Times v it is the power into the strand and all that hangs
-    on it, when what the cable itself carries out at one end it brings back at the other: round a closed loop.
+    λ and m, the force and moment of a hinge, are of what is clamped, F of the contacts of towers on the cable: their
+    friction, since they press across r_x. The equation of motion of the cable that has gone by. Times v it is the power
+    into the strand and all that hangs on it, when what the cable itself carries out at one end it brings back at the
+    other: round a closed loop.
     """
     cable = system.cable
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
@@ -42,6 +49,7 @@ def haul_force(system, state):
             shape = shape_functions_x(x, cable.element_length)
             r_x = interpolate(state.nodes.position, element, shape, cable.gravity)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
+            force += grip_moment(system, state, carriage)[1]
     for contact in range(system.supports.stiffness.size):
         element, x = locate(cable, state.contact_arc_length[contact])
         shape = shape_functions_x(x, cable.element_length)

@@ -12,7 +12,10 @@ from math import sqrt
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
 from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.on_rope.chain import hinge_of
 from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.grip import add_grip, pitch_by_slope, tangent_pitch
+from cable_twin.mechanics.on_rope.hinge import hinge_energy, is_hinged
 from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
 from cable_twin.mechanics.rope.point import add_block, interpolate, locate
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
@@ -46,6 +49,53 @@ def joint_velocity(cable, state, carriage):
     moving = interpolate(state.nodes.velocity, element, shape_functions(x, length), cable.gravity)
     r_x = interpolate(state.nodes.position, element, shape_functions_x(x, length), cable.gravity)
     return add_scaled(state.joints.velocity[carriage], r_x, moving)
+
+
+@kernel
+def joint_direction(cable, state, carriage):
+    """Pitch α (rad) of the cable at the joint, its rate g·(S_x ė + ṡ S_xx e) there (rad/s), and ∂α/∂s (rad/m)."""
+    element, x = joint_place(cable, state, carriage)
+    shape_x, like = shape_functions_x(x, cable.element_length), cable.gravity
+    r_x = interpolate(state.nodes.position, element, shape_x, like)
+    r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, cable.element_length), like)
+    turning = interpolate(state.nodes.velocity, element, shape_x, like)
+    g = pitch_by_slope(r_x)
+    along = dot(g, r_xx)
+    return tangent_pitch(r_x), dot(g, turning) + state.joints.velocity[carriage] * along, along
+
+
+@kernel
+def grip_moment(system, state, carriage):
+    """Moment m (N m) of the cable on the first body of a carriage, and m ∂α/∂s (N), its share in the row of s."""
+    first = system.carriages.body_offset[carriage]
+    if not is_hinged(system.carriages, first):
+        return 0.0, 0.0
+    pitch, rate, along = joint_direction(system.cable, state, carriage)
+    moment, _, _ = hinge_of(system.carriages, state, first, True, (pitch, rate))
+    return moment, moment * along
+
+
+@kernel
+def grip_force(system, state, carriage, element, row):
+    """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -m S_x g; 0 on another one."""
+    cable = system.cable
+    moment, _ = grip_moment(system, state, carriage)
+    there, x = joint_place(cable, state, carriage)
+    shape_x = shape_functions_x(x, cable.element_length)
+    g = pitch_by_slope(interpolate(state.nodes.position, there, shape_x, cable.gravity))
+    return scale(-moment * shape_x[row] if there == element else 0.0, g)
+
+
+@kernel
+def spring_energy(system, state, carriage, body):
+    """Elastic energy (J) of the spring above a body of a carriage."""
+    carriages, first = system.carriages, system.carriages.body_offset[carriage]
+    if not is_hinged(carriages, body):
+        return 0.0
+    above = state.bodies.position[body - 1, 2]
+    if body == first:
+        above, _, _ = joint_direction(system.cable, state, carriage)
+    return hinge_energy(carriages, body, state.bodies.position[body, 2] - above)
 
 
 @kernel
@@ -143,7 +193,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     d_r_x = apply_impedance(impedance, r_x)
     if state.drive_mode[carriage] == SPEED:
         pivot, right = 1.0, work.sliding_increment[carriage]
-        d_along, across = scale(0.0, like), scale(0.0, like)
+        along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     else:
         given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
         f_t = given + f_friction + f_stop
@@ -158,21 +208,25 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         if state.drive_mode[carriage] == HAULED:
             right += work.haul_force[carriage]
             pivot -= work.haul_by_s[carriage]
+
+    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
+    rows, columns = work.sliding_row[carriage], work.sliding_column
+    for i in range(4):
+        store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
+        store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
+    if is_hinged(carriages, first):
+        more = add_grip(cable, state, carriage, first, along, (element, x), rate_factor, stiffness_factor, work)
+        pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
     d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
-    diagonal, upper, lower, right_side, rows = work.diagonal, work.upper, work.lower, work.right_side, work.sliding_row
     for i in range(4):
-        row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
-        store(row, rows[carriage, i])
-        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        column = load(columns[i], like)
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
         accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
-    for i in range(4):
-        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         for j in range(4):
-            condensed = outer(1.0 / pivot, column, load(rows[carriage, j], like))
+            condensed = outer(1.0 / pivot, column, load(rows[j], like))
             tangent = minus(full(shape[i] * shape[j], d, 0.0), condensed)
             add_block(tangent, element, i, j, diagonal, upper, lower)
 
@@ -191,7 +245,8 @@ def driven_force(system, state, carriage):
     normal = sqrt(dot(normal_force, normal_force))
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
-    return tangential - f_friction - f_stop
+    _, turning = grip_moment(system, state, carriage)
+    return tangential + turning / norm - f_friction - f_stop
 
 
 @kernel
@@ -220,3 +275,16 @@ def recover_joint(system, state, carriage, work):
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta
     return add_scaled(delta, r_x, moved)
+
+
+@kernel
+def recover_turn(system, state, carriage, work):
+    """Increment (rad) of the direction of the cable at the joint, as a hinge there sees it; needs that of s."""
+    if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):
+        return 0.0
+    element, _ = joint_place(system.cable, state, carriage)
+    turned = work.grip_by_s[carriage] * work.sliding_increment[carriage]
+    for i in range(4):
+        increment = load(work.right_side[element + i // 2, i % 2], system.cable.gravity)
+        turned += dot(load(work.grip_row[carriage, i], system.cable.gravity), increment)
+    return turned

@@ -15,6 +15,7 @@ from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, 
 from cable_twin.mechanics.on_rope.air import drag_on_end
 from cable_twin.mechanics.on_rope.chain import pivot
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
+from cable_twin.mechanics.on_rope.sliding_joint import grip_force, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
 from cable_twin.mechanics.parameters import HAULED, Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
@@ -200,6 +201,7 @@ def end_force(system, state, end):
             share = share_of_node(cable, state.joints.position[carriage], element, row)
             force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             total = add_scaled(-share, force, total)
+            total = add_scaled(1.0, grip_force(system, state, carriage, element, row), total)
     for contact in range(system.supports.stiffness.size):
         share = share_of_node(cable, state.contact_arc_length[contact], element, row)
         if share != 0.0:
@@ -247,6 +249,7 @@ def energies(system, state):
             v = state.bodies.velocity[body]
             kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
             kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            elastic += spring_energy(system, state, carriage, body)
             q = state.bodies.position[body]
             gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
     for contact in range(system.supports.stiffness.size):

@@ -32,12 +32,15 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.air import drag_bodies, drag_rope
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.hinge import is_hinged
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
+    joint_direction,
     joint_position,
     joint_velocity,
     place_joint,
     recover_joint,
+    recover_turn,
     velocity_acceleration,
 )
 from cable_twin.mechanics.on_rope.tower import add_supports
@@ -110,15 +113,20 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         stiffness_factor: ∂coordinate/∂unknown, 1 (0 when the unknowns are accelerations).
         work: takes the result.
     """
-    cable = system.cable
+    cable, carriages = system.cable, system.carriages
     assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.air.present:
         drag_bodies(
             system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
         )
-    for carriage in range(system.carriages.fixed.size):
+    for carriage in range(carriages.fixed.size):
         if state.attached[carriage]:
-            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
+            direction = 0.0, 0.0, 0.0
+            if is_hinged(carriages, carriages.body_offset[carriage]):
+                direction = joint_direction(cable, state, carriage)
+            condense_chain(
+                carriages, cable.gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work
+            )
             if state.drive_mode[carriage] == HAULED:
                 condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
@@ -221,7 +229,8 @@ def solve(system, state, work):
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
-            recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
+            turned = recover_turn(system, state, carriage, work)
+            recover_chain(system.carriages, state, carriage, moved, turned, work)
             if state.drive_mode[carriage] == HAULED:
                 recover_sheave(carriage, work)
     return True
