@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmarks import accuracy, convergence, exudyn_comparison, frame, live, scaling, startup
+from benchmarks import accuracy, convergence, exudyn_comparison, frame, graded, live, scaling, startup
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, write
 from cable_twin.scenario import ScenarioError
@@ -22,6 +22,7 @@ PARTS = {
     "scaling": (scaling.run, "cost over 12 to 3200 elements and 1 to 200 carriages, with fitted exponents"),
     "startup": (startup.run, "memory, import, cold and warm start of a fresh process"),
     "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),
+    "graded": (graded.run, "graded meshes beside even ones: cost, key figures, shape of the rope"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "live": (live.run, "frames of the running twin that came late, beside a bare timer; only when named"),

@@ -25,6 +25,7 @@ MODULES = (
     "moving_cable",
     "tramway",
     "loads",
+    "meshes",
 )
 
 

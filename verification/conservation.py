@@ -22,9 +22,9 @@ def momentum(simulation: Simulation) -> tuple[FloatArray, float, FloatArray]:
     """
     cable, carriages, state = simulation.system.cable, simulation.system.carriages, simulation._state
     linear, first, angular = np.zeros(2), np.zeros(2), 0.0
-    scale = np.array([1.0, cable.element_length, 1.0, cable.element_length])
-    mass = np.array(MASS) * np.outer(scale, scale) * cable.mass_per_length * cable.element_length
-    for element in range(cable.element_count):
+    for element, length in enumerate(cable.element_length):
+        scale = np.array([1.0, length, 1.0, length])
+        mass = np.array(MASS) * np.outer(scale, scale) * cable.mass_per_length * length
         e = state.nodes.position[element : element + 2].reshape(4, 2)
         e_dot = state.nodes.velocity[element : element + 2].reshape(4, 2)
         row = mass[0] + mass[2]

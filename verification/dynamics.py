@@ -125,7 +125,7 @@ def stable_steps() -> Iterator[Result]:
         common: dict[str, Any] = {"carriages": {}, "cable.elements": elements, "solver.integrator": "runge_kutta"}
         limit = stable_step(build_system(load_scenario(resolved, common)))
         cable = build_system(load_scenario(resolved, common)).cable
-        crossing = cable.element_length * np.sqrt(cable.mass_per_length / cable.axial_stiffness)
+        crossing = cable.element_length[0] * np.sqrt(cable.mass_per_length / cable.axial_stiffness)
         yield Result(f"stable step, {elements} elements", "µs", 1e6 * np.sqrt(8.0 / 42.0) * crossing, 1e6 * limit, 1e-3)
         for share in (0.95, 1.05):
             with warnings.catch_warnings():

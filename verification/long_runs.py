@@ -22,11 +22,9 @@ from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.sliding_joint import friction_force, joint_place
+from cable_twin.mechanics.on_rope.sliding_joint import friction_force, joint_tangent
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.rope.point import interpolate
-from cable_twin.mechanics.rope.shape_functions import shape_functions_x
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -53,7 +51,7 @@ def tower_losses(system: System, state: State) -> float:
     """Power (W) that friction and damping of all contacts of towers take from the rope."""
     total = 0.0
     for contact in range(system.supports.stiffness.size):
-        _, _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.supports, state, contact)
+        _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.supports, state, contact)
         rate = -dot(normal, moving)
         force, _, _ = normal_force(system.supports, contact, depth, rate)
         elastic, _, _ = normal_force(system.supports, contact, depth, 0.0)
@@ -80,8 +78,7 @@ def carriage_losses(system: System, state: State) -> float:
     for carriage in range(carriages.fixed.size):
         if carriages.clamped[carriage] or carriages.fixed[carriage]:
             continue
-        element, x = joint_place(cable, state, carriage)
-        r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
+        r_x = joint_tangent(cable, state, carriage)
         force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
         across = add_scaled(-dot(force, r_x) / dot(r_x, r_x), r_x, force)
         friction, _, _, _ = friction_force(carriages, state, carriage, sqrt(dot(across, across)))
@@ -101,9 +98,8 @@ def air_losses(simulation: Simulation) -> float:
     slopes, velocities = state.nodes.position[:, 1], state.nodes.velocity[:, 0]
     tangents = slopes / np.linalg.norm(slopes, axis=1)[:, None]
     across = velocities - np.sum(velocities * tangents, axis=1)[:, None] * tangents
-    return bodies + system.air.rope_drag * system.cable.element_length * float(
-        np.sum(np.linalg.norm(across, axis=1) ** 3)
-    )
+    lengths = np.convolve(system.cable.element_length, [0.5, 0.5])  # half of either neighbour
+    return bodies + system.air.rope_drag * float(lengths @ np.linalg.norm(across, axis=1) ** 3)
 
 
 @dataclass

@@ -274,7 +274,7 @@ def carriage_readout() -> Iterator[Result]:
     simulation, tension, place = taut_inclined(12_000.0)
     arc_lengths = np.linspace(0.0, 1044.25, 501)
     error = np.abs(simulation.cable_tension(arc_lengths) / tension(arc_lengths) - 1.0)
-    apart = np.abs(arc_lengths - place) / simulation.system.cable.element_length
+    apart = np.abs(arc_lengths - place) / simulation.system.cable.element_length[0]
     for elements, tolerance in ((2.0, 6e-3), (6.0, 6e-4)):
         worst = float(error[apart > elements].max())
         yield Result(f"worst, {elements:g} elements or more from the carriage", "-", 0.0, worst, tolerance)

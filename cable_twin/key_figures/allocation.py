@@ -9,18 +9,20 @@ import numpy as np
 from cable_twin.geometry.clearance import ground_of
 from cable_twin.key_figures.extremes import highest, lowest
 from cable_twin.key_figures.frames import DriveExtremes, Memory
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Grading, Scenario
 
 
 def allocate(scenario: Scenario) -> Memory:
     """Memory of a run of which nothing was seen."""
     cable, vehicles, supports = scenario.cable, len(scenario.vehicles), 2 + len(scenario.towers)
+    elements = cable.elements
+    end_element = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
     clamped = [vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()]
     tops = [(tower.position[0], tower.position[-1]) for tower in scenario.towers.values()]
     return Memory(
         length=float(cable.unstrained_length),
         corners=np.array([(nan, nan), *tops, (nan, nan)], dtype=np.float64),
-        rails=np.where(clamped, cable.unstrained_length / cable.elements, -inf),
+        rails=np.where(clamped, end_element, -inf),
         ground=ground_of(scenario),
         tension=highest(),
         slackest=lowest(),

@@ -6,7 +6,7 @@ Vectors are x along the track, z up.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +32,13 @@ SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive 
 
 @by_reference
 class Cable(NamedTuple):
-    """One uniform cable, divided into elements of equal unstrained length."""
+    """One cable, uniform but for the lengths of its elements (`mesh_fields`)."""
 
     element_count: int
-    element_length: float  # l, m
+    element_length: FloatArray  # l, (elements,) m, unstrained
+    node_arc_length: FloatArray  # (nodes,) m
+    cell_length: float  # m, of the even grid by which the element at an arc length is looked up
+    cell_element: IntArray  # (cells,) the element at the start of each of its cells
     unstrained_length: float  # L, m
     mass_per_length: float  # rho A, kg/m
     axial_stiffness: float  # EA, N
@@ -49,6 +52,24 @@ class Cable(NamedTuple):
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
+
+
+def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
+    """The fields of `Cable` that describe its mesh, from the arc lengths (nodes,) in m of its nodes, the first at 0."""
+    lengths = np.diff(node_arc_length)
+    if np.ptp(lengths) < 1e-9 * lengths[0]:
+        lengths[:] = node_arc_length[-1] / lengths.size  # equal to the last bit
+    whole = float(node_arc_length[-1])
+    cells = int(np.ceil(whole / lengths.min() * (1.0 - 1e-9)))
+    starts = whole / cells * np.arange(cells)
+    return {
+        "element_count": lengths.size,
+        "element_length": lengths,
+        "node_arc_length": node_arc_length,
+        "cell_length": whole / cells,
+        "cell_element": np.clip(np.searchsorted(node_arc_length, starts, side="right") - 1, 0, lengths.size - 1),
+        "unstrained_length": whole,
+    }
 
 
 @by_reference

@@ -2,9 +2,10 @@
 
 from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_names
 from cable_twin.scenario.parameters import build_payloads, build_system
-from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.schema import Grading, Scenario
 
 __all__ = [
+    "Grading",
     "Scenario",
     "ScenarioError",
     "build_payloads",

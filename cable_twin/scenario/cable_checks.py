@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import copysign, hypot, nan
 
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.schema import Cable, Scenario, Support
+from cable_twin.scenario.schema import MOST_ELEMENTS, Cable, Grading, Scenario, Support
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
@@ -15,11 +15,29 @@ HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end
 
 def cable_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
+    yield from _elements(scenario.cable)
     yield from _supports(scenario)
     yield from _span(scenario)
     yield from _towers(scenario)
     yield from _loads(scenario.cable)
     yield from _terrain(scenario)
+
+
+def _elements(cable: Cable) -> Iterator[Fault]:
+    """Grading that is none, or that makes more elements than a number may ask for."""
+    if isinstance(cable.elements, Grading):
+        at_towers, target = cable.elements.at_towers, cable.elements.target
+        if at_towers > target:
+            yield Fault(
+                ("cable", "elements", "at_towers"),
+                f"given {show(at_towers)}; allowed: at most target, {show(target)} m",
+            )
+        least = cable.unstrained_length / MOST_ELEMENTS
+        if at_towers < least:
+            yield Fault(
+                ("cable", "elements", "at_towers"),
+                f"given {show(at_towers)}; allowed: at least {least:g} m for {show(cable.unstrained_length)} m of rope",
+            )
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:

@@ -55,6 +55,8 @@ def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
     annotation, _ = _scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation
+    if alternative := _alternative(annotation):
+        return None, alternative
     container, inner = get_origin(annotation), get_args(annotation)
     model = {dict: inner[1:2], tuple: inner[:1]}.get(container, ())
     if model and isinstance(model[0], type) and issubclass(model[0], BaseModel):
@@ -62,8 +64,17 @@ def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
     return None, None
 
 
+def _alternative(annotation: Any) -> type[BaseModel] | None:
+    """The model that may stand where a number may."""
+    if get_origin(annotation) not in (Union, UnionType):
+        return None
+    members = [get_args(member)[0] if get_origin(member) is Annotated else member for member in get_args(annotation)]
+    return next((item for item in members if isinstance(item, type) and issubclass(item, BaseModel)), None)
+
+
 def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
     """Word one finding of pydantic."""
+    location = tuple(key for key in location if not str(key).startswith("#"))  # tags of alternatives
     if kind == "extra_forbidden":
         _, model, _ = _locate(location[:-1])
         return unknown_key(location, model.model_fields if model else ())
@@ -97,7 +108,7 @@ def _scalar(annotation: Any) -> tuple[Any, bool]:
     """An annotation without Annotated and Optional, and whether null is allowed."""
     if get_origin(annotation) is Annotated:
         return _scalar(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
+    if get_origin(annotation) in (Union, UnionType) and type(None) in get_args(annotation):
         return _scalar(next(arg for arg in get_args(annotation) if arg is not type(None)))[0], True
     return annotation, False
 
@@ -106,6 +117,9 @@ def _allowed(field: FieldInfo | None) -> str:
     """What a field allows, in words, with its unit."""
     if field is None:
         return "a mapping"
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    if "allowed" in extra:
+        return str(extra["allowed"])
     container, model = inner_model(field)
     kind, optional = _scalar(field.annotation)
     bounds = {
@@ -133,7 +147,7 @@ def _allowed(field: FieldInfo | None) -> str:
     else:
         text = {float: "a finite number", int: "a whole number", str: "a text"}[kind]
     text = " ".join([text, " and ".join(limits)]) if limits else text
-    unit = field.json_schema_extra.get("unit") if isinstance(field.json_schema_extra, dict) else None
+    unit = extra.get("unit")
     text = f"{text}, in {unit}" if unit not in (None, "-") else text
     return f"{text}, or null" if optional else text
 
@@ -147,7 +161,9 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         container, inner = inner_model(field)
         kind, _ = _scalar(field.annotation)
         given = data.get(name)
-        if inner is not None and container is None:
+        if _alternative(kind) and not isinstance(given, dict):
+            values[name] = nan if here in bad or name not in data else given
+        elif inner is not None and container is None:
             absent = given is None and _scalar(field.annotation)[1]
             values[name] = None if absent else _salvage(inner, given, bad, here)
         elif inner is not None and container is dict:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
+from cable_twin.scenario.mesh import even_nodes, nodes_of
 from cable_twin.scenario.schema import Cable, Carriage, Drive, Scenario, Support, Tower
 
 ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
@@ -32,11 +33,9 @@ def build_system(scenario: Scenario) -> parameters.System:
     """
     cable, solver = scenario.cable, scenario.solver
     ends = (cable.start, cable.end)
-    return parameters.System(
+    system = parameters.System(
         cable=parameters.Cable(
-            element_count=cable.elements,
-            element_length=cable.unstrained_length / cable.elements,
-            unstrained_length=cable.unstrained_length,
+            **parameters.mesh_fields(even_nodes(cable.unstrained_length, 1)),
             mass_per_length=cable.mass_per_length + cable.ice,
             axial_stiffness=cable.axial_stiffness,
             bending_stiffness=cable.bending_stiffness,
@@ -66,6 +65,8 @@ def build_system(scenario: Scenario) -> parameters.System:
             max_halvings=solver.max_halvings,
         ),
     )
+    nodes = nodes_of(scenario, system)
+    return system._replace(cable=system.cable._replace(**parameters.mesh_fields(nodes)))
 
 
 def build_payloads(scenario: Scenario) -> Payloads:

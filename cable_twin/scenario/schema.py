@@ -9,7 +9,7 @@ from __future__ import annotations
 from io import StringIO
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
@@ -26,6 +26,7 @@ class _Representer(SafeRepresenter):
 
 _Representer.add_representer(float, _Representer.represent_float)
 
+MOST_ELEMENTS = 100_000
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]
 
@@ -79,15 +80,41 @@ class Load(Section):
     moment: float = quantity("N m", "moment on an end of the cable, right-handed about y", 0.0)
 
 
+class Grading(Section):
+    """Elements that are short only where they must be: at towers and ends."""
+
+    target: float = quantity("m", "length of an element far from towers and ends", gt=0)
+    at_towers: float = quantity("m", "length of an element at towers and ends", gt=0)
+    growth: float = quantity("-", "ratio of the lengths of neighbours between these", 1.5, gt=1, le=4)
+
+
+def _form(elements: Any) -> str:
+    return "#graded" if isinstance(elements, dict | Grading) else "#number"
+
+
+# the tags stand in the places that pydantic reports
+Elements = Annotated[
+    Annotated[int, Field(ge=1, le=MOST_ELEMENTS), Tag("#number")] | Annotated[Grading, Tag("#graded")],
+    Discriminator(_form),
+]
+
+
 class Cable(Section):
-    """One uniform cable."""
+    """One cable of one kind."""
 
     unstrained_length: float = quantity("m", "length without tension", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
     axial_stiffness: float = quantity("N", "EA", gt=0)
     breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
     bending_stiffness: float = quantity("N m^2", "EI", ge=0)
-    elements: int = quantity("-", "number of elements, all of one unstrained length", ge=1, le=100_000)
+    elements: Elements = Field(
+        description="number of elements, all of one unstrained length (-), or how long they are where",
+        json_schema_extra={
+            "unit": "-",
+            "allowed": f"a whole number at least 1 and at most {MOST_ELEMENTS}, or a mapping of target, at_towers (m) "
+            "and growth",
+        },
+    )
     elastic_model: Literal["continuum", "element_frame"] = Field(
         default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
     )

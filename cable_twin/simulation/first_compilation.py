@@ -74,7 +74,7 @@ def begin_with(system: System, state: State, work: Workspace) -> dict[Callable[.
         find_saturated: (system, state, state, work),
         attach_carriers: (system, state),
         move_rope: (system, state, 1.0),
-        condense_chain: (carriages, cable.gravity, state, 0, 1.0, 1.0, work),
+        condense_chain: (carriages, cable.gravity, state, 0, (0.0, 0.0, 0.0), 1.0, 1.0, 1.0, work),
         add_joint: (system, state, 0, 1.0, 1.0, work),
         largest_increment: (system, work),
         driven_force: (system, state, 0),

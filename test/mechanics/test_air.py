@@ -29,19 +29,7 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
 
 def add_drag(system, state, work):
     """Drag on rope and bodies as `assemble` has it."""
-    drag_rope(
-        system.cable,
-        system.air.rope_drag,
-        state.wind,
-        state.nodes.position,
-        state.nodes.velocity,
-        25.0,
-        1.0,
-        work.diagonal,
-        work.upper,
-        work.lower,
-        work.right_side,
-    )
+    drag_rope(system.cable, system.air.rope_drag, state, 25.0, 1.0, work)
     drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, 25.0, work.body_drag, work.body_drag_tangent)
 
 
@@ -52,15 +40,15 @@ def drag_on_cable(system, state):
     e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodes.position, state.nodes.velocity))
     forces = np.zeros_like(e)
     for element in range(cable.element_count):
-        nodes = slice(2 * element, 2 * element + 4)
+        nodes, length = slice(2 * element, 2 * element + 4), cable.element_length[element]
         for place, weight in zip((places + 1.0) / 2.0, weights / 2.0, strict=True):
-            shape = np.array(shape_functions(place * cable.element_length, cable.element_length))
-            r_x = np.array(shape_functions_x(place * cable.element_length, cable.element_length)) @ e[nodes]
+            shape = np.array(shape_functions(place * length, length))
+            r_x = np.array(shape_functions_x(place * length, length)) @ e[nodes]
             t = r_x / np.linalg.norm(r_x)
             relative = state.wind - shape @ e_dot[nodes]
             across = relative - t * (t @ relative)
             force = system.air.rope_drag * np.linalg.norm(across) * across
-            forces[nodes] += np.outer(shape, force) * weight * cable.element_length
+            forces[nodes] += np.outer(shape, force) * weight * length
     return forces
 
 

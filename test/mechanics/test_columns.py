@@ -10,8 +10,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
-from cable_twin.mechanics.rope.point import locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.point import point_at, position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
 from verification import JIT
 from verification.models import moving
@@ -30,18 +29,17 @@ def balance_of_end_nodes(system, state, work):
     nodal = work.right_side.reshape(-1, work.right_side.shape[2])
 
     def act(arc_length, force):
-        element, x = locate(cable, arc_length)
-        nodal[2 * element : 2 * element + 4] += np.outer(shape_functions(x, cable.element_length), force)
+        point = point_at(cable, arc_length)
+        nodal[2 * point.element : 2 * point.element + 4] += np.outer(point.shape, force)
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
         if system.carriages.hinge_damping.any():
-            element, x = locate(cable, state.joints.position[carriage])
-            e = state.nodes.position.reshape(-1, 2)[2 * element : 2 * element + 4]
-            shape_x = np.array(shape_functions_x(x, cable.element_length))
-            r_x, (moment, _) = shape_x @ e, grip_moment(system, state, carriage)
+            point = point_at(cable, state.joints.position[carriage])
+            held = slice(2 * point.element, 2 * point.element + 4)
+            r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
             turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
-            nodal[2 * element : 2 * element + 4] -= moment * np.outer(shape_x, turn)
+            nodal[held] -= grip_moment(system, state, carriage)[0] * np.outer(point.shape_x, turn)
     for contact in range(system.supports.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
     return -nodal[[0, -2]]

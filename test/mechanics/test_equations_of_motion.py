@@ -51,7 +51,7 @@ def joint_weights(system, state, carriage, function):
     element = int(state.joint_element[carriage])
     row = np.zeros(2 * (cable.element_count + 1))
     row[2 * element : 2 * element + 4] = function(
-        state.joints.position[carriage] - element * cable.element_length, cable.element_length
+        state.joints.position[carriage] - cable.node_arc_length[element], cable.element_length[element]
     )
     return row
 
@@ -79,8 +79,8 @@ def rows(system, state, work):
         add_flow(cable, state, 0.0, 0.0, work)
     on_cable = -work.right_side.reshape(-1, 2)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
-        element = min(int(arc_length / cable.element_length), cable.element_count - 1)
-        weights = shape_functions(arc_length - element * cable.element_length, cable.element_length)
+        element = np.searchsorted(cable.node_arc_length[1:-1], arc_length, side="right")
+        weights = shape_functions(arc_length - cable.node_arc_length[element], cable.element_length[element])
         on_cable[2 * element : 2 * element + 4] -= np.outer(weights, force)
     for node, moment in ((1, cable.end_moment[0]), (-1, cable.end_moment[1])):
         # work M δpitch with the pitch atan2(-z, x) of the slope (x, z)

@@ -57,15 +57,16 @@ def test_a_group_of_elements_is_each_element_by_itself(model):
     cable_element.add_cable(cable, state, 2.0, 3.0, 1.0, work)
     forces = np.zeros_like(work.right_side)
     for element in range(cable.element_count):
+        length = cable.element_length[element]
         own = elastic_models.chord_and_slopes(state.nodes.position, element, cable)
         rates = elastic_models.chord_and_slopes(state.nodes.velocity, element, cable)
-        d, a, b = elastic_models.elastic_force(cable, *own, *rates, 3.0, 1.0)[:3]
+        d, a, b = elastic_models.elastic_force(cable, length, *own, *rates, 3.0, 1.0)[:3]
         accelerations = (tuple(row) for row in state.nodes.acceleration[element : element + 2].reshape(4, 2))
-        r_a, slope_a, r_b, slope_b = (np.array(part) for part in cable_element.inertia(cable, *accelerations))
+        r_a, slope_a, r_b, slope_b = (np.array(part) for part in cable_element.inertia(cable, length, *accelerations))
         forces[element, 0] += np.array(d) - r_a
-        forces[element, 1] += -cable.element_length * (np.array(a) + slope_a)
+        forces[element, 1] += -length * (np.array(a) + slope_a)
         forces[element + 1, 0] = -(np.array(d) + r_b)
-        forces[element + 1, 1] = -cable.element_length * (np.array(b) + slope_b)
+        forces[element + 1, 1] = -length * (np.array(b) + slope_b)
     np.testing.assert_array_equal(work.right_side, forces)
 
 

@@ -95,7 +95,7 @@ def test_a_node_is_found_within_the_step():
     # 20 coarse steps end on a smooth motion only when the jump of r_xx is met at the end of a part
     coarse, simulation = soft_span(200, integrator="runge_kutta")
     assert simulation.snapshot.solver.halvings == 1
-    place = simulation._state.joints.position[0] / simulation.system.cable.element_length
+    place = simulation._state.joints.position[0] / simulation.system.cable.element_length[0]
     assert int(place) == simulation._state.joint_element[0]
     fine, _ = soft_span(400, integrator="runge_kutta")
     np.testing.assert_allclose(coarse, fine, atol=3e-5)

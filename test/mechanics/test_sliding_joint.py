@@ -17,7 +17,8 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     stop_force,
     velocity_acceleration,
 )
-from cable_twin.mechanics.rope.point import locate, position_on_cable
+from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import shape_functions
 
 ROUGH = {"rolling_friction": np.array([0.3]), "viscous_friction": np.array([5.0])}
 
@@ -32,28 +33,30 @@ def one_joint(s=1.2, **carriages):
 
 @pytest.mark.parametrize(
     ("arc_length", "element", "local"),
-    [(0.0, 0, 0.0), (0.69, 0, 0.69), (0.7, 1, 0.0), (1.5, 2, 0.1), (2.1, 2, 0.7), (2.4, 2, 1.0), (-0.2, 0, -0.2)],
+    [(0.0, 0, 0.0), (0.59, 0, 0.59), (0.6, 1, 0.0), (1.3, 2, 0.2), (2.0, 3, 0.3), (2.4, 3, 0.7), (-0.2, 0, -0.2)],
 )
 def test_arc_length_belongs_to_an_element(arc_length, element, local):
     """Beyond an end the end element goes on."""
-    found, x = locate(make_system().cable, arc_length)
-    assert found == element
-    assert x == pytest.approx(local, abs=1e-15)
+    cable = make_system(cable={"node_arc_length": np.array([0.0, 0.6, 1.1, 1.7, 2.1])}).cable
+    point = point_at(cable, arc_length)
+    assert point.element == element
+    np.testing.assert_allclose(point.shape, shape_functions(local, cable.element_length[element]), atol=1e-15)
 
 
 @pytest.mark.parametrize(("arc_length", "element"), [(float("nan"), 0), (float("inf"), 2), (-float("inf"), 0)])
 def test_what_is_no_arc_length_still_names_an_element(arc_length, element):
     """So that a broken state is found by the solver and not by an index out of range."""
-    assert locate(make_system().cable, arc_length)[0] == element
+    assert element_at(make_system().cable, arc_length) == element
 
 
 def test_cable_passes_through_its_nodes_smoothly():
     """r and r_x are continuous at a node: differences of r across it to 1e-9."""
     system, state, _ = one_joint()
     cable = system.cable
-    np.testing.assert_allclose(position_on_cable(cable, state, 0.7), state.nodes.position[1, 0], atol=1e-15)
+    node = cable.node_arc_length[1]
+    np.testing.assert_allclose(position_on_cable(cable, state, node), state.nodes.position[1, 0], atol=1e-15)
     for side in (-1e-6, 1e-6):
-        r_x = (np.array(position_on_cable(cable, state, 0.7 + side)) - state.nodes.position[1, 0]) / side
+        r_x = (np.array(position_on_cable(cable, state, node + side)) - state.nodes.position[1, 0]) / side
         np.testing.assert_allclose(r_x, state.nodes.position[1, 1], atol=2e-5)
 
 

@@ -12,8 +12,7 @@ from cable_twin.mechanics.on_rope.tower import (
     normal_force,
     settle_supports,
 )
-from cable_twin.mechanics.rope.point import interpolate, locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.point import point_at, slope, value
 from cable_twin.mechanics.state import clone_state
 
 PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
@@ -21,11 +20,8 @@ PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
 
 def on_rope(cable, state, s):
     """Position and slope (2,) of the rope at an arc length."""
-    element, x = locate(cable, s)
-    return [
-        np.array(interpolate(state.nodes.position, element, weights(x, cable.element_length), cable.gravity))
-        for weights in (shape_functions, shape_functions_x)
-    ]
+    point = point_at(cable, s)
+    return [np.array(function(state.nodes.position, point, cable.gravity)) for function in (value, slope)]
 
 
 def touching(depth=0.03, places=PLACES, **changes):

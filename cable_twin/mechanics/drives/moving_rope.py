@@ -16,18 +16,15 @@ from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import (
     grip_moment,
-    joint_place,
+    joint_point,
+    joint_tangent,
     joint_velocity,
     place_joint,
     velocity_acceleration,
 )
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.point import interpolate, locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import (
-    shape_functions,
-    shape_functions_x,
-)
+from cable_twin.mechanics.rope.point import point_at, position_on_cable, slope, value
 
 
 @kernel
@@ -45,15 +42,11 @@ def haul_force(system, state):
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and state.attached[carriage]:
-            element, x = joint_place(cable, state, carriage)
-            shape = shape_functions_x(x, cable.element_length)
-            r_x = interpolate(state.nodes.position, element, shape, cable.gravity)
+            r_x = joint_tangent(cable, state, carriage)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
             force += grip_moment(system, state, carriage)[1]
     for contact in range(system.supports.stiffness.size):
-        element, x = locate(cable, state.contact_arc_length[contact])
-        shape = shape_functions_x(x, cable.element_length)
-        r_x = interpolate(state.nodes.position, element, shape, cable.gravity)
+        r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
         force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
     return force
 
@@ -133,11 +126,10 @@ def attach(system, state, carriage, place):
     follow(state.reference, carriage, place, speed, rate)
     state.friction_origin[carriage], state.friction_deflection[carriage] = place, 0.0
     place_joint(cable, state, carriage)
-    element, x = joint_place(cable, state, carriage)
+    point = joint_point(cable, state, carriage)
     joint = position_on_cable(cable, state, place)
     velocity = joint_velocity(cable, state, carriage)
-    r_tt = interpolate(state.nodes.acceleration, element, shape_functions(x, cable.element_length), cable.gravity)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    r_tt, r_x = value(state.nodes.acceleration, point, cable.gravity), slope(state.nodes.position, point, cable.gravity)
     acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
     hang_chain(system.carriages, state, carriage, joint[0], joint[1])
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

@@ -156,6 +156,38 @@ def _gather(coordinates, first, like):
 
 
 @_intrinsic
+def _read_numbers(typingctx, numbers, first):
+    """Lanes of numbers[first + lane]; past the last one, that one."""
+
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        array = context.make_array(kinds.args[0])(context, builder, values[0])
+        first = values[1]
+        last = builder.sub(array.nitems, ir.Constant(first.type, 1))
+        lanes = ir.Constant(_VECTOR, ir.Undefined)
+        for lane in range(WIDTH):
+            place = builder.add(first, ir.Constant(first.type, lane))
+            place = builder.select(builder.icmp_signed("<", place, last), place, last)
+            value = builder.load(builder.gep(array.data, [place]))
+            lanes = builder.insert_element(lanes, value, ir.Constant(_WORD, lane))
+        return lanes
+
+    return LANES(numbers, types.intp), generate
+
+
+def gather_numbers(numbers: Any, first: int) -> Any:
+    """Lanes of `WIDTH` entries of `numbers` (elements,) from `first` on; past the last one, that one is repeated."""
+    return numbers[np.minimum(first + np.arange(WIDTH), numbers.size - 1)]
+
+
+@overload(gather_numbers)
+def _gather_numbers(numbers, first):
+    def lanes(numbers, first):
+        return _read_numbers(numbers, first)
+
+    return lanes
+
+
+@_intrinsic
 def _write(typingctx, lanes, row):
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
         array = context.make_array(kinds.args[1])(context, builder, values[1])

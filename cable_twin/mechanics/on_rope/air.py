@@ -13,7 +13,6 @@ from numpy.polynomial.legendre import leggauss
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import (
-    accumulate,
     add_scaled,
     block,
     dot,
@@ -25,8 +24,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.rope.point import add_block, interpolate
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.point import add_block, add_force, point_on, slope, value
 
 POINTS = 2  # Gauss points of an element: exact for an even drag
 PLACES = tuple(float(x + 1.0) / 2.0 for x in leggauss(POINTS)[0])
@@ -34,19 +32,19 @@ WEIGHTS = tuple(float(weight) / 2.0 for weight in leggauss(POINTS)[1])
 
 
 @kernel
-def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, diagonal, upper, lower, right_side):
+def drag_rope(cable, rope_drag, state, rate_factor, stiffness_factor, work):
     """Add the drag on all elements to residual and tangent of the nodes, exact by places, slopes and their rates."""
-    like, length = cable.gravity, cable.element_length
-    blowing = load(wind, like)
+    blowing = load(state.wind, cable.gravity)
     for element in range(cable.element_count):
-        for point in range(POINTS):
-            x = PLACES[point] * length
-            shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-            norm, t, along, across = blow(e, e_dot, element, shape, shape_x, blowing)
+        length = cable.element_length[element]
+        for number in range(POINTS):
+            point = point_on(cable, element, cable.node_arc_length[element] + PLACES[number] * length)
+            shape, shape_x = point.shape, point.shape_x
+            norm, t, along, across = blow(state, point, blowing)
             speed = sqrt(dot(across, across))
             if speed == 0.0:
                 continue
-            q = rope_drag * WEIGHTS[point] * length
+            q = rope_drag * WEIGHTS[number] * length
             force = scale(q * speed, across)
             # minus the derivatives of the force: q |w_n| (P + n nᵀ) by the velocity, and by the slope what turns t
             both = add_scaled(1.0, symmetric(0.0, 1.0 / (speed * speed), across), symmetric(1.0, -1.0, t))
@@ -57,39 +55,37 @@ def drag_rope(cable, rope_drag, wind, e, e_dot, rate_factor, stiffness_factor, d
                 by_velocity_and_turn = rate_factor * shape[j] + along * turn * shape_x[j]
                 column = minus(block(by_velocity_and_turn, by_velocity, 0.0), block(-shape_x[j], by_turning, 0.0))
                 for i in range(4):
-                    add_block(block(shape[i], column, 0.0), element, i, j, diagonal, upper, lower)
-            for i in range(4):
-                accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
+                    add_block(block(shape[i], column, 0.0), element, i, j, work)
+            add_force(force, point, work.right_side)
 
 
 @kernel
-def blow(e, e_dot, element, shape, shape_x, blowing):
-    """What the wind `blowing` (dim,) in m/s is at a place of an element, relative to it.
+def blow(state, point, blowing):
+    """What the wind `blowing` (dim,) in m/s is at a place of the rope, relative to it.
 
     Returns:
         |r_x|; the tangent t (dim,); the part of the relative wind along it in m/s; the part across (dim,) in m/s.
     """
-    r_x = interpolate(e, element, shape_x, blowing)
+    r_x = slope(state.nodes.position, point, blowing)
     norm = sqrt(dot(r_x, r_x))
     t = scale(1.0 / norm, r_x)
-    relative = subtract(blowing, interpolate(e_dot, element, shape, blowing))
+    relative = subtract(blowing, value(state.nodes.velocity, point, blowing))
     along = dot(relative, t)
     return norm, t, along, add_scaled(-along, t, relative)
 
 
 @kernel
-def drag_on_end(cable, rope_drag, wind, state, end):
+def drag_on_end(cable, rope_drag, state, end):
     """Share (dim,) in N of the drag on the first or last element that the node at that end takes."""
-    length = cable.element_length
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    blowing = load(wind, cable.gravity)
+    length = cable.element_length[element]
+    blowing = load(state.wind, cable.gravity)
     total = scale(0.0, blowing)
-    for point in range(POINTS):
-        x = PLACES[point] * length
-        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-        _, _, _, across = blow(state.nodes.position, state.nodes.velocity, element, shape, shape_x, blowing)
-        force = rope_drag * WEIGHTS[point] * length * sqrt(dot(across, across))
-        total = add_scaled(shape[row] * force, across, total)
+    for number in range(POINTS):
+        point = point_on(cable, element, cable.node_arc_length[element] + PLACES[number] * length)
+        _, _, _, across = blow(state, point, blowing)
+        force = rope_drag * WEIGHTS[number] * length * sqrt(dot(across, across))
+        total = add_scaled(point.shape[row] * force, across, total)
     return total
 
 

@@ -24,13 +24,8 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     store,
 )
-from cable_twin.mechanics.rope.point import add_block, interpolate
-from cable_twin.mechanics.rope.shape_functions import (
-    shape_functions,
-    shape_functions_x,
-    shape_functions_xx,
-    shape_functions_xxx,
-)
+from cable_twin.mechanics.rope.point import add_block, add_to, bend, interpolate, slope
+from cable_twin.mechanics.rope.shape_functions import shape_functions_xxx
 
 
 @kernel
@@ -56,7 +51,7 @@ def pitch_by_slope_twice(r_x):
 
 
 @kernel
-def add_grip(cable, state, carriage, first, along, place, rate_factor, stiffness_factor, work):
+def add_grip(cable, state, carriage, first, point, along, rate_factor, stiffness_factor, work):
     """Add what the moment does at the nodes, and what it adds to row and column of the sliding coordinate.
 
     Args:
@@ -64,8 +59,8 @@ def add_grip(cable, state, carriage, first, along, place, rate_factor, stiffness
         state: where to linearise.
         carriage: whose joint it is.
         first: its first body, with `hinge` and impedance.
-        along: derivative (dim,) of the row of s by λ, (0, 0) where s is driven.
-        place: element and place x (m) in it of the joint.
+        point: place of the joint.
+        along: derivative (dim,) of the row of s by λ, zero where s is driven.
         rate_factor: as in `assemble`.
         stiffness_factor: as in `assemble`.
         work: `sliding_row` and `sliding_column` are added to.
@@ -73,16 +68,13 @@ def add_grip(cable, state, carriage, first, along, place, rate_factor, stiffness
     Returns:
         What comes to the pivot of s, and to its right side.
     """
-    element, x = place
-    like, length = cable.gravity, cable.element_length
-    shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
-    shape_xx, shape_xxx = shape_functions_xx(x, length), shape_functions_xxx(length)
+    like, shape, shape_x, shape_xx = cable.gravity, point.shape, point.shape_x, point.shape_xx
     e, e_dot, s_dot = state.nodes.position, state.nodes.velocity, state.joints.velocity[carriage]
-    r_x, r_xx = interpolate(e, element, shape_x, like), interpolate(e, element, shape_xx, like)
-    r_xxx = interpolate(e, element, shape_xxx, like)
+    r_x, r_xx = slope(e, point, like), bend(e, point, like)
+    r_xxx = interpolate(e, point.element, shape_functions_xxx(cable.element_length[point.element]), like)
     g, h = pitch_by_slope(r_x), pitch_by_slope_twice(r_x)
-    turning = add_scaled(s_dot, r_xx, interpolate(e_dot, element, shape_x, like))  # w
-    bending = add_scaled(s_dot, r_xxx, interpolate(e_dot, element, shape_xx, like))  # ∂w/∂s
+    turning = add_scaled(s_dot, r_xx, slope(e_dot, point, like))  # w
+    bending = add_scaled(s_dot, r_xxx, bend(e_dot, point, like))  # ∂w/∂s
     moment, by_angle, by_rate = work.hinge[first, 0], work.hinge[first, 1], work.hinge[first, 2]
     d_t, d_tt = load(work.impedance_turning[first], like), work.impedance_turning[first, 2]
     residual = moment + work.impedance_force[first, 2]
@@ -110,8 +102,7 @@ def add_grip(cable, state, carriage, first, along, place, rate_factor, stiffness
         force = add_scaled(shape[j], d_t, scale(d_tt, seen))  # of the moment, by Δe_j
         for i in range(4):
             tangent = minus(outer(shape[i], d_t, seen), outer(-shape_x[i], g, force))
-            tangent = minus(tangent, block(-stiff * shape_x[i] * shape_x[j], h, 0.0))
-            add_block(tangent, element, i, j, work.diagonal, work.upper, work.lower)
-        accumulate(scale(-shape_x[j] * residual, g), work.right_side[element + j // 2, j % 2])
+            add_block(minus(tangent, block(-stiff * shape_x[i] * shape_x[j], h, 0.0)), point.element, i, j, work)
+        add_to(scale(-shape_x[j] * residual, g), work.right_side, point.element, j)
     pivot = free * (lever * dot(d_t, r_x) + stiff * (dot(bent, r_xx) + dot(g, r_xxx)))
     return pivot + on_s * by_s, -free * residual * lever

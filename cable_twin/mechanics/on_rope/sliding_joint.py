@@ -10,58 +10,57 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, full, load, minus, outer, scale, store
+from cable_twin.mechanics.language.vectors import add_scaled, dot, full, load, minus, outer, scale, store
 from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.on_rope.chain import hinge_of
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.grip import add_grip, pitch_by_slope, tangent_pitch
 from cable_twin.mechanics.on_rope.hinge import hinge_energy, is_hinged
 from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
-from cable_twin.mechanics.rope.point import add_block, interpolate, locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
 @kernel
 def place_joint(cable, state, carriage):
     """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
-    state.joint_element[carriage], _ = locate(cable, state.joints.position[carriage])
+    state.joint_element[carriage] = element_at(cable, state.joints.position[carriage])
 
 
-@kernel
-def joint_place(cable, state, carriage):
-    """Element on which the joint is, and the paper's n in it (m)."""
-    element = state.joint_element[carriage]
-    return element, state.joints.position[carriage] - element * cable.element_length
+@inlined_kernel
+def joint_point(cable, state, carriage):
+    """Place of the joint, on the element on which it is."""
+    return point_on(cable, state.joint_element[carriage], state.joints.position[carriage])
 
 
 @kernel
 def joint_position(cable, state, carriage):
     """S(n) e (dim,) in m."""
-    element, x = joint_place(cable, state, carriage)
-    return interpolate(state.nodes.position, element, shape_functions(x, cable.element_length), cable.gravity)
+    return value(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
+
+
+@kernel
+def joint_tangent(cable, state, carriage):
+    """S_x(n) e (dim,), way along the cable by arc length."""
+    return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
 @kernel
 def joint_velocity(cable, state, carriage):
     """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
-    element, x = joint_place(cable, state, carriage)
-    length = cable.element_length
-    moving = interpolate(state.nodes.velocity, element, shape_functions(x, length), cable.gravity)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, length), cable.gravity)
-    return add_scaled(state.joints.velocity[carriage], r_x, moving)
+    point = joint_point(cable, state, carriage)
+    moving = value(state.nodes.velocity, point, cable.gravity)
+    return add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, cable.gravity), moving)
 
 
 @kernel
 def joint_direction(cable, state, carriage):
     """Pitch α (rad) of the cable at the joint, its rate g·(S_x ė + ṡ S_xx e) there (rad/s), and ∂α/∂s (rad/m)."""
-    element, x = joint_place(cable, state, carriage)
-    shape_x, like = shape_functions_x(x, cable.element_length), cable.gravity
-    r_x = interpolate(state.nodes.position, element, shape_x, like)
-    r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, cable.element_length), like)
-    turning = interpolate(state.nodes.velocity, element, shape_x, like)
+    point, like = joint_point(cable, state, carriage), cable.gravity
+    r_x = slope(state.nodes.position, point, like)
     g = pitch_by_slope(r_x)
-    along = dot(g, r_xx)
-    return tangent_pitch(r_x), dot(g, turning) + state.joints.velocity[carriage] * along, along
+    along = dot(g, bend(state.nodes.position, point, like))
+    turning = dot(g, slope(state.nodes.velocity, point, like))
+    return tangent_pitch(r_x), turning + state.joints.velocity[carriage] * along, along
 
 
 @kernel
@@ -78,12 +77,10 @@ def grip_moment(system, state, carriage):
 @kernel
 def grip_force(system, state, carriage, element, row):
     """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -m S_x g; 0 on another one."""
-    cable = system.cable
     moment, _ = grip_moment(system, state, carriage)
-    there, x = joint_place(cable, state, carriage)
-    shape_x = shape_functions_x(x, cable.element_length)
-    g = pitch_by_slope(interpolate(state.nodes.position, there, shape_x, cable.gravity))
-    return scale(-moment * shape_x[row] if there == element else 0.0, g)
+    point = joint_point(system.cable, state, carriage)
+    g = pitch_by_slope(slope(state.nodes.position, point, system.cable.gravity))
+    return scale(-moment * point.shape_x[row] if point.element == element else 0.0, g)
 
 
 @kernel
@@ -99,22 +96,12 @@ def spring_energy(system, state, carriage, body):
 
 
 @kernel
-def local_stretch(cable, state, carriage):
-    """|r_x| (-) at the joint: way along the cable by arc length."""
-    element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
-    return sqrt(dot(r_x, r_x))
-
-
-@kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
-    element, x = joint_place(cable, state, carriage)
-    length = cable.element_length
+    point = joint_point(cable, state, carriage)
     s_dot = state.joints.velocity[carriage]
-    turning = interpolate(state.nodes.velocity, element, shape_functions_x(x, length), cable.gravity)
-    bending = interpolate(state.nodes.position, element, shape_functions_xx(x, length), cable.gravity)
-    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bending))
+    turning = slope(state.nodes.velocity, point, cable.gravity)
+    return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bend(state.nodes.position, point, cable.gravity)))
 
 
 @kernel
@@ -172,11 +159,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
-    element, x = joint_place(cable, state, carriage)
-    shape = shape_functions(x, cable.element_length)
-    shape_x = shape_functions_x(x, cable.element_length)
-    r_x = interpolate(state.nodes.position, element, shape_x, like)
-    r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, cable.element_length), like)
+    point = joint_point(cable, state, carriage)
+    r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
     force = load(state.multipliers[first], like)
     impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
@@ -209,13 +193,12 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
             right += work.haul_force[carriage]
             pivot -= work.haul_by_s[carriage]
 
-    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
-    rows, columns = work.sliding_row[carriage], work.sliding_column
+    shape, shape_x, rows, columns = point.shape, point.shape_x, work.sliding_row[carriage], work.sliding_column
     for i in range(4):
         store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
     if is_hinged(carriages, first):
-        more = add_grip(cable, state, carriage, first, along, (element, x), rate_factor, stiffness_factor, work)
+        more = add_grip(cable, state, carriage, first, point, along, rate_factor, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
@@ -224,11 +207,10 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     for i in range(4):
         column = load(columns[i], like)
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
-        accumulate(scale(-1.0, pull), right_side[element + i // 2, i % 2])
+        add_to(scale(-1.0, pull), work.right_side, point.element, i)
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
-            tangent = minus(full(shape[i] * shape[j], d, 0.0), condensed)
-            add_block(tangent, element, i, j, diagonal, upper, lower)
+            add_block(minus(full(shape[i] * shape[j], d, 0.0), condensed), point.element, i, j, work)
 
 
 @kernel
@@ -236,8 +218,7 @@ def driven_force(system, state, carriage):
     """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
-    element, x = joint_place(cable, state, carriage)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), cable.gravity)
+    r_x = joint_tangent(cable, state, carriage)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -263,14 +244,13 @@ def recover_joint(system, state, carriage, work):
     """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
     cable = system.cable
     like = cable.gravity
-    element, x = joint_place(cable, state, carriage)
-    shape = shape_functions(x, cable.element_length)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, cable.element_length), like)
+    point = joint_point(cable, state, carriage)
+    r_x = slope(state.nodes.position, point, like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
     for i in range(4):
-        increment = load(work.right_side[element + i // 2, i % 2], like)
-        moved = add_scaled(shape[i], increment, moved)
+        increment = coordinate(work.right_side, point.element, i, like)
+        moved = add_scaled(point.shape[i], increment, moved)
         right -= dot(load(work.sliding_row[carriage, i], like), increment)
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta
@@ -282,9 +262,8 @@ def recover_turn(system, state, carriage, work):
     """Increment (rad) of the direction of the cable at the joint, as a hinge there sees it; needs that of s."""
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):
         return 0.0
-    element, _ = joint_place(system.cable, state, carriage)
+    element, like = state.joint_element[carriage], system.cable.gravity
     turned = work.grip_by_s[carriage] * work.sliding_increment[carriage]
     for i in range(4):
-        increment = load(work.right_side[element + i // 2, i % 2], system.cable.gravity)
-        turned += dot(load(work.grip_row[carriage, i], system.cable.gravity), increment)
+        turned += dot(load(work.grip_row[carriage, i], like), coordinate(work.right_side, element, i, like))
     return turned

@@ -17,7 +17,6 @@ from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import (
-    accumulate,
     add_scaled,
     block,
     dot,
@@ -28,8 +27,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
 )
 from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.rope.point import add_block, interpolate, locate, locate_on_mesh
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 NEAR = 1e-6  # of an element's length: a last move below leaves its square
@@ -38,35 +36,29 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 @kernel
 def find_contact(cable, supports, state, contact):
     """Bring the arc length of a contact to the nearest point of the rope."""
-    state.contact_arc_length[contact] = nearest(
-        state.nodes.position,
-        cable.element_length,
-        load(supports.position[contact], cable.gravity),
-        state.contact_arc_length[contact],
-    )
+    point = load(supports.position[contact], cable.gravity)
+    state.contact_arc_length[contact] = nearest(cable, state.nodes.position, point, state.contact_arc_length[contact])
 
 
 @kernel
-def nearest(coordinates, element_length, point, arc_length):
-    """Arc length (m) of the place of the rope nearest to `point` (dim,) in m, by Newton's method from `arc_length`.
+def nearest(cable, coordinates, place, arc_length):
+    """Arc length (m) of what is nearest of the rope to `place` (dim,) in m, by Newton's method from `arc_length`.
 
-    Where the rope bends so sharply around the point that the distance is no minimum, which no rope at rest does, the
+    Where the rope bends so sharply around the place that the distance is no minimum, which no rope at rest does, the
     slope is kept positive.
     """
-    count = coordinates.shape[0] - 1
     s = arc_length
     for _ in range(MAX_MOVES):
-        element, x = locate_on_mesh(count, element_length, s)
-        r = interpolate(coordinates, element, shape_functions(x, element_length), point)
-        r_x = interpolate(coordinates, element, shape_functions_x(x, element_length), point)
-        r_xx = interpolate(coordinates, element, shape_functions_xx(x, element_length), point)
-        apart = subtract(r, point)
+        point = point_at(cable, s)
+        length = cable.element_length[point.element]
+        r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
+        apart = subtract(value(coordinates, point, place), place)
         squared = dot(r_x, r_x)
         move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
-        move = min(max(move, -element_length), element_length)
+        move = min(max(move, -length), length)
         before = s
-        s = min(max(s + move, 0.0), count * element_length)
-        if not abs(s - before) > NEAR * element_length:
+        s = min(max(s + move, 0.0), cable.unstrained_length)
+        if not abs(s - before) > NEAR * length:
             break
     return s
 
@@ -100,7 +92,7 @@ def normal_force(supports, contact, depth, depth_rate):
 @kernel
 def contact_energy(cable, supports, state, contact):
     """Elastic energy (J) of a contact."""
-    depth = contact_frame(cable, supports, state, contact)[5]
+    depth = contact_frame(cable, supports, state, contact)[4]
     stiffness, toe = supports.stiffness[contact], supports.toe[contact]
     if depth <= 0.0:
         return 0.0
@@ -114,27 +106,24 @@ def contact_frame(cable, supports, state, contact):
     """What a contact sees of the rope at its arc length.
 
     Returns:
-        Element; the place x in it (m); r_x (dim,); r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity
-        (dim,) of the rope in m/s.
+        The place; r_x (dim,) there; r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity (dim,) of the
+        rope in m/s.
     """
     like = cable.gravity
-    length = cable.element_length
-    element, x = locate(cable, state.contact_arc_length[contact])
-    shape = shape_functions(x, length)
-    r_x = interpolate(state.nodes.position, element, shape_functions_x(x, length), like)
-    position = load(supports.position[contact], like)
-    apart = subtract(interpolate(state.nodes.position, element, shape, like), position)
-    moving = interpolate(state.nodes.velocity, element, shape, like)
+    point = point_at(cable, state.contact_arc_length[contact])
+    r_x = slope(state.nodes.position, point, like)
+    apart = subtract(value(state.nodes.position, point, like), load(supports.position[contact], like))
+    moving = value(state.nodes.velocity, point, like)
     side = load(supports.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
-    return element, x, r_x, apart, normal, -dot(apart, normal), moving
+    return point, r_x, apart, normal, -dot(apart, normal), moving
 
 
 @kernel
 def contact_force(cable, supports, state, contact):
     """Force (dim,) of a contact on the rope and its normal part, both in N."""
-    _, _, r_x, _, normal, depth, moving = contact_frame(cable, supports, state, contact)
+    _, r_x, _, normal, depth, moving = contact_frame(cable, supports, state, contact)
     n, _, _ = normal_force(supports, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
     friction = supports.friction[contact] * n * z
@@ -148,30 +137,26 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
     The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
     """
     like = cable.gravity
-    length = cable.element_length
-    diagonal, upper, lower, right_side = work.diagonal, work.upper, work.lower, work.right_side
     for contact in range(supports.stiffness.size):
         find_contact(cable, supports, state, contact)
-        element, x, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
+        point, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
         n, n_by_depth, n_by_rate = normal_force(supports, contact, depth, -dot(normal, moving))
         if n == 0.0:
             continue
-        shape, shape_x = shape_functions(x, length), shape_functions_x(x, length)
         norm = sqrt(dot(r_x, r_x))
         t = scale(1.0 / norm, r_x)
         coefficient = supports.friction[contact]
         z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
-        for i in range(4):
-            accumulate(scale(shape[i], force), right_side[element + i // 2, i % 2])
+        add_force(force, point, work.right_side)
         if stiffness_factor == 0.0:
             continue
 
-        r_xx = interpolate(state.nodes.position, element, shape_functions_xx(x, length), like)
-        turning = interpolate(state.nodes.velocity, element, shape_x, like)
+        r_xx, turning = bend(state.nodes.position, point, like), slope(state.nodes.velocity, point, like)
+        shape, shape_x = point.shape, point.shape_x
         pivot = norm * norm + dot(apart, r_xx)
-        bend = dot(normal, r_xx)
+        bent = dot(normal, r_xx)
         # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
         by_depth = -(n_by_depth + rate_factor * n_by_rate)
         by_turn = n_by_rate * dot(moving, t) / norm
@@ -181,14 +166,13 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
         slide = coefficient * n * z_by_way
         for j in range(4):
             on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
-            on_turn = add_scaled(shape_x[j], normal, scale(bend, on_s))
+            on_turn = add_scaled(shape_x[j], normal, scale(bent, on_s))
             on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
             by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
             by_place = outer(stiffness_factor, force, on_s)
             for i in range(4):
                 of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
-                tangent = minus(of_force, block(shape_x[i], by_place, 0.0))
-                add_block(tangent, element, i, j, diagonal, upper, lower)
+                add_block(minus(of_force, block(shape_x[i], by_place, 0.0)), point.element, i, j, work)
 
 
 @kernel

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from cable_twin.mechanics.drives.haul_rope import haul_energies, rope_force
 from cable_twin.mechanics.drives.moving_rope import haul_force
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, spread
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import copy_array, flat
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.air import drag_on_end
@@ -21,8 +21,8 @@ from cable_twin.mechanics.parameters import HAULED, Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow, flow_energy
-from cable_twin.mechanics.rope.point import locate, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions
+from cable_twin.mechanics.rope.point import coordinate, element_at, point_at, position_on_cable
+from cable_twin.mechanics.rope.shape_functions import MASS
 
 
 @by_reference
@@ -157,21 +157,31 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 
     `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
     """
-    count, like, length = cable.element_count, cable.gravity, cable.element_length
+    count, like = cable.element_count, cable.gravity
     for group in range(means.shape[0]):
+        length = gather_numbers(cable.element_length, group * WIDTH)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        spread((mean_tension(cable, d, a, b, d_dot, a_dot, b_dot),), means, group)
+        spread((mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot),), means, group)
     mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:
             tensions[k] = mean[0]
         else:
-            place = arc_lengths[k] / length - 0.5
-            left = min(max(int(place), 0), count - 2)
-            tensions[k] = mean[left] + (place - left) * (mean[left + 1] - mean[left])
+            element = element_at(cable, arc_lengths[k])
+            left = element if arc_lengths[k] >= middle(cable, element) else element - 1
+            left = min(max(left, 0), count - 2)
+            place = middle(cable, left)
+            share = (arc_lengths[k] - place) / (middle(cable, left + 1) - place)
+            tensions[k] = mean[left] + share * (mean[left + 1] - mean[left])
+
+
+@inlined_kernel
+def middle(cable, element):
+    """Arc length (m) of the middle of an element."""
+    return cable.node_arc_length[element] + 0.5 * cable.element_length[element]
 
 
 def groups(cable: Cable) -> tuple[int, int]:
@@ -192,7 +202,7 @@ def end_force(system, state, end):
     if system.moving_cable.moving:
         total = add_scaled(-1.0, end_flow(cable, state, end), total)
     if system.air.present:
-        total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state.wind, state, end), total)
+        total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state, end), total)
     for k in range(cable.load_arc_length.size):
         share = share_of_node(cable, cable.load_arc_length[k], element, row)
         total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
@@ -212,8 +222,8 @@ def end_force(system, state, end):
 @kernel
 def share_of_node(cable, arc_length, element, row):
     """Share of a force at `arc_length` (m) that S_row of an element takes; 0 where it is on another one."""
-    there, x = locate(cable, arc_length)
-    return shape_functions(x, cable.element_length)[row] if there == element else 0.0
+    point = point_at(cable, arc_length)
+    return point.shape[row] if point.element == element else 0.0
 
 
 @kernel
@@ -224,22 +234,22 @@ def energies(system, state):
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
-    length = cable.element_length
     kinetic, elastic = haul_energies(system, state)
     gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
+        length = cable.element_length[element]
         for i in range(4):
             scale_i = length if i % 2 else 1.0
-            v_i = load(state.nodes.velocity[element + i // 2, i % 2], like)
+            v_i = coordinate(state.nodes.velocity, element, i, like)
             for j in range(4):
                 scale_j = length if j % 2 else 1.0
-                v_j = load(state.nodes.velocity[element + j // 2, j % 2], like)
+                v_j = coordinate(state.nodes.velocity, element, j, like)
                 share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
                 kinetic += 0.5 * share * dot(v_i, v_j)
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
-            gravitational -= row * dot(like, load(state.nodes.position[element + i // 2, i % 2], like))
+            gravitational -= row * dot(like, coordinate(state.nodes.position, element, i, like))
     if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)
     for carriage in range(carriages.fixed.size):

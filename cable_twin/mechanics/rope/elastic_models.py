@@ -37,8 +37,8 @@ def chord_and_slopes(coordinates, element, cable):
     """The three vectors d, A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
     like = cable.gravity
     chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
-    slope_a = scale(cable.element_length, load(coordinates[element, 1], like))
-    slope_b = scale(cable.element_length, load(coordinates[element + 1, 1], like))
+    slope_a = scale(cable.element_length[element], load(coordinates[element, 1], like))
+    slope_b = scale(cable.element_length[element], load(coordinates[element + 1, 1], like))
     return chord, slope_a, slope_b
 
 
@@ -62,7 +62,7 @@ def add_products(c, matrix, k):
 
 
 @kernel
-def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the energy W = ½∫(EA ε² + EI k·k)dx with Kelvin-Voigt damping.
 
     ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
@@ -73,6 +73,7 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
 
     Args:
         cable: parameters.
+        length: of the element, unstrained, m.
         d: chord (dim,) in m.
         a: slope at A times length (dim,) in m.
         b: slope at B times length (dim,) in m.
@@ -86,7 +87,6 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
         Forces (dim,) N on d, a, b, and the tangents (N/m) dd, da, db, aa, ab, bb: da and db full, the others symmetric
         matrices, for those blocks are.
     """
-    length = cable.element_length
     zero = scale(0.0, d)
     nothing = symmetric(0.0, 0.0, d)
     force_d, force_a, force_b = zero, zero, zero
@@ -142,7 +142,7 @@ def continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor
 
 
 @kernel
-def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+def element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the paper's elastic energy (eq. 7-9), in the frame of the element's chord.
 
     With i the unit chord, W = ½∫(EA (r_x·i - 1)² + EI |r_xx - (r_xx·i) i|²)dx: eq. 8 with the strains of eq. 7, whose
@@ -155,7 +155,6 @@ def element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_fa
 
     Args and returns are those of `continuum`.
     """
-    length = cable.element_length
     damping = cable.damping_time
     zero = scale(0.0, d)
     nothing = symmetric(0.0, 0.0, d)
@@ -255,21 +254,20 @@ def turned_block(c, i, y, z):
 
 
 @inlined_kernel
-def elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the elastic model of the cable, as `continuum` gives them."""
     if cable.elastic_model == ELEMENT_FRAME:
-        return element_frame(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-    return continuum(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+        return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+    return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
 @inlined_kernel
-def mean_tension(cable, d, a, b, d_dot, a_dot, b_dot):
+def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
     """Mean of EA (ε + τ ε_dot) in N over an element, from its chord and slopes (dim,) in m and their rates in m/s.
 
     Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
     of `element_frame` has the chord's for its mean.
     """
-    length = cable.element_length
     if cable.elastic_model == ELEMENT_FRAME:
         chord = square_root(dot(d, d))
         return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
@@ -286,7 +284,7 @@ def mean_tension(cable, d, a, b, d_dot, a_dot, b_dot):
 @kernel
 def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
-    length = cable.element_length
+    length = cable.element_length[element]
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0

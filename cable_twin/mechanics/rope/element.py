@@ -6,7 +6,7 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, spread
+from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import clear_array
 from cable_twin.mechanics.language.vectors import (
     accumulate,
@@ -25,12 +25,11 @@ from cable_twin.mechanics.rope.shape_functions import MASS
 
 
 @kernel
-def inertia(cable, r_a, a, r_b, b):
+def inertia(cable, length, r_a, a, r_b, b):
     """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B.
 
-    Takes the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
+    Takes the length (m) and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
     """
-    length = cable.element_length
     mass = cable.mass_per_length * length
     r_a, r_b = subtract(r_a, cable.gravity), subtract(r_b, cable.gravity)
     a, b = scale(length, a), scale(length, b)
@@ -49,18 +48,19 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
     """
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     diagonal, upper, lower, right_side, group = work.diagonal, work.upper, work.lower, work.right_side, work.group
-    like, length = cable.gravity, cable.element_length
+    like = cable.gravity
     clear_array(right_side[0])
     clear_array(diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
+        length = gather_numbers(cable.element_length, first)
         r_a, slope_a, r_b, slope_b = gather(e, first, like)
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(e_dot, first, like)
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
-        inert = inertia(cable, r_a, slope_a, r_b, slope_b)
-        elastic = elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-        compute_elements(cable, elastic, inert, mass_factor, group)
+        inert = inertia(cable, length, r_a, slope_a, r_b, slope_b)
+        elastic = elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+        compute_elements(cable, length, elastic, inert, mass_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
             add_element(group, lane, first + lane, diagonal, upper, lower, right_side, like)
 
@@ -68,12 +68,14 @@ def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
 @kernel
 def end_forces(cable, state, element):
     """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
+    length = cable.element_length[element]
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
-    force, _, _, _, _, _, _, _, _ = elastic_force(cable, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
+    force, _, _, _, _, _, _, _, _ = elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
     like, e_ddot = cable.gravity, state.nodes.acceleration
     on_r_a, _, on_r_b, _ = inertia(
         cable,
+        length,
         load(e_ddot[element, 0], like),
         load(e_ddot[element, 1], like),
         load(e_ddot[element + 1, 0], like),
@@ -83,9 +85,8 @@ def end_forces(cable, state, element):
 
 
 @kernel
-def compute_elements(cable, elastic, inert, mass_factor, group):
+def compute_elements(cable, length, elastic, inert, mass_factor, group):
     """Write residual and tangent of `WIDTH` elements to `group`: a row a number, vectors first, then the blocks."""
-    length = cable.element_length
     force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = elastic
     on_r_a, on_a, on_r_b, on_b = inert
     dim = len(force_d)

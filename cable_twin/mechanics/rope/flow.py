@@ -8,9 +8,10 @@ acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x.
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, sum_of_lanes
-from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, subtract
+from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, sum_of_lanes
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
+from cable_twin.mechanics.rope.point import add_to
 from cable_twin.mechanics.rope.shape_functions import FLOW, FLOW_OF_CHORD, SLOPE, SLOPE_OF_CHORD
 
 
@@ -22,22 +23,20 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
     Its boundary term acts on the ends only, which are held; left out, a support's force has the momentum in it that
     its sheave takes over, and is smaller than the tension by ρA v² |r_x|.
     """
-    length = cable.element_length
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
     if speed == 0.0 and rate == 0.0:
         return
     mass = cable.mass_per_length
-    by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed / length
+    by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed
     right_side = work.right_side
     for element in range(cable.element_count):
+        length = cable.element_length[element]
         forces = flow_forces(cable, state, element, by_velocity, by_place, by_slope)
         for i in range(4):
-            accumulate(scale(-length if i % 2 else -1.0, forces[i]), right_side[element + i // 2, i % 2])
+            add_to(scale(-length if i % 2 else -1.0, forces[i]), right_side, element, i)
     on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
     for i in range(4):
         for j in range(4):
-            lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
-            stiff = lengths * (on_flow * FLOW[i][j] + on_slope * SLOPE[i][j])
             if i // 2 == j // 2:
                 blocks = work.diagonal[i // 2 : cable.element_count + i // 2]
             elif i < j:
@@ -45,15 +44,22 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
             else:
                 blocks = work.lower
             for element in range(cable.element_count):
+                length = cable.element_length[element]
+                lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
+                stiff = lengths * (on_flow * FLOW[i][j] + on_slope / length * SLOPE[i][j])
                 for axis in range(right_side.shape[2]):
                     blocks[element, i % 2, j % 2, axis * (right_side.shape[2] + 1)] += stiff
 
 
 @inlined_kernel
 def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
-    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
+    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length.
+
+    Takes the factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N).
+    """
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
+    by_slope = by_slope / cable.element_length[element]
     d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
     a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
     b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
@@ -71,7 +77,7 @@ def end_flow(cable, state, end):
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
     speed, mass = state.rope.velocity[0], cable.mass_per_length
     by_velocity, by_place = 2.0 * mass * speed, mass * state.rope.acceleration[0]
-    return flow_forces(cable, state, element, by_velocity, by_place, -mass * speed * speed / cable.element_length)[row]
+    return flow_forces(cable, state, element, by_velocity, by_place, -mass * speed * speed)[row]
 
 
 @kernel
@@ -89,11 +95,12 @@ def flow_integrals(cable, state):
     Elements are computed `WIDTH` at a time, and those that are left over one by one.
     """
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
-    like, length = cable.gravity, cable.element_length
+    like = cable.gravity
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(e, 0, like)[0][0]
     sums = lanes, lanes, lanes, lanes
     for first in range(0, grouped, WIDTH):
+        length = gather_numbers(cable.element_length, first)
         products = flow_products(
             length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like)
         )
@@ -102,6 +109,7 @@ def flow_integrals(cable, state):
     by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])
     for element in range(grouped, cable.element_count):
         place, rate = nodal_vectors(e, element, like), nodal_vectors(e_dot, element, like)
+        length = cable.element_length[element]
         products = flow_products(length, place, rate, nodal_vectors(e_ddot, element, like))
         by_velocity, squared = by_velocity + products[0], squared + products[1]
         by_acceleration, by_rate = by_acceleration + products[2], by_rate + products[3]

@@ -1,24 +1,51 @@
-"""A place on the rope: which element holds it, what the rope is like there, and what acts on it there."""
+"""A place on the rope: which element holds it, what the rope is like there, and what acts on it there.
+
+Of an element with the nodal coordinates e, r = S e there; coordinate i of it is r or r_x of its first node (0, 1), or
+of its second one (2, 3).
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, load, scale
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+
+Four = tuple[float, float, float, float]
+
+
+class Point(NamedTuple):
+    """A place on an element, as all that is worth knowing about it: the shape functions (eq. 2) there."""
+
+    element: int
+    shape: Four  # S: - for positions, m for slopes
+    shape_x: Four  # S_x: 1/m and -
+    shape_xx: Four  # S_xx: 1/m² and 1/m
 
 
 @kernel
-def locate(cable, arc_length):
-    """Element that holds `arc_length` (m), and the paper's n in it (m); beyond an end, the end element extrapolated."""
-    return locate_on_mesh(cable.element_count, cable.element_length, arc_length)
+def element_at(cable, arc_length):
+    """Element that holds `arc_length` (m); beyond an end, the end element. What is no number is on the first one."""
+    place = arc_length / cable.cell_length
+    cell = int(min(place, cable.cell_element.size - 1.0)) if place > 0.0 else 0
+    element = cable.cell_element[cell]
+    while element < cable.element_count - 1 and arc_length >= cable.node_arc_length[element + 1]:
+        element += 1
+    return element
 
 
-@kernel
-def locate_on_mesh(element_count, element_length, arc_length):
-    """As `locate`, from what it needs of the cable."""
-    place = arc_length / element_length
-    element = int(min(place, element_count - 1.0)) if place > 0.0 else 0  # what is no number is on the first one
-    return element, arc_length - element * element_length
+@inlined_kernel
+def point_on(cable, element, arc_length):
+    """The place at `arc_length` (m) on an element, which is extrapolated where it does not reach so far."""
+    x, length = arc_length - cable.node_arc_length[element], cable.element_length[element]
+    return Point(element, shape_functions(x, length), shape_functions_x(x, length), shape_functions_xx(x, length))
+
+
+@inlined_kernel
+def point_at(cable, arc_length):
+    """The place at `arc_length` (m) of the whole cable."""
+    return point_on(cable, element_at(cable, arc_length), arc_length)
 
 
 @kernel
@@ -39,22 +66,55 @@ def interpolate(coordinates, element, weights, like):
     )
 
 
-@kernel
-def position_on_cable(cable, state, arc_length):
-    """R (dim,) in m at an arc length."""
-    element, x = locate(cable, arc_length)
-    return interpolate(state.nodes.position, element, shape_functions(x, cable.element_length), cable.gravity)
+@inlined_kernel
+def value(coordinates, point, like):
+    """S e (dim,): r in m of nodal coordinates, r_t of their rates."""
+    return interpolate(coordinates, point.element, point.shape, like)
 
 
 @inlined_kernel
-def add_block(matrix, element, i, j, diagonal, upper, lower):
-    """Add a full matrix to the equations of coordinate `i` of an element, where they have its coordinate `j`.
+def slope(coordinates, point, like):
+    """S_x e (dim,): r_x of nodal coordinates, r_tx in 1/s of their rates."""
+    return interpolate(coordinates, point.element, point.shape_x, like)
 
-    Coordinates 0 and 1 are r and r_x at its first node, 2 and 3 those at its second one.
-    """
+
+@inlined_kernel
+def bend(coordinates, point, like):
+    """S_xx e (dim,): r_xx in 1/m of nodal coordinates."""
+    return interpolate(coordinates, point.element, point.shape_xx, like)
+
+
+@kernel
+def position_on_cable(cable, state, arc_length):
+    """R (dim,) in m at an arc length."""
+    return value(state.nodes.position, point_at(cable, arc_length), cable.gravity)
+
+
+@inlined_kernel
+def coordinate(array, element, i, like):
+    """Coordinate `i` (dim,) of an element in an `array` (nodes, 2, dim)."""
+    return load(array[element + i // 2, i % 2], like)
+
+
+@inlined_kernel
+def add_to(vector, array, element, i):
+    """Add a vector (dim,) to coordinate `i` of an element in an `array` (nodes, 2, dim)."""
+    accumulate(vector, array[element + i // 2, i % 2])
+
+
+@inlined_kernel
+def add_force(force, point, right_side):
+    """Add a force (dim,) in N at a place to the right side of the nodes."""
+    for i in range(4):
+        add_to(scale(point.shape[i], force), right_side, point.element, i)
+
+
+@inlined_kernel
+def add_block(matrix, element, i, j, work):
+    """Add a full matrix to the equations of coordinate `i` of an element, where they have its coordinate `j`."""
     if i // 2 == j // 2:
-        accumulate(matrix, diagonal[element + i // 2, i % 2, j % 2])
+        accumulate(matrix, work.diagonal[element + i // 2, i % 2, j % 2])
     elif i // 2 == 0:
-        accumulate(matrix, upper[element, i % 2, j % 2])
+        accumulate(matrix, work.upper[element, i % 2, j % 2])
     else:
-        accumulate(matrix, lower[element, i % 2, j % 2])
+        accumulate(matrix, work.lower[element, i % 2, j % 2])

@@ -25,7 +25,6 @@ from cable_twin.mechanics.language.vectors import (
     minus,
     multiply,
     outer,
-    scale,
     store,
     symmetric,
 )
@@ -47,8 +46,7 @@ from cable_twin.mechanics.on_rope.tower import add_supports
 from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
-from cable_twin.mechanics.rope.point import locate
-from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
 
@@ -144,19 +142,7 @@ def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, wo
         add_flow(cable, state, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        drag_rope(
-            cable,
-            system.air.rope_drag,
-            state.wind,
-            state.nodes.position,
-            state.nodes.velocity,
-            rate_factor,
-            stiffness_factor,
-            work.diagonal,
-            work.upper,
-            work.lower,
-            work.right_side,
-        )
+        drag_rope(cable, system.air.rope_drag, state, rate_factor, stiffness_factor, work)
 
 
 @inlined_kernel
@@ -164,11 +150,7 @@ def add_loads(cable, state, stiffness_factor, work):
     """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
     like = cable.gravity
     for k in range(cable.load_arc_length.size):
-        element, x = locate(cable, cable.load_arc_length[k])
-        shape = shape_functions(x, cable.element_length)
-        force = load(cable.load_force[k], like)
-        for i in range(4):
-            accumulate(scale(shape[i], force), work.right_side[element + i // 2, i % 2])
+        add_force(load(cable.load_force[k], like), point_at(cable, cable.load_arc_length[k]), work.right_side)
     for end in range(2):
         moment = cable.end_moment[end]
         if moment != 0.0:

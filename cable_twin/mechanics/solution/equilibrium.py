@@ -9,7 +9,7 @@ import numpy as np
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, local_stretch
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.on_rope.tower import settle_supports
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
 from cable_twin.mechanics.rope.point import position_on_cable
@@ -65,10 +65,11 @@ def relax(system, state, good, work, max_relaxations, tolerance):
     """
     cable = system.cable
     hang_carriages(system, state)
-    wave_time = cable.element_length * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
+    shortest = cable.cell_length
+    wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     mass_factor = 1.0 / (wave_time * wave_time)
     smallest = 1e-12 * mass_factor
-    largest = 0.1 * cable.element_length
+    largest = 0.1 * shortest
     increment = 0.0
     for iteration in range(max_relaxations):
         copy_state(state, good)
@@ -107,7 +108,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
         EquilibriumError: when the cable has neither a clamp nor weight.
     """
     cable = system.cable
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    arc_lengths = cable.node_arc_length
     held = 0 if np.all(np.isfinite(cable.support_position[0])) else 1
     direction = cable.support_direction[held]
     if not np.all(np.isfinite(direction)):
@@ -126,7 +127,7 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     """Lay the cable at rest and unstrained from `start` towards `end` (dim,) in m, the carriages hanging below it."""
     cable = system.cable
     direction = (end - start) / np.linalg.norm(end - start)
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    arc_lengths = cable.node_arc_length
     state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
     state.nodes.position[:, 1] = direction
     state.friction_origin[:] = state.joints.position
@@ -141,7 +142,7 @@ def lay_cable(system: System, state: State) -> None:
         EquilibriumError: when there is no such place.
     """
     cable, supports = system.cable, system.supports
-    arc_lengths = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1, dtype=np.float64)
+    arc_lengths = cable.node_arc_length
     ends = cable.support_position.copy()
     if not np.all(np.isfinite(ends)):
         positions, slopes = hanging(system)
@@ -199,5 +200,5 @@ def settle(system: System, state: State, work: Workspace) -> None:
     state.tower_load[:, 1] = state.tower_load[:, 0]
     state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
     for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
-        state.drive_force[carriage] *= local_stretch(cable, state, carriage)
+        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(cable, state, carriage))
     state.drive_mode[:] = modes

@@ -10,9 +10,10 @@ from cable_twin.mechanics.language.compilation import kernel
 @kernel
 def largest_increment(system, work):
     """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if one is."""
-    length = system.cable.element_length
+    lengths = system.cable.element_length
     worst, total = 0.0, 0.0
     for node in range(work.right_side.shape[0]):
+        length = lengths[min(node, lengths.size - 1)]
         for i in range(work.right_side.shape[2]):
             r, slope = work.right_side[node, 0, i], length * work.right_side[node, 1, i]
             worst = max(worst, abs(r), abs(slope))

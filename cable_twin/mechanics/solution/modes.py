@@ -20,7 +20,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import grip_moment
 from cable_twin.mechanics.on_rope.tower import add_supports
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
-from cable_twin.mechanics.rope.point import interpolate, locate
+from cable_twin.mechanics.rope.point import element_at
 from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions, shape_functions_x
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
@@ -122,31 +122,32 @@ def _free_directions(system: System) -> csc_array:
 def _cable_mass(system: System) -> csc_array:
     """Mass matrix (nodes 2 dim, nodes 2 dim) of the cable (eq. 5, 6)."""
     cable = system.cable
-    lengths = np.array([1.0, cable.element_length, 1.0, cable.element_length])
-    element = np.array(MASS) * np.outer(lengths, lengths) * cable.mass_per_length * cable.element_length
-    every_axis = np.kron(element, np.eye(len(cable.gravity)))
-    return _assemble(system, np.broadcast_to(every_axis, (cable.element_count, *every_axis.shape)))
+    length, dim = cable.element_length, len(cable.gravity)
+    scale = np.stack([np.ones_like(length), length, np.ones_like(length), length], axis=1)
+    weights = np.array(MASS) * scale[:, :, None] * scale[:, None, :] * (cable.mass_per_length * length)[:, None, None]
+    every_axis = np.einsum("eij,ab->eiajb", weights, np.eye(dim))
+    return _assemble(system, every_axis.reshape(cable.element_count, 4 * dim, 4 * dim))
 
 
 def _cable_stiffness(system: System, state: State) -> csc_array:
     """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
     cable = system.cable
     dim = len(cable.gravity)
-    length = cable.element_length
-    # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
-    shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
     zero = (0.0,) * dim
     matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
 
-    def force(vectors: FloatArray) -> FloatArray:
+    def force(length: float, vectors: FloatArray) -> FloatArray:
         d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
-        return np.concatenate(elastic_force(cable, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
+        return np.concatenate(elastic_force(cable, length, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
-    for element in range(cable.element_count):
+    for element, length in enumerate(cable.element_length.tolist()):
+        # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
+        shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
         vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable))
         tangent = np.empty((3 * dim, 3 * dim))
         for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
-            tangent[:, column] = (force(vectors + change) - force(vectors - change)) / (2.0 * DIFFERENCE * length)
+            both = force(length, vectors + change) - force(length, vectors - change)
+            tangent[:, column] = both / (2.0 * DIFFERENCE * length)
         matrices[element] = shape.T @ tangent @ shape
     return _assemble(system, matrices)
 
@@ -198,8 +199,9 @@ def _body_directions(system: System, state: State) -> csc_array:
     nodal = (cable.element_count + 1) * 2 * dim
     entries: list[tuple[int, int, float]] = []
     for carriage in range(carriages.fixed.size):
-        element, x = locate(cable, float(state.joints.position[carriage]))
-        weights = shape_functions(x, cable.element_length)
+        s = float(state.joints.position[carriage])
+        element = int(element_at(cable, s))
+        weights = shape_functions(s - cable.node_arc_length[element], cable.element_length[element])
         first = int(carriages.body_offset[carriage])
         for body in range(first, int(carriages.body_offset[carriage + 1])):
             for axis in range(2):
@@ -270,13 +272,13 @@ def _turn_of_cable(system: System, state: State, carriage: int) -> tuple[IntArra
         Nodal coordinates (4 dim,) of its element by number; the derivative (4 dim,) of its pitch by them; the second
         one (4 dim, 4 dim) times the moment there (N m).
     """
-    cable = system.cable
-    dim = len(cable.gravity)
-    element, x = locate(cable, float(state.joints.position[carriage]))
-    shape_x = shape_functions_x(x, cable.element_length)
-    r_x = interpolate(state.nodes.position, element, shape_x, cable.gravity)
+    cable, s = system.cable, float(state.joints.position[carriage])
+    dim, element = len(cable.gravity), int(element_at(cable, s))
+    shape_x = np.array(shape_functions_x(s - cable.node_arc_length[element], cable.element_length[element]))
+    x, z = (shape_x @ state.nodes.position[element : element + 2].reshape(4, dim)).tolist()
     still = clone_state(state)
     still.nodes.velocity[:], still.joints.velocity[:], still.bodies.velocity[:] = 0.0, 0.0, 0.0
+    still.joint_element[carriage] = element
     moment, _ = grip_moment(system, still, carriage)
-    bend = moment * np.kron(np.outer(shape_x, shape_x), np.reshape(pitch_by_slope_twice(r_x), (dim, dim)))
-    return 2 * dim * element + np.arange(4 * dim), np.kron(shape_x, pitch_by_slope(r_x)), bend
+    bend = moment * np.kron(np.outer(shape_x, shape_x), np.reshape(pitch_by_slope_twice((x, z)), (dim, dim)))
+    return 2 * dim * element + np.arange(4 * dim), np.kron(shape_x, pitch_by_slope((x, z))), bend

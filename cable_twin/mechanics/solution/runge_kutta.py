@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.drives.motion import prescribe, report_forces
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import energies
@@ -32,13 +32,13 @@ NODE_TOLERANCE = 1e-12  # of an element's length
 def stable_step(system: System) -> float:
     """Largest stable step (s) of the method for the bare cable.
 
-    The highest frequency is that of the endless straight mesh over all phases between neighbours, axial or in bending;
-    with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.
+    The highest frequency is that of the endless straight mesh of its shortest element over all phases between
+    neighbours, axial or in bending; with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.
     """
     from scipy.linalg import eigh  # noqa: PLC0415 - a quarter of a second, of every start
 
     cable = system.cable
-    length = cable.element_length
+    length = float(cable.element_length.min())
     axial = np.array(
         [
             [6 / 5, 1 / 10, -6 / 5, 1 / 10],
@@ -108,12 +108,19 @@ def copy_place(source, target):
     copy_array(source.velocity, target.velocity)
 
 
+@inlined_kernel
+def place_in_element(cable, state, carriage):
+    """Where the joint is on its element, from 0 to 1."""
+    element = state.joint_element[carriage]
+    return (state.joints.position[carriage] - cable.node_arc_length[element]) / cable.element_length[element]
+
+
 @kernel
 def overshoot(cable, state):
     """How far (elements) the joint that left its element most is beyond its node; and which joint that is."""
     farthest, which = 0.0, -1
     for carriage in range(state.joints.position.size):
-        place = state.joints.position[carriage] / cable.element_length - state.joint_element[carriage]
+        place = place_in_element(cable, state, carriage)
         beyond = 0.0
         if place > 1.0 and state.joint_element[carriage] < cable.element_count - 1:
             beyond = place - 1.0
@@ -142,15 +149,15 @@ def step_to_node(system, state, start, total, h, work):
     for _ in range(MAX_CUTS):
         if beyond <= NODE_TOLERANCE:
             # within or on the node: `short` is a step that leaves nobody's element
-            place = state.joints.position[which] / cable.element_length - state.joint_element[which]
+            place = place_in_element(cable, state, which)
             if min(abs(place), abs(place - 1.0)) <= NODE_TOLERANCE or long - short <= 1e-14 * h:
                 return taken, which
             short = taken
         else:
             long = taken
         # the joint moves almost evenly within a step, so Newton's guess from its speed is nearly right
-        speed = state.joints.velocity[which] / cable.element_length
-        place = state.joints.position[which] / cable.element_length - state.joint_element[which]
+        speed = state.joints.velocity[which] / cable.element_length[state.joint_element[which]]
+        place = place_in_element(cable, state, which)
         guess = taken - (place - (1.0 if speed > 0.0 else 0.0)) / speed if speed != 0.0 else 0.5 * (short + long)
         taken = guess if short < guess < long else 0.5 * (short + long)
         if not classical_step(system, state, start, total, taken, work):
@@ -164,7 +171,7 @@ def step_to_node(system, state, start, total, h, work):
 @kernel
 def change_element(cable, state, carriage):
     """Move a joint that is on a node to the element it goes to."""
-    place = state.joints.position[carriage] / cable.element_length - state.joint_element[carriage]
+    place = place_in_element(cable, state, carriage)
     element = state.joint_element[carriage] + (1 if place > 0.5 else -1)
     state.joint_element[carriage] = min(max(element, 0), cable.element_count - 1)
 

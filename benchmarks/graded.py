@@ -1,0 +1,141 @@
+"""Graded meshes beside even ones: what they cost, and how far key figures and the shape of the rope are apart.
+
+The trip: under way from rest, an emergency stop, and what comes after it. What the even mesh of twice as many elements
+differs by from the same even mesh is shown beside, as the measure of what that one is worth itself.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+
+from benchmarks.measure import Effort
+from benchmarks.report import Part, Table, Value
+from benchmarks.yardstick import CASES, YARDSTICK, Case, contestants, yardstick_sources
+from cable_twin.key_figures import KeyFigures
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EVEN = {"chairlift": 600, "gondola": 800, "aerial_tramway": 260}  # elements before there were graded meshes
+PIECE = 30.0  # s of simulated time in a turn
+STOP, END = 40.0, 60.0  # s
+FRAME = 0.02  # s, between looks
+POINTS = 400  # along the rope
+MOST_ELEMENTS, MOST_COST, MOST_FIGURE, MOST_SHAPE = 40.0, 45.0, 1.0, 5.0  # %, %, %, mm
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """What one mesh makes of the trip."""
+
+    elements: int
+    figures: Mapping[str, float]
+    shapes: Any  # (frames, POINTS, 3) m
+
+
+def run(effort: Effort, progress: Progress) -> Part:
+    """Cost and difference of all ropeways."""
+    names = ["chairlift"] if effort.quick else [*CASES]
+    task = progress.add_task("graded and even meshes", total=len(names) * (effort.repetitions + 3))
+    rows, differences, faults = [], [], []
+    with yardstick_sources() as (sources, note):
+        for name in names:
+            costs = _costs(name, effort, sources, lambda: progress.advance(task))
+            trips = []
+            for elements in (None, EVEN[name], 2 * EVEN[name]):
+                trips.append(_trip(name, elements, 0.1 if effort.quick else 1.0))
+                progress.advance(task)
+            graded, even, fine = trips
+            row: dict[str, Value] = {
+                "scenario": name,
+                "elements": graded.elements,
+                "even mesh": even.elements,
+                "elements [%]": 100.0 * graded.elements / even.elements,
+                f"solver, of that of {YARDSTICK} [%]": 100.0 * costs,
+            }
+            rows.append(row)
+            differences += [_difference(name, graded, even), _difference(name, fine, even)]
+            faults += [] if effort.quick else _faults(row, differences[-2])
+    notes = [
+        note,
+        f"The trip: drive at the speed of the part `frame` from rest, emergency stop at {STOP:g} s, until {END:g} s. "
+        f"Shapes are compared at {POINTS} places every {FRAME:g} s.",
+        f"Allowed: {MOST_ELEMENTS:g} % of the elements, {MOST_COST:g} % of the cost, {MOST_FIGURE:g} % in a key "
+        f"figure, {MOST_SHAPE:g} mm root mean square.",
+    ]
+    return Part(
+        "Graded meshes", [Table("cost", rows), Table("difference to the even mesh", differences)], notes, faults
+    )
+
+
+def _costs(name: str, effort: Effort, sources: Any, done: Any) -> float:
+    """Solver time of the graded mesh over that of the unit, median over turns."""
+    case = CASES[name]
+    ratios = []
+    with contestants(("yardstick", "solver"), case, sources) as running:
+        for _ in range(effort.repetitions):
+            times = {kind: contestant.run(0.5 if effort.quick else PIECE) for kind, contestant in running.items()}
+            ratios.append(times["solver"] / times["yardstick"])
+            done()
+    return statistics.median(ratios)
+
+
+def _trip(name: str, elements: int | None, part: float) -> Trip:
+    """Run the first `part` (0..1) of the trip on the mesh of the scenario, or on an even one of so many elements."""
+    case: Case = CASES[name]
+    scenario = load_scenario(name, {} if elements is None else {"cable.elements": elements})
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    arc_lengths = np.linspace(0.0, scenario.cable.unstrained_length, POINTS)
+    shapes = []
+    simulation.command(case.drive, speed=case.speed)
+    stop, end = round(STOP * part / FRAME), round(END * part / FRAME)
+    for frame in range(1, end + 1):
+        figures.update(simulation.advance_to(frame * FRAME))
+        shapes.append(simulation.cable_positions(arc_lengths))
+        if frame == stop:
+            simulation.emergency_stop()
+    values = {figure.name: figure.value for figure in figures.figures() if np.isfinite(figure.value)}
+    return Trip(simulation.system.cable.element_count, values, np.array(shapes))
+
+
+def _difference(name: str, trip: Trip, other: Trip) -> dict[str, Value]:
+    """How far two trips are apart."""
+    apart = np.linalg.norm(trip.shapes - other.shapes, axis=2)
+    figures = {
+        figure: 100.0 * abs(trip.figures[figure] - value) / abs(value)
+        for figure, value in other.figures.items()
+        if figure in trip.figures and abs(value) > 0.0
+    }
+    worst = max(figures, key=figures.__getitem__)
+    return {
+        "scenario": name,
+        "elements": trip.elements,
+        "shape, rms [mm]": 1e3 * float(np.sqrt(np.mean(apart**2))),
+        "99 % [mm]": 1e3 * float(np.percentile(apart, 99)),
+        "largest [mm]": 1e3 * float(apart.max()),
+        "key figures": len(figures),
+        "within 1 %": sum(value <= MOST_FIGURE for value in figures.values()),
+        "largest [%]": figures[worst],
+        "of": worst,
+    }
+
+
+def _faults(row: Mapping[str, Value], difference: Mapping[str, Value]) -> list[str]:
+    """Limits that are missed, a line each."""
+    cost = next(key for key in row if key.startswith("solver"))
+    found = [
+        f"graded: {row['scenario']}: {key} is {row[key]:.3g}, allowed: {most:g}"
+        for key, most in (("elements [%]", MOST_ELEMENTS), (cost, MOST_COST))
+        if float(row[key] or 0.0) > most
+    ]
+    found += [
+        f"graded: {row['scenario']}: {key} is {difference[key]:.3g} ({difference['of']}), allowed: {most:g}"
+        for key, most in (("shape, rms [mm]", MOST_SHAPE), ("largest [%]", MOST_FIGURE))
+        if float(difference[key] or 0.0) > most
+    ]
+    return found

@@ -1,0 +1,101 @@
+"""Where the nodes of a graded mesh are, how elements are found on it, and what is refused."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from cable_twin.mechanics.parameters import mesh_fields
+from cable_twin.mechanics.rope.point import element_at
+from cable_twin.scenario import Grading, ScenarioError, build_system, load_scenario
+from cable_twin.scenario.mesh import graded_nodes, short_zones
+
+GRADING = {"target": 8.0, "at_towers": 1.4, "growth": 1.5}
+ROPEWAYS = ("chairlift", "gondola", "aerial_tramway")
+
+
+def ropeway(name, **grading):
+    return load_scenario(name, {"cable.elements": {**GRADING, **grading}})
+
+
+@pytest.mark.parametrize("name", ROPEWAYS)
+@pytest.mark.parametrize("growth", [1.2, 1.5, 2.0])
+def test_elements_are_short_at_towers_and_ends_and_grow_between_them(name, growth):
+    scenario = ropeway(name, growth=growth)
+    system = build_system(scenario)
+    nodes, lengths = system.cable.node_arc_length, system.cable.element_length
+    assert (nodes[0], nodes[-1]) == (0.0, scenario.cable.unstrained_length)
+    assert_allclose(lengths.sum(), scenario.cable.unstrained_length, rtol=1e-12)
+    assert 0.97 * 1.4 < lengths.min() <= 1.03 * 1.4
+    assert lengths.max() < 1.02 * 8.0
+    ratios = lengths[1:] / lengths[:-1]
+    assert np.maximum(ratios, 1.0 / ratios).max() < 1.02 * growth
+    zones = short_zones(scenario, system)
+    assert len(zones) == 2 + len(scenario.towers)
+    for first, last in zones:
+        touched = (nodes[1:] >= first) & (nodes[:-1] <= last)
+        assert lengths[touched].max() < 1.4 * growth
+
+
+def test_towers_are_found_where_the_rope_lies_on_them():
+    """The zones hold the places of all contacts of the rope at rest."""
+    from cable_twin.simulation import Simulation  # noqa: PLC0415 - the only test here that needs the solver
+
+    scenario = load_scenario("gondola")
+    simulation = Simulation(scenario)
+    zones = short_zones(scenario, simulation.system)[1:-1]
+    offset = simulation.system.supports.contact_offset
+    for tower, (first, last) in enumerate(zones):
+        places = simulation._state.contact_arc_length[offset[tower] : offset[tower + 1]]
+        assert (places > first).all()
+        assert (places < last).all()
+
+
+def test_a_target_as_short_as_at_towers_is_an_even_mesh():
+    nodes = graded_nodes(100.0, Grading(target=2.0, at_towers=2.0), np.array([[0.0, 0.0], [40.0, 45.0]]))
+    assert_allclose(nodes, np.linspace(0.0, 100.0, 51), atol=1e-9)
+
+
+def test_a_number_makes_elements_that_are_equal_to_the_last_bit():
+    cable = build_system(load_scenario("single_span")).cable
+    assert np.all(cable.element_length == cable.element_length[0])
+
+
+@pytest.mark.parametrize("nodes", [np.linspace(0.0, 7.0, 8), np.array([0.0, 0.1, 0.35, 2.0, 2.1, 5.0, 5.05, 7.0])])
+def test_every_place_is_found_on_its_element(nodes):
+    cable = build_system(load_scenario("single_span")).cable._replace(**mesh_fields(nodes))
+    places = np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1]), np.random.default_rng(1).uniform(0.0, 7.0, 200)])
+    for place in places:
+        expected = min(np.searchsorted(nodes, place, side="right") - 1, nodes.size - 2)
+        assert element_at(cable, place) == expected
+    assert element_at(cable, -1.0) == 0
+    assert element_at(cable, 9.0) == nodes.size - 2
+
+
+@pytest.mark.parametrize(
+    ("elements", "line"),
+    [
+        (0, "cable.elements: given 0; allowed: a whole number at least 1 and at most 100000, or a mapping of target"),
+        (2.5, "cable.elements: given 2.5; allowed: a whole number"),
+        ("many", "cable.elements: given 'many'; allowed: a whole number"),
+        (
+            {"target": 8.0},
+            "cable.elements.at_towers: nothing given, but it is needed; allowed: a finite number above 0",
+        ),
+        ({**GRADING, "growth": 1.0}, "cable.elements.growth: given 1.0; allowed: a finite number above 1"),
+        ({**GRADING, "target": 1.0}, "cable.elements.at_towers: given 1.4; allowed: at most target, 1.0 m"),
+        ({**GRADING, "at_towers": 1e-6}, "cable.elements.at_towers: given 1e-06; allowed: at least"),
+        ({**GRADING, "at_tower": 1.0}, "cable.elements.at_tower: this key does not exist"),
+    ],
+)
+def test_bad_elements_are_refused_in_one_line(elements, line):
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("chairlift", {"cable.elements": elements})
+    faults = refused.value.faults
+    assert len(faults) == 1
+    assert line in str(faults[0])
+
+
+def test_part_of_a_grading_is_changed_by_its_key():
+    scenario = load_scenario("chairlift", {"cable.elements.target": 6.0})
+    assert scenario.cable.elements.target == 6.0
+    assert scenario.cable.elements.at_towers == load_scenario("chairlift").cable.elements.at_towers

@@ -1,0 +1,129 @@
+"""Graded meshes: closed forms and orders hold on them, and a carriage does not feel where elements change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.optimize import root
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification import Result, case
+from verification.models import beam, observed_order
+from verification.statics import LEVEL_SPAN, Array, cantilever, catenary_end, elastica, tip
+
+
+def graded(target: float, at_towers: float, growth: float = 1.5) -> dict[str, float]:
+    """Value of `cable.elements`, in m."""
+    return {"target": target, "at_towers": at_towers, "growth": growth}
+
+
+@case("graded mesh, elastic catenary, inclined", "Irvine 1981")
+def inclined_catenary() -> Iterator[Result]:
+    """Elements of 0.3 m at the ends and 3 m between them: all points, and the tension at both ends."""
+    span, weight, stiffness, length = np.array([100.0, 60.0]), 98.1, 2e7, 120.0
+    simulation = Simulation(
+        load_scenario(
+            LEVEL_SPAN,
+            {
+                "cable.unstrained_length": length,
+                "cable.end.position": [100.0, 60.0],
+                "cable.elements": graded(3.0, 0.3),
+                "cable.bending_stiffness": 0.0,
+            },
+        )
+    )
+    pull = root(lambda p: catenary_end(p, weight, stiffness, length) - span, [4000.0, -2000.0], tol=1e-12).x
+    arc_lengths = np.linspace(0.0, length, 97)
+    exact = np.array([catenary_end(pull, weight, stiffness, s) for s in arc_lengths])
+    apart = np.linalg.norm(simulation.cable_positions(arc_lengths)[:, [0, 2]] - exact, axis=1)
+    yield Result("worst of 97 points", "m", 0.0, float(apart.max()), 1e-5)
+    for name, expected in (("start", -pull), ("end", pull + np.array([0.0, weight * length]))):
+        force = simulation.snapshot.supports[name].force
+        for axis, index in (("x", 0), ("z", 2)):
+            wanted = float(expected[index // 2])
+            yield Result(f"force at {name}, {axis}", "N", wanted, float(force[index]), 1e-6 * abs(wanted))
+
+
+@case("graded mesh, order of convergence in space, cantilever", "elastica", needs_jit=True)
+def order_in_space() -> Iterator[Result]:
+    """All lengths halved twice: with the root of the growth, elements are half as long everywhere."""
+    exact = np.array(elastica(3.0, 1e2)[:2])
+    errors = []
+    for target, at_towers, growth in ((0.16, 0.04, 2.25), (0.08, 0.02, 1.5), (0.04, 0.01, 1.5**0.5)):
+        changes: dict[str, Any] = {"cable.elements": graded(target, at_towers, growth), "cable.axial_stiffness": 1e2}
+        errors.append(float(np.linalg.norm(tip(cantilever(changes, force=3.0)) - exact)))
+    yield Result("order, last two meshes", "-", 4.0, observed_order(errors), 0.2)
+    yield Result("tip on the finest mesh", "m", 0.0, errors[-1], 2e-8)
+
+
+@case("graded mesh, frequencies of a taut string", "closed form")
+def string_frequencies() -> Iterator[Result]:
+    """Half of sqrt(T / m) / l, its double and so on; elements of 1 and 5 m."""
+    length, tension, mass = 100.0, 1e6, 10.0
+    stiffness = 1e9
+    simulation = beam(
+        length=length / (1.0 + tension / stiffness),
+        mass_per_length=mass,
+        axial=stiffness,
+        bending=0.0,
+        elements=graded(5.0, 1.0),  # type: ignore[arg-type]
+        end=(length, 0.0),
+        supports=("pinned", "pinned"),
+        shape="equilibrium",
+        gravity=0.0,
+    )
+    first = 0.5 / length * np.sqrt(tension / mass * (1.0 + tension / stiffness))
+    for number, got in enumerate(simulation.natural_frequencies(4), 1):
+        yield Result(f"frequency {number}", "Hz", number * first, float(got), 1e-5 * number * first)
+
+
+@cache
+def roll(elements: int | tuple[float, float, float]) -> tuple[Array, Array]:
+    """Arc length (n,) in m and contact force (n,) in N of a load that is driven along a taut rope at 5 m/s."""
+    body = {"mass": 500.0, "inertia": 100.0, "upper_pivot": [0.0, 1.0]}
+    simulation = beam(
+        length=100.0,
+        mass_per_length=8.0,
+        axial=5e7,
+        bending=2e3,
+        elements=elements if isinstance(elements, int) else graded(*elements),  # type: ignore[arg-type]
+        end=(100.3, 10.0),
+        supports=("pinned", "pinned"),
+        shape="equilibrium",
+        damping_time=0.01,
+        carriages={
+            "load": {
+                "arc_length": 55.0,
+                "drive": {"mode": "speed", "limits": {"acceleration": 5.0}},
+                "bodies": {"body": body},
+            }
+        },
+        step=0.005,
+    )
+    simulation.command("load", speed=5.0)
+    places, forces = [], []
+    for frame in range(1, 1601):
+        load = simulation.advance_to(0.005 * frame).carriages["load"]
+        places.append(load.arc_length)
+        forces.append(float(np.linalg.norm(load.contact_force)))
+    return np.array(places), np.array(forces)
+
+
+@case("graded mesh, a carriage passes where elements change", "the even meshes of either length", needs_jit=True)
+def carriage_passes() -> Iterator[Result]:
+    """From elements of 2 m onto ones of 0.5 m near the end: no step is harder than on even meshes of either length."""
+
+    def hardest(elements: int | tuple[float, float, float]) -> float:
+        places, forces = roll(elements)
+        return float(np.abs(np.diff(forces))[(places[1:] > 65.0) & (places[1:] < 90.0)].max())
+
+    coarse, fine, mixed = hardest(50), hardest(200), hardest((2.0, 0.5, 1.5))
+    above = max(mixed - max(coarse, fine), 0.0)
+    yield Result("largest change in 5 ms, above that on the harder even mesh", "N", 0.0, above, 0.0)
+
+
+__all__ = ["carriage_passes", "inclined_catenary", "order_in_space", "string_frequencies"]
