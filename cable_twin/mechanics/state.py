@@ -104,6 +104,8 @@ class Workspace(NamedTuple):
     sliding_right: FloatArray  # (carriages,)
     sliding_increment: FloatArray  # (carriages,)
     saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
+    driven: NDArray[np.bool_]  # (carriages,) the joint follows a reference
+    given_force: FloatArray  # (carriages,) N along the cable
     haul_force: FloatArray  # (carriages,) N on the arc length, the sheave eliminated
     haul_by_s: FloatArray  # (carriages,) N/m, its derivative by the arc length
     sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of s, right side
@@ -182,6 +184,8 @@ def allocate_workspace(system: System) -> Workspace:
         sliding_right=np.zeros(carriages),
         sliding_increment=np.zeros(carriages),
         saturation=np.zeros(carriages),
+        driven=np.zeros(carriages, dtype=np.bool_),
+        given_force=np.zeros(carriages),
         haul_force=np.zeros(carriages),
         haul_by_s=np.zeros(carriages),
         sheave_row=np.zeros((carriages, 3)),

@@ -9,7 +9,9 @@ import pytest
 from systems import changed, difference, disturbed_state, make_system, second_difference
 from test_chain import chain_residual, gaps, hinge_moments
 
-from cable_twin.mechanics.on_rope.sliding_joint import friction_force, place_joint, stop_force
+from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow

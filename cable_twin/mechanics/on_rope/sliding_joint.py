@@ -11,12 +11,11 @@ from math import sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, full, load, minus, outer, scale, store
-from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import hinge_of
-from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.grip import add_grip, pitch_by_slope, tangent_pitch
 from cable_twin.mechanics.on_rope.hinge import hinge_energy, is_hinged
-from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -104,57 +103,12 @@ def velocity_acceleration(cable, state, carriage):
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bend(state.nodes.position, point, cable.gravity)))
 
 
-@kernel
-def stop_force(carriages, cable, carriage, s, s_dot):
-    """Force (N) of the end stops along the cable and its derivatives by s and ṡ.
-
-    A buffer of Hunt and Crossley: k d (1 + c ḋ) over the penetration d, never pulling.
-    """
-    stroke = carriages.stop_stroke[carriage]
-    sign, depth = 1.0, stroke - s
-    if s > 0.5 * cable.unstrained_length:
-        sign, depth = -1.0, s - (cable.unstrained_length - stroke)
-    stiffness, damping = carriages.stop_stiffness[carriage], carriages.stop_damping[carriage]
-    hysteresis = 1.0 - sign * damping * s_dot
-    if depth <= 0.0 or hysteresis <= 0.0:
-        return 0.0, 0.0, 0.0
-    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
-
-
-@kernel
-def deflection(carriages, state, carriage):
-    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
-    way = state.joints.position[carriage] - state.friction_origin[carriage]
-    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
-
-
-@kernel
-def friction_force(carriages, state, carriage, normal):
-    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
-
-    A track-rope brake grips with its own force, and holds and slips by the same law.
-    """
-    z, z_by_s = deflection(carriages, state, carriage)
-    rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
-    grip = rolling * normal
-    if state.drive_braking[carriage]:
-        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
-    force = -grip * z - viscous * state.joints.velocity[carriage]
-    return force, -grip * z_by_s, -viscous, -rolling * z
-
-
-@kernel
-def settle_friction(carriages, state, carriage):
-    """End a step: what is mobilised now is where the next one starts from."""
-    state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
-    state.friction_origin[carriage] = state.joints.position[carriage]
-
-
 @inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
-    Needs the chain condensed (`condense_chain`), and `sliding_increment` where the joint is driven.
+    Needs the chain and the drive condensed (`condense_chain`, `condense_drive`), and `sliding_increment` where the
+    joint is driven.
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
@@ -175,12 +129,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     )
 
     d_r_x = apply_impedance(impedance, r_x)
-    if state.drive_mode[carriage] == SPEED:
+    if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     else:
-        given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
-        f_t = given + f_friction + f_stop
+        f_t = work.given_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, r_x)
@@ -189,9 +142,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
-        if state.drive_mode[carriage] == HAULED:
-            right += work.haul_force[carriage]
-            pivot -= work.haul_by_s[carriage]
+        right += work.haul_force[carriage]
+        pivot -= work.haul_by_s[carriage]
 
     shape, shape_x, rows, columns = point.shape, point.shape_x, work.sliding_row[carriage], work.sliding_column
     for i in range(4):

@@ -13,7 +13,7 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.haul_rope import condense_sheave, recover_sheave
+from cable_twin.mechanics.drives.pull import condense_drive, recover_drive, reference_acceleration, reference_gap
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array, copy_array
 from cable_twin.mechanics.language.vectors import (
@@ -43,7 +43,6 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     velocity_acceleration,
 )
 from cable_twin.mechanics.on_rope.tower import add_supports
-from cable_twin.mechanics.parameters import HAULED, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
@@ -68,8 +67,7 @@ def measure_gaps(system, state, work, place):
             place_joint(system.cable, state, carriage)
         joint = joint_position(system.cable, state, carriage)
         close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
-        if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
+        reference_gap(state, carriage, work)
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
@@ -95,8 +93,7 @@ def measure_gap_accelerations(system, state, feedback, work):
         moving = joint_velocity(system.cable, state, carriage)
         turning = velocity_acceleration(system.cable, state, carriage)
         joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
-        if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference.acceleration[carriage]
+        reference_acceleration(state, carriage, work)
 
 
 @inlined_kernel
@@ -125,8 +122,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
             condense_chain(
                 carriages, cable.gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work
             )
-            if state.drive_mode[carriage] == HAULED:
-                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+            condense_drive(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
@@ -213,8 +209,7 @@ def solve(system, state, work):
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
-            if state.drive_mode[carriage] == HAULED:
-                recover_sheave(carriage, work)
+            recover_drive(state, carriage, work)
     return True
 
 
