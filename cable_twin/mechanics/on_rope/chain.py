@@ -152,12 +152,10 @@ def condense_chain(carriages, gravity, state, carriage, direction, mass_factor, 
         row_x, row_z, row_t = m * up_x + carried_x + dragged_x, m * up_z + carried_z + dragged_z, -hinge
         stiffness = mass_factor * inertia + stiffness_factor * geometric
         stiffness += m * (up_x * up_x + up_z * up_z) + down_x * carried_x + down_z * carried_z
-        stiffness += up_x * dragged_x + up_z * dragged_z
-        stiffness += carried_t + hinge
+        stiffness += up_x * dragged_x + up_z * dragged_z + (carried_t + hinge)
         right = residual_pitch + up_x * on_x + up_z * on_z + down_x * b_x + down_z * b_z + b_t
-        work.pitch_pivot[body] = stiffness
+        work.pitch_pivot[body], work.pitch_right[body] = stiffness, right
         store((row_x, row_z, row_t), work.pitch_row[body])
-        work.pitch_right[body] = right
         d_xx += m - row_x * row_x / stiffness + drag[0]
         d_xz += drag[1] - row_x * row_z / stiffness
         d_zz += m - row_z * row_z / stiffness + drag[2]
