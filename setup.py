@@ -11,5 +11,6 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/cable_twin"]),
         ("share/cable_twin", ["package.xml"]),
         ("share/cable_twin/config", glob("config/*.yaml")),
+        ("share/cable_twin/docs", ["docs/scenario.schema.json"]),  # where the first line of each scenario looks for it
     ],
 )

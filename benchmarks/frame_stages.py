@@ -131,7 +131,7 @@ def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] 
         import rclpy  # noqa: PLC0415 - optional
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
 
-        from cable_twin.ros.node import MESSAGE_TYPES  # noqa: PLC0415
+        from cable_twin.ros.endpoints import message_class  # noqa: PLC0415
     except ImportError:
         yield None
         return
@@ -139,11 +139,10 @@ def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] 
     rclpy.init(context=context, domain_id=os.getpid() % 80 + 20)
     node = rclpy.create_node("cable_twin_benchmark", context=context)
     try:
-        known = [topic for topic in table if topic.type in MESSAGE_TYPES]
         publishers = {}
-        for topic in known:
+        for topic in table:
             name = topic.name if topic.name.startswith("/") else f"{NAMESPACE}/{topic.name}"
-            kind = MESSAGE_TYPES[topic.type]
+            kind = message_class(topic.type)
             quality = QoSProfile(
                 depth=topic.depth,
                 reliability=ReliabilityPolicy[topic.reliability.upper()],

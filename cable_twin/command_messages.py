@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from typing import get_args
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from cable_twin.commands import INPUTS, KINDS, VECTOR, Kind, kinds_on
 from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
-from cable_twin.records import AppliedCommand, Command, CommandError, CommandKind
-
-UNITS = {"velocity": "m/s", "effort": "N"}
-VALUE_FIELDS = {"speed": "velocity", "force": "effort", "payload": "effort", "wind": "velocity"}  # of applied commands
+from cable_twin.records import AppliedCommand, Command, CommandError
 
 
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     """Encode a command that took effect as sensor_msgs/JointState.
 
-    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; by name velocity (m/s) for `speed` and
-    `wind`, effort for `force` (N) and `payload` (kg), nothing for the other kinds.
+    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; by name or axis a number in the field that
+    the table of kinds says, nothing for kinds without numbers.
 
     Args:
         applied: The command; its time to the nanosecond.
@@ -29,14 +27,12 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
         CDR, from which `applied_command_from_message` gives the same record.
     """
     command = applied.command
-    values = np.array([*command.values.values()], dtype=np.float64)
-    nothing = np.empty(0)
+    fields = {"position": np.empty(0), "velocity": np.empty(0), "effort": np.empty(0)}
+    if field := KINDS[command.kind].field:
+        fields[field] = np.array([*command.values.values()], dtype=np.float64)
     stamp = time_of(epoch_ns + nanoseconds(applied.time))
     header = Header(stamp, f"{command.kind}:{applied.source}")
-    field = VALUE_FIELDS.get(command.kind)
-    velocity = values if field == "velocity" else nothing
-    effort = values if field == "effort" else nothing
-    return serialize(JointState(header, [*command.values], nothing, velocity, effort))
+    return serialize(JointState(header, [*command.values], **fields))
 
 
 def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
@@ -54,91 +50,113 @@ def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
     """
     message = decode(data, JointState.__msgtype__)
     kind, colon, source = message.header.frame_id.partition(":")
-    if not colon or kind not in get_args(CommandKind):
-        msg = f"applied command {message.header.frame_id!r}; KIND:SOURCE with one of {', '.join(get_args(CommandKind))}"
+    if not colon or kind not in KINDS:
+        msg = f"applied command {message.header.frame_id!r}; KIND:SOURCE with one of {', '.join(KINDS)}"
         raise ValueError(msg)
-    given = getattr(message, VALUE_FIELDS[kind]) if kind in VALUE_FIELDS else ()
+    field = KINDS[kind].field
+    given = getattr(message, field) if field else ()
     values = dict(zip(message.name, map(float, given), strict=True))
     stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     return AppliedCommand((stamp - epoch_ns) / SECOND, Command(kind, values), source)
 
 
-def command_from_joint_state(
-    names: Sequence[str], position: Collection[float], velocity: Collection[float], effort: Collection[float]
-) -> Command:
-    """Understand a joint command; whether names and limits fit is for the simulation to say.
+def command_from_message(topic: str, data: bytes) -> Command:
+    """Understand a message of a topic that brings commands; whether it can be done now is for the simulation to say.
 
     Args:
-        names: Carriages or drives.
-        position: Has to be empty: the twin does not take positions.
-        velocity: m/s for each name, or empty.
-        effort: N for each name, or empty.
+        topic: Relative name, of `cable_twin.commands.INPUTS`.
+        data: CDR.
 
-    Returns:
-        A command of kind `speed` or `force`.
+    Raises:
+        CommandError: It is no message of the topic's type, or has no clear meaning.
+    """
+    try:
+        message: Any = decode(data, INPUTS[topic])
+        if INPUTS[topic] == VECTOR:
+            return command_from_vector(topic, message.vector.x, message.vector.y, message.vector.z)
+        return command_from_joint_state(topic, message.name, message.position, message.velocity, message.effort)
+    except CommandError:
+        raise
+    except Exception as error:  # nothing that arrives on a topic ends the node
+        raise CommandError(f"not a {INPUTS[topic].rpartition('/')[2]}: {error}") from error
+
+
+def command_from_joint_state(
+    topic: str,
+    names: Sequence[str],
+    position: Collection[float],
+    velocity: Collection[float],
+    effort: Collection[float],
+) -> Command:
+    """Understand a JointState of a topic; whether names and limits fit is for the simulation to say.
+
+    Args:
+        topic: Which kinds are meant.
+        names: Carriages or drives.
+        position: A number for each name, or empty.
+        velocity: The same.
+        effort: The same.
 
     Raises:
         CommandError: What was given has no clear meaning.
     """
-    if not len(names):
-        msg = "joint command without names; name at least one carriage or drive"
-        raise CommandError(msg)
-    if len(position):
-        msg = (
-            f"joint command with {len(position)} positions; give velocity (m/s) or effort (N), positions are not taken"
-        )
-        raise CommandError(msg)
-    if bool(len(velocity)) == bool(len(effort)):
-        given = "both velocity and effort" if len(velocity) else "neither velocity nor effort"
-        msg = f"joint command with {given}; give one of them, velocity (m/s) or effort (N)"
-        raise CommandError(msg)
-    field, numbers = ("velocity", velocity) if len(velocity) else ("effort", effort)
-    if len(numbers) != len(names):
-        counts = f"{len(names)} names and {len(numbers)} values of {field}"
-        msg = f"joint command with {counts}; give one value ({UNITS[field]}) for each name"
-        raise CommandError(msg)
-    values = dict(zip(names, map(float, numbers), strict=True))
+    kinds = kinds_on(topic)
+    fields = {"position": position, "velocity": velocity, "effort": effort}
+    if len(kinds) == 1:
+        (kind,) = kinds.values()
+        what = kind.name.replace("_", " ")
+        _check_fields(kind, what, len(names), fields)
+    else:
+        what = topic.removesuffix("s").replace("_", " ")
+        kind = _kind_meant(kinds, what, len(names), fields)
+    values = dict(zip(names, map(float, fields[kind.field]), strict=True))
     if len(values) != len(names):
         twice = next(name for name in names if list(names).count(name) > 1)
-        msg = f"joint command names {twice!r} more than once; name each one once"
-        raise CommandError(msg)
+        raise CommandError(f"{what} names {twice!r} more than once; name each one once")
     for name, value in values.items():
         if not math.isfinite(value):
-            msg = f"joint command {field} of {name!r} is {value}; give a finite number ({UNITS[field]})"
-            raise CommandError(msg)
-    return Command("speed" if field == "velocity" else "force", values)
+            raise CommandError(f"{what} {kind.field} of {name!r} is {value}; give a finite number ({kind.unit})")
+    return Command(kind.name, values)
 
 
-def payload_from_joint_state(
-    names: Sequence[str], position: Collection[float], velocity: Collection[float], effort: Collection[float]
-) -> Command:
-    """Understand a payload; whether a carriage can take it now is for the simulation to say.
+def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collection[float]]) -> None:
+    """Refuse anything but a number for each name in the field of the kind."""
+    counts = {field: len(numbers) for field, numbers in fields.items()}
+    if not names or counts != {**dict.fromkeys(counts, 0), kind.field: names}:
+        given = "{position} positions, {velocity} velocities and {effort} values of effort".format(**counts)
+        wanted = f"give names, and {kind.field} as the {kind.quantity} ({kind.unit}) for each"
+        raise CommandError(f"{what} with {names} names, {given}; {wanted}")
 
-    Args:
-        names: Carriages.
-        position: Has to be empty.
-        velocity: Has to be empty.
-        effort: kg for each name.
+
+def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mapping[str, Collection[float]]) -> Kind:
+    """The kind whose field has the numbers, one for each name."""
+    known = " or ".join(f"{field} ({kind.unit})" for field, kind in kinds.items())
+    given = [field for field, numbers in fields.items() if len(numbers)]
+    if not names:
+        raise CommandError(f"{what} without names; name at least one carriage or drive")
+    for field in given:
+        if field not in kinds:
+            raise CommandError(f"{what} with {len(fields[field])} {field}s; give {known}, {field}s are not taken")
+    if len(given) != 1:
+        which = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(kinds)}"
+        raise CommandError(f"{what} with {which}; give one of them, {known}")
+    kind = kinds[given[0]]
+    if len(fields[kind.field]) != names:
+        counts = f"{names} names and {len(fields[kind.field])} values of {kind.field}"
+        raise CommandError(f"{what} with {counts}; give one value ({kind.unit}) for each name")
+    return kind
+
+
+def command_from_vector(topic: str, x: float, y: float, z: float) -> Command:
+    """Understand a vector of a topic, such as a wind (m/s).
 
     Raises:
-        CommandError: What was given has no clear meaning.
+        CommandError: It points across the track, where nothing can move.
     """
-    if not len(names) or len(position) or len(velocity) or len(effort) != len(names):
-        msg = (
-            f"payload with {len(names)} names, {len(position)} positions, {len(velocity)} velocities and "
-            f"{len(effort)} values of effort; give names, and effort as the mass (kg) for each"
-        )
-        raise CommandError(msg)
-    return Command("payload", command_from_joint_state(names, position, velocity, effort).values)
-
-
-def wind_from_vector(x: float, y: float, z: float) -> Command:
-    """Understand a wind (m/s).
-
-    Raises:
-        CommandError: It blows across the track, where nothing can move.
-    """
-    if y != 0.0:
-        msg = f"wind y is {y:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
-        raise CommandError(msg)
-    return Command("wind", {"x": float(x), "z": float(z)})
+    (kind,) = kinds_on(topic).values()
+    numbers = {"x": float(x), "y": float(y), "z": float(z)}
+    for axis, number in numbers.items():
+        if axis not in kind.axes and number != 0.0:
+            allowed = f"allowed is 0: the twin moves in the plane of the track, {' and '.join(kind.axes)}"
+            raise CommandError(f"{kind.name} {axis} is {number:g} {kind.unit}; {allowed}")
+    return Command(kind.name, {axis: numbers[axis] for axis in kind.axes})

@@ -8,26 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-CommandKind = Literal["speed", "force", "payload", "wind", "emergency_stop", "release", "reset"]
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One accepted instruction to the twin; together with the scenario it determines the whole motion.
+    """One accepted instruction to the twin; together with the scenario it determines the whole motion."""
 
-    `speed` (m/s), `force` (N) and `payload` (kg) carry a value by name of a carriage or, the first, of a drive; `wind`
-    (m/s) carries one by each of the axes `x` and `z`; `emergency_stop`, `release` (of the emergency stop) and `reset`
-    (of the state, time runs on) carry none.
-    """
-
-    kind: CommandKind
-    values: Mapping[str, float]
+    kind: str  # one of the table `cable_twin.commands.KINDS`
+    values: Mapping[str, float]  # by name of a carriage or drive, or by axis, in the unit of the kind
 
 
 class CommandError(ValueError):

@@ -182,14 +182,15 @@ class Snapshot:
 
     Attributes:
         layout: which number is what.
-        numbers: (size,), not to be changed.
+        numbers: (size,), which cannot be written.
         solver: what the solver did since the snapshot before.
     """
 
     __slots__ = ("_columns", "layout", "numbers", "solver")
 
     def __init__(self, layout: Layout, numbers: FloatArray, solver: SolverReport) -> None:
-        self.layout, self.numbers, self.solver = layout, numbers, solver
+        self.layout, self.numbers, self.solver = layout, numbers.view(), solver
+        self.numbers.flags.writeable = False
         self._columns: Columns | None = None
 
     @property

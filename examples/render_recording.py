@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from PIL import Image
 from rerun.experimental import ViewerClient
 
 DRIVER_DIRECTORIES = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"), Path("/usr/local/share/vulkan/icd.d"))
@@ -30,6 +31,7 @@ START_TIMEOUT = 60.0  # s, a software driver compiles its shaders at the first s
 GREETING_TIME = 6.0  # s, for the viewer's greeting to fade
 SETTLE_TIME = 6.0  # s, from moving the time cursor to a picture that shows all of it
 TIMELINE = "sim_time"
+MENU = 37  # pixels of the viewer's menu at the top, which is cut off
 MAGIC = b"RRF"  # at the start of a recording
 
 
@@ -152,8 +154,14 @@ def render(recording: Path, times: list[float], output: Path, size: str) -> list
             client.set_time(TIMELINE, duration=moment, play_state="paused")
             time.sleep(SETTLE_TIME)
             client.save_screenshot(str(picture.resolve()))
+            _cut_menu(picture)
             pictures.append(picture)
     return pictures
+
+
+def _cut_menu(picture: Path) -> None:
+    with Image.open(picture) as image:
+        image.crop((0, MENU, image.width, image.height)).save(picture)
 
 
 def main() -> int:

@@ -1,17 +1,39 @@
 from __future__ import annotations
 
+import fcntl
 import os
 
 import pytest
-from twin_process import TwinProcess
+from twin_process import TwinProcess, allocate_domain, release_domain
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """With `-n`: the tests of a file share twins and runs, so one process has all of them; in the files' order."""
+    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - only there with `-n`
+
+    config.option.loadscopereorder = False
+    return LoadFileScheduling(config, log)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _ros_log_directory(tmp_path_factory):
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _kernels(tmp_path_factory):
+    """With `-n`: what all need is compiled by one process, and the one that a first start takes, not by each."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        with (tmp_path_factory.getbasetemp().parent / "kernels.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            Simulation(load_scenario("seed_example")).advance_to(0.01)
 
 
 @pytest.fixture
@@ -26,6 +48,14 @@ def processes(tmp_path):
     yield start
     for process in started:
         process.kill()
+
+
+@pytest.fixture
+def domain():
+    """A ROS domain for this test alone."""
+    taken = allocate_domain()
+    yield taken
+    release_domain(taken)
 
 
 @pytest.fixture

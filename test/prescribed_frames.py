@@ -57,11 +57,16 @@ def frame(moment: float, vehicles=("cabin",), towers=(), drives=(), *, tension=1
     """The rope and nothing else: what is not filled in is NaN, which is no value."""
     shape = layout(vehicles, towers, drives)
     one = Snapshot(shape, np.full(shape.size, math.nan), SolverReport(1, 1, 0, 0.0))
-    columns, x = one.columns, shape.arc_lengths
+    columns, x = writable(one), shape.arc_lengths
     columns.time[0] = moment
     columns.rope_position[:] = np.column_stack([x, 0.0 * x, height(x)])
     columns.rope_tension[:] = tension * (1.0 + 0.1 * x / LENGTH)  # highest at the end, lowest at the start
     return one
+
+
+def writable(one: Snapshot):
+    """Columns of the array that it shows, which is its maker's."""
+    return one.layout.columns(one.numbers.base)
 
 
 def height(x):
@@ -72,7 +77,7 @@ def put(
     one: Snapshot, row=0, *, place=500.0, speed=0.0, drive_force=0.0, pitch=0.0, body=None, weight=1e5, attached=1.0
 ) -> None:
     """Hang a vehicle into a frame."""
-    c = one.columns
+    c = writable(one)
     c.arc_length[row], c.speed[row], c.drive_force[row] = place, speed, drive_force
     c.contact_force[row] = 0.0, 0.0, weight
     c.attached[row] = attached
@@ -92,7 +97,7 @@ def gathered(figures: KeyFigures) -> dict[str, KeyFigure]:
 
 def supported(moment: float, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=math.nan) -> Snapshot:
     one = frame(moment, towers=("lower", "upper"))
-    columns = one.columns
+    columns = writable(one)
     columns.support_force[:] = [(-9e5, 0.0, 1e5), (9e5, 0.0, 1e5), *((0.0, 0.0, load) for load in loads)]
     columns.support_travel[1] = travel
     columns.tower_load[2:], columns.tower_lowest_load[2:], columns.tower_rest_load[2:] = loads, lowest, 2e5
@@ -104,7 +109,7 @@ def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ..
     one = frame(moment, ("chair_1", "chair_2", "chair_3"), drives=("haul_rope",))
     for row, place, swing in zip(range(3), (100.0, 300.0, 1003.0), swings, strict=True):
         put(one, row, place=place, speed=speed, pitch=swing, attached=float(row < 2))
-    columns = one.columns
+    columns = writable(one)
     columns.drive_position[0], columns.drive_speed[0] = moment * speed if gone is None else gone, speed
     columns.moving_cable_force[0] = force
     return one

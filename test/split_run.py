@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from small_tramway import TRAMWAY
@@ -9,6 +10,7 @@ from small_tramway import TRAMWAY
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
+from cable_twin.rates import LOGGED
 from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.records import Command
@@ -29,7 +31,13 @@ COMMANDS = {
 }
 
 
-def record_split(directory: Path, duration: float, splitting: Splitting, rerun: str = "off") -> Path:
+def record_split(
+    directory: Path,
+    duration: float,
+    splitting: Splitting,
+    rerun: str = "off",
+    rates: Mapping[str, float] = LOGGED,
+) -> Path:
     """Simulate and record; returns the directory of the run."""
     simulation = Simulation(load_scenario(TRAMWAY))
     run = start_run(
@@ -42,7 +50,9 @@ def record_split(directory: Path, duration: float, splitting: Splitting, rerun: 
     )
     run.begin(EPOCH)
     script = [ScriptedCommand(time, command, "script", "") for time, command in COMMANDS.items()]
-    outcome = simulate(simulation, script, duration=duration, frame_steps=FRAME_STEPS, epoch_ns=EPOCH, run=run)
+    outcome = simulate(
+        simulation, script, duration=duration, frame_steps=FRAME_STEPS, epoch_ns=EPOCH, run=run, rates=rates
+    )
     run.recorder.close()
     assert (outcome.refused, outcome.fault, run.recorder.faults, run.recorder.dropped) == ([], "", [], 0)
     return run.directory

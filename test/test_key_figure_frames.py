@@ -17,6 +17,7 @@ from prescribed_frames import (
     scenario,
     snapshot,
     supported,
+    writable,
 )
 
 from cable_twin.key_figures import KeyFigure, KeyFigures, figure_from_values, values_of
@@ -37,7 +38,7 @@ def test_what_a_log_does_not_hold_is_no_value():
     assert before["cabin: clearance over the terrain"].value == pytest.approx(60.0 - 40.0 - 5.0 - 1.5, abs=0.3)
     for moment in (2.0, 3.0):
         nothing = frame(moment)
-        nothing.numbers[1:] = math.nan
+        nothing.numbers.base[1:] = math.nan
         figures.update(nothing)
     assert gathered(figures) == before
 
@@ -49,7 +50,7 @@ def test_frames_without_places_leave_accelerations_to_those_that_have_some():
         moment = number * PERIOD
         one = snapshot(moment, place=500.0 + 0.5 * 1.2 * moment**2)
         if number % 5:
-            one.columns.body_position[:] = math.nan
+            writable(one).body_position[:] = math.nan
         else:
             alone.update(one)
         sparse.update(one)

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from twin_process import COMPILING, allocate_domain, write_quick_scenario
+from twin_process import COMPILING, environment, write_quick_scenario
 
 from benchmarks.live import Result, Second, faults, unexplained
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def seconds(*rows):
@@ -62,12 +58,10 @@ def test_each_limit_is_named_when_it_is_missed():
 
 
 def run(*arguments, directory):
-    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "ROS_DOMAIN_ID": str(allocate_domain())}
     return subprocess.run(
         [sys.executable, "-m", "benchmarks", "live", *arguments],
         cwd=directory,
-        env=environment,
+        env=environment(directory),
         capture_output=True,
         text=True,
         timeout=2 * COMPILING,
@@ -97,7 +91,7 @@ def test_a_short_run_gives_every_figure(tmp_path):
     assert 0.5 < process[0]["processor [% of a core]"] < 200.0
     assert 50.0 < process[0]["resident [MB]"] <= process[0]["peak [MB]"]
     assert "## Live" in (tmp_path / "benchmarks.md").read_text()
-    assert (tmp_path / "live_quick.png").stat().st_size > 5000
+    assert (tmp_path / "pictures" / "live_quick.png").stat().st_size > 5000
     assert 0.0 < process[0]["stamp to subscriber, median [ms]"] <= process[0]["p99 [ms]"]
 
 

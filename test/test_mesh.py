@@ -45,7 +45,7 @@ def test_towers_are_found_where_the_rope_lies_on_them():
     zones = short_zones(scenario, simulation.system)[1:-1]
     offset = simulation.system.supports.contact_offset
     for tower, (first, last) in enumerate(zones):
-        places = simulation._state.contact_arc_length[offset[tower] : offset[tower + 1]]
+        places = simulation.state.contact_arc_length[offset[tower] : offset[tower + 1]]
         assert (places > first).all()
         assert (places < last).all()
 

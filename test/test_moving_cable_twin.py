@@ -207,7 +207,7 @@ def test_vertical_support_forces_are_all_weight_at_rest():
 def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
     """800 m, 2.5 m/s: accelerations of the others over a step with a swap change as over the one before."""
     simulation = chairlift()
-    state = simulation._state
+    state = simulation.state
     simulation.command("haul_rope", speed=2.5 * sign)
     simulation.advance_to(60.0)
     changes, swaps = [], []

@@ -55,6 +55,11 @@ FAULTS = [
     ("cable.elements", 24.0, "given 24.0; allowed: a whole number"),
     ("cable.elastic_model", "continium", "allowed: one of continuum, element_frame"),
     ("cable.start", [0.0, 0.0], "given [0.0, 0.0]; allowed: a mapping"),
+    (
+        "towers",
+        {"tower": {"position": [1.8, -0.6], "hold_down": "no"}},
+        "hold_down: given 'no'; allowed: true or false",
+    ),
     ("cable.start.position", [0.0, nan], "given [0.0, nan]; allowed: a list of 2 finite numbers, in m"),
     ("cable.start.position", [0.0], "given [0.0]; allowed: a list of 2 finite numbers"),
     ("cable.start.direction", [1.0, 0.0], "where support is pinned; allowed: only where clamped"),
@@ -261,7 +266,7 @@ def test_unknown_names_and_missing_files_name_the_known_ones(tmp_path):
         (b"just text", ": given 'just text'; allowed: a mapping"),
         (b"gravity: " + b"9" * 5000, ": holds a value that cannot be read"),
         (b"gravity: 2020-13-45", ": holds a value that cannot be read"),
-        (b"[" * 5000, ": holds a value that cannot be read (nested too deeply)"),
+        (b"[" * 2000, ": holds a value that cannot be read (nested too deeply)"),
     ],
 )
 def test_what_is_no_scenario_is_said_with_its_line(content, text, tmp_path):

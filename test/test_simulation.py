@@ -116,11 +116,11 @@ def test_refusals_say_what_is_allowed_and_change_nothing(command, message):
     simulation = driven(speed=2.0, force=50.0)
     simulation.command("carriage", speed=-0.5)
     simulation.advance_to(0.01)
-    before = [array.copy() for array in fields_of(simulation._state).values()]
+    before = [array.copy() for array in fields_of(simulation.state).values()]
     with pytest.raises(CommandError) as refusal:
         simulation.apply(command)
     assert str(refusal.value) == message
-    for array, kept in zip(fields_of(simulation._state).values(), before, strict=True):
+    for array, kept in zip(fields_of(simulation.state).values(), before, strict=True):
         np.testing.assert_array_equal(array, kept)
 
 
@@ -128,7 +128,7 @@ def test_a_command_is_refused_whole():
     simulation = driven(speed=2.0)
     with pytest.raises(CommandError):
         simulation.apply(Command("speed", {"carriage": 1.0, "gondola": 1.0}))
-    assert simulation._state.drive_target[0] == 0.0
+    assert simulation.state.drive_target[0] == 0.0
 
 
 @pytest.mark.parametrize("given", [{}, {"speed": 1.0, "force": 1.0}])
@@ -360,7 +360,7 @@ print("caught", caught)
 """
     result = subprocess.run(
         [sys.executable, "-c", code],
-        env=environment(tmp_path, 0),
+        env=environment(tmp_path),
         capture_output=True,
         text=True,
         timeout=COMPILING,
@@ -368,3 +368,18 @@ print("caught", caught)
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout == "caught 200\n"
+
+
+def test_the_state_can_be_read_and_not_written():
+    """It is a view that goes on with the motion; a copy may be written and put back."""
+    simulation = driven()
+    state = simulation.state
+    with pytest.raises(ValueError, match="read-only"):
+        state.wind[:] = 1.0
+    simulation.wind(3.0)
+    assert state.wind[0] == 3.0
+    full = simulation.capture()
+    full.state.wind[:] = 0.0
+    assert state.wind[0] == 3.0
+    simulation.restore(full)
+    assert state.wind[0] == 0.0

@@ -126,7 +126,7 @@ def test_what_has_a_name_has_the_numbers_of_its_row(simulation):
 
 def test_columns_are_those_of_the_state(simulation):
     """By another way than the kernel that fills them: to the last bit, sums to 1e-12."""
-    columns, state, system = simulation.snapshot.columns, simulation._state, simulation.system
+    columns, state, system = simulation.snapshot.columns, simulation.state, simulation.system
     first = system.carriages.body_offset[:-1]
     for column, array in (
         (columns.arc_length, state.joints.position),
@@ -229,7 +229,7 @@ def test_a_body_is_where_it_is_without_its_payload():
     simulation = Simulation(test_loads.scenario(), samples=5)
     simulation.advance_to(0.1 if JIT else 0.02)
     before = simulation.snapshot.carriages["cabin"].bodies["cabin"]
-    centre = simulation._state.bodies.position[0].copy()
+    centre = simulation.state.bodies.position[0].copy()
     simulation.payload("cabin", 120.0)
     snapshot = simulation.snapshot
     after = snapshot.carriages["cabin"].bodies["cabin"]
@@ -239,7 +239,7 @@ def test_a_body_is_where_it_is_without_its_payload():
     offset = 120.0 / (200.0 + 120.0) * np.array([0.2, -0.5])
     np.testing.assert_allclose(simulation.system.carriages.centre_offset[0], offset)
     assert not simulation.system.carriages.centre_offset[1].any()
-    moved = np.hypot(*(simulation._state.bodies.position[0] - centre)[:2])
+    moved = np.hypot(*(simulation.state.bodies.position[0] - centre)[:2])
     assert moved == pytest.approx(float(np.hypot(*offset)), rel=1e-9)
     assert snapshot.columns.payload.tolist() == [120.0, 0.0]
 
@@ -252,3 +252,10 @@ def test_a_rope_that_there_is_not_is_named():
     for ask in (simulation.cable_positions, simulation.cable_tension):
         with pytest.raises(ValueError, match="rope 'haul' is unknown; known: cable"):
             ask(places, "haul")
+
+
+def test_a_snapshot_cannot_be_written():
+    snapshot = two_bodies().snapshot
+    for numbers in (snapshot.numbers, snapshot.columns.speed, snapshot.cable.positions, snapshot.bodies.position):
+        with pytest.raises(ValueError, match="read-only"):
+            numbers[:] = 0.0

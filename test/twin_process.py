@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import signal
 import subprocess
@@ -12,9 +13,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
-from itertools import pairwise
+from itertools import cycle, islice, pairwise
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ruamel.yaml import YAML
 
@@ -22,25 +23,40 @@ import cable_twin
 from cable_twin.messages import SECOND
 from cable_twin.scenario import config_directory
 
-COMPILING = 180.0  # s within which a fresh machine has compiled the kernels
-PATIENCE = 20.0  # s for anything else; a machine that builds something beside may stall for seconds
+COMPILING = 600.0  # s within which a fresh machine has compiled the kernels, be it slow and busy
+PATIENCE = 60.0  # s for anything else; a machine that builds something beside may stall for seconds
 PACKAGE_PARENT = Path(cable_twin.__file__).resolve().parents[1]
 LOG_EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope", "path")]  # of sim and simulate
-_locks: list[Any] = []
+# of DDS, whose ports are 7400 + 250 * domain and on: those above and below the ports that Linux gives to clients
+DOMAINS = (*range(215, 233), *range(101, 79, -1))
+_next_domains = cycle(DOMAINS)
+_locks: dict[int, IO[str]] = {}
 
 
 def allocate_domain() -> int:
-    """Take a ROS domain that no other test on this machine uses, until this process ends."""
-    for domain in range(20, 100):
+    """Take a ROS domain that nobody on this machine uses, until it is released or this process ends."""
+    for domain in islice(_next_domains, len(DOMAINS)):
         lock = (Path(tempfile.gettempdir()) / f"cable_twin_test_domain_{domain}.lock").open("a")
-        try:
+        with suppress(OSError):  # another test has it
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.close()
-            continue
-        _locks.append(lock)
-        return domain
-    raise RuntimeError("no free ROS domain between 20 and 99")
+            if not _is_used(domain):
+                _locks[domain] = lock
+                return domain
+        lock.close()
+    raise RuntimeError(f"no free ROS domain among {DOMAINS}")
+
+
+def _is_used(domain: int) -> bool:
+    """Whether somebody listens to a port of it."""
+    first = 7400 + 250 * domain
+    sockets = [line.split() for file in Path("/proc/net").glob("udp*") for line in file.read_text().splitlines()[1:]]
+    return any(first <= int(socket[1].rpartition(":")[2], 16) < first + 250 for socket in sockets)
+
+
+def release_domain(domain: int) -> None:
+    """Leave it to other tests; nothing happens where it was not taken here."""
+    if domain in _locks:
+        _locks.pop(domain).close()
 
 
 @cache
@@ -49,14 +65,14 @@ def _common_domain() -> int:
     return allocate_domain()
 
 
-def environment(directory: Path, domain: int) -> dict[str, str]:
+def environment(directory: Path, domain: int | None = None) -> dict[str, str]:
     """Environment of a process: the package under test, its own domain, nothing written outside `directory`."""
     paths = [str(PACKAGE_PARENT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(paths),
         "PYTHONUNBUFFERED": "1",
-        "ROS_DOMAIN_ID": str(domain),
+        "ROS_DOMAIN_ID": str(_common_domain() if domain is None else domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_LOG_DIR": str(directory / "ros_log"),
     }
@@ -103,6 +119,7 @@ class TwinProcess:
         variables: Mapping[str, str] | None = None,
     ) -> None:
         self.directory = directory
+        self.owns_domain = domain is None
         self.domain = allocate_domain() if domain is None else domain
         self.output_path = directory / f"{module}_{time.monotonic_ns()}.txt"
         with self.output_path.open("w") as output:
@@ -148,6 +165,41 @@ class TwinProcess:
         with suppress(ProcessLookupError):
             self.process.kill()
         self.process.wait()
+        if self.owns_domain:
+            release_domain(self.domain)
+
+
+# each in a process of its own, which need not import again what takes a second or two
+SIMS = """
+import json, os, sys
+import cable_twin.ros.node
+from cable_twin.ros.sim import main
+codes = []
+for number, arguments in enumerate(json.loads(sys.argv[1])):
+    if os.fork() == 0:
+        for descriptor, name in ((1, "out"), (2, "err")):
+            os.dup2(os.open(f"{number}.{name}", os.O_CREAT | os.O_WRONLY), descriptor)
+        sys.exit(main(arguments))
+    codes.append(os.waitstatus_to_exitcode(os.wait()[1]))
+print(json.dumps(codes))
+"""
+
+
+def refused_starts(directory: Path, *starts: Sequence[str]) -> list[list[str]]:
+    """What `sim` says of each list of arguments, in lines; each is refused, with nothing else printed or recorded."""
+    result = subprocess.run(
+        [sys.executable, "-c", SIMS, json.dumps(starts)],
+        cwd=directory,
+        env=environment(directory),
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=True,
+    )
+    assert json.loads(result.stdout) == [1] * len(starts)
+    assert not any((directory / f"{number}.out").read_text() for number in range(len(starts)))
+    assert not (directory / "cable_twin_logs").exists()
+    return [(directory / f"{number}.err").read_text().splitlines() for number in range(len(starts))]
 
 
 def stamps(messages: list[Any]) -> list[int]:
@@ -165,7 +217,7 @@ def run_module(module: str, *arguments: str, directory: Path) -> Any:
     return subprocess.run(
         [sys.executable, "-m", f"cable_twin.{module}", *arguments],
         cwd=directory,
-        env=environment(directory, _common_domain()),
+        env=environment(directory),
         capture_output=True,
         text=True,
         timeout=COMPILING,

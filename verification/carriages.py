@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, beam
+from verification.models import GRAVITY, beam, changing
 
 SPAN, ROPE = 3.9, 4.02  # m
 
@@ -110,10 +110,10 @@ def moving_force() -> Iterator[Result]:
             step=5e-4,
             tolerance=1e-12,
         )
-        state = simulation._state
         along = speed / (1.0 + strain)
-        state.reference.velocity[0] = state.joints.velocity[0] = state.drive_target[0] = along
-        state.bodies.velocity[0, 0] = speed
+        with changing(simulation) as state:
+            state.reference.velocity[0] = state.joints.velocity[0] = state.drive_target[0] = along
+            state.bodies.velocity[0, 0] = speed
         middle = np.array([0.5 * unstrained])
         rest = simulation.cable_positions(middle)[0, 2]
         n = np.arange(1, 2000)
@@ -165,7 +165,8 @@ def fixed_joint() -> Iterator[Result]:
     )
     joint_x, _, joint_z = simulation.snapshot.carriages["car"].position
     # the pivot is at the centre of mass plus (sin, cos) of the pitch times the arm
-    simulation._state.bodies.position[0] = [joint_x - arm * np.sin(swing), joint_z - arm * np.cos(swing), swing]
+    with changing(simulation) as state:
+        state.bodies.position[0] = [joint_x - arm * np.sin(swing), joint_z - arm * np.cos(swing), swing]
     times, pitches = [], []
     for frame in range(1, 1001):
         snapshot = simulation.advance_to(0.01 * frame)
@@ -185,9 +186,10 @@ def fixed_joint() -> Iterator[Result]:
 def slack_rope() -> Iterator[Result]:
     """A level span thrown up at 6 m/s goes slack, falls and snaps taut, with a carriage on it."""
     simulation = light_rope({"car": particle(0.2, 1.5)}, elements=48)
-    interior = simulation._state.nodes.velocity[1:-1, 0, 1]
-    interior += 6.0 * np.sin(np.pi * np.linspace(0.0, 1.0, 49)[1:-1])
-    simulation._state.bodies.velocity[0, 1] = interior[round(1.5 / ROPE * 48) - 1]
+    with changing(simulation) as state:
+        interior = state.nodes.velocity[1:-1, 0, 1]
+        interior += 6.0 * np.sin(np.pi * np.linspace(0.0, 1.0, 49)[1:-1])
+        state.bodies.velocity[0, 1] = interior[round(1.5 / ROPE * 48) - 1]
     lowest, highest, finite = np.inf, -np.inf, True
     for frame in range(1, 301):
         snapshot = simulation.advance_to(0.01 * frame)

@@ -12,7 +12,7 @@ from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.solution.generalized_alpha import coefficients
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, beam, observed_order, seed, start_moving
+from verification.models import GRAVITY, beam, changing, observed_order, seed, start_moving
 
 
 def momentum(simulation: Simulation) -> tuple[FloatArray, float, FloatArray]:
@@ -20,7 +20,7 @@ def momentum(simulation: Simulation) -> tuple[FloatArray, float, FloatArray]:
 
     The positive sense of the angular one is that of the pitch, from z to x.
     """
-    cable, carriages, state = simulation.system.cable, simulation.system.carriages, simulation._state
+    cable, carriages, state = simulation.system.cable, simulation.system.carriages, simulation.state
     linear, first, angular = np.zeros(2), np.zeros(2), 0.0
     for element, length in enumerate(cable.element_length):
         scale = np.array([1.0, length, 1.0, length])
@@ -78,11 +78,11 @@ def axial_bar(
         spectral_radius=radius,
         tolerance=1e-13,
     )
-    state = simulation._state
     arc_lengths = np.linspace(0.0, length, elements + 1)
     wave = 0.5 * np.pi / length
-    state.nodes.position[:, 0, 0] += amplitude * np.sin(wave * arc_lengths)
-    state.nodes.position[:, 1, 0] += amplitude * wave * np.cos(wave * arc_lengths)
+    with changing(simulation) as state:
+        state.nodes.position[:, 0, 0] += amplitude * np.sin(wave * arc_lengths)
+        state.nodes.position[:, 1, 0] += amplitude * wave * np.cos(wave * arc_lengths)
     start_moving(simulation)
     return simulation, float(frequency)
 
@@ -139,18 +139,19 @@ def kelvin_voigt() -> Iterator[Result]:
                 spectral_radius=1.0,
                 tolerance=1e-14,
             )
-            state, amplitude = simulation._state, 1e-3 * np.sqrt(bending / axial)
+            amplitude = 1e-3 * np.sqrt(bending / axial)
             arc_lengths = np.linspace(0.0, length, elements + 1)
-            state.nodes.position[:, 0, 1] = amplitude * np.sin(wave * arc_lengths)
-            state.nodes.position[:, 1, 1] = amplitude * wave * np.cos(wave * arc_lengths)
+            with changing(simulation) as state:
+                state.nodes.position[:, 0, 1] = amplitude * np.sin(wave * arc_lengths)
+                state.nodes.position[:, 1, 1] = amplitude * wave * np.cos(wave * arc_lengths)
             start_moving(simulation)
             row, column, start = elements // 2, 1, 0.0
-        initial = simulation._state.nodes.position[row, 0, column] - start
+        initial = simulation.state.nodes.position[row, 0, column] - start
         damped = frequency * np.sqrt(1.0 - zeta**2)
         worst = 0.0
         for frame in range(41):
             time = simulation.advance_to(0.2 * np.pi * frame / frequency).time
-            got = (simulation._state.nodes.position[row, 0, column] - start) / initial
+            got = (simulation.state.nodes.position[row, 0, column] - start) / initial
             phase = damped * time
             exact = np.exp(-zeta * frequency * time) * (np.cos(phase) + zeta * frequency / damped * np.sin(phase))
             worst = max(worst, abs(got - exact))
@@ -189,15 +190,15 @@ def thrown_cable(
         tolerance=1e-12,
         **solver,
     )
-    state, spin = simulation._state, 3.0
     # a turn of the whole about the origin, and a throw: nothing moves against anything at first
-    throw = np.array([0.4, 2.0])
-    e = state.nodes.position
-    state.nodes.velocity[:, 0] = throw + spin * np.stack([e[:, 0, 1], -e[:, 0, 0]], axis=-1)
-    state.nodes.velocity[:, 1] = spin * np.stack([e[:, 1, 1], -e[:, 1, 0]], axis=-1)
-    q = state.bodies.position
-    state.bodies.velocity[:, :2] = throw + spin * np.stack([q[:, 1], -q[:, 0]], axis=-1)
-    state.bodies.velocity[:, 2] = spin
+    spin, throw = 3.0, np.array([0.4, 2.0])
+    with changing(simulation) as state:
+        e = state.nodes.position
+        state.nodes.velocity[:, 0] = throw + spin * np.stack([e[:, 0, 1], -e[:, 0, 0]], axis=-1)
+        state.nodes.velocity[:, 1] = spin * np.stack([e[:, 1, 1], -e[:, 1, 0]], axis=-1)
+        q = state.bodies.position
+        state.bodies.velocity[:, :2] = throw + spin * np.stack([q[:, 1], -q[:, 0]], axis=-1)
+        state.bodies.velocity[:, 2] = spin
     start_moving(simulation)
     return simulation
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, start_moving
+from verification.models import GRAVITY, changing, start_moving
 from verification.supports import tramway
 
 
@@ -57,9 +57,9 @@ def weighted_bar(push: float, mass: float = 40.0, **solver: Any) -> tuple[Simula
         )
     )
     stretched = length * (1.0 + pull / axial)
-    state = simulation._state
-    state.nodes.position[:, 0, 0] += push * np.linspace(0.0, 1.0, 25)
-    state.nodes.position[:, 1, 0] += push / length
+    with changing(simulation) as state:
+        state.nodes.position[:, 0, 0] += push * np.linspace(0.0, 1.0, 25)
+        state.nodes.position[:, 1, 0] += push / length
     return simulation, length, stretched
 
 

@@ -14,7 +14,7 @@ from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from verification import Result, case
-from verification.models import beam, observed_order, seed, start_moving
+from verification.models import beam, changing, observed_order, seed, start_moving
 
 # joint (x, z) in m at times in s: an independent prototype of the same equations, other code and other linear solver
 SEED_POSITIONS = {
@@ -132,8 +132,9 @@ def stable_steps() -> Iterator[Result]:
                 warnings.simplefilter("ignore")
                 simulation = Simulation(load_scenario(resolved, {**common, "solver.step": share * limit}))
             generator = np.random.default_rng(1)
-            velocities = simulation._state.nodes.velocity
-            velocities[1:-1] += 1e-3 * generator.standard_normal(velocities[1:-1].shape)
+            with changing(simulation) as state:
+                velocities = state.nodes.velocity
+                velocities[1:-1] += 1e-3 * generator.standard_normal(velocities[1:-1].shape)
             before = simulation.energy()
             bounded = True
             try:

@@ -29,6 +29,7 @@ from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot
+from verification.models import for_kernels
 from verification.moving_cable import carrier_energies, viscous_power
 
 PAGE = Path(__file__).parents[1] / "docs" / "long_runs.md"
@@ -92,7 +93,7 @@ def carriage_losses(system: System, state: State) -> float:
 
 def air_losses(simulation: Simulation) -> float:
     """Power (W) that still air takes from rope and bodies; that of the rope by its nodes."""
-    system, state = simulation.system, simulation._state
+    system, state = simulation.system, simulation.state
     moving = np.repeat(state.attached, np.diff(system.carriages.body_offset))
     bodies = float(system.air.body_drag[moving] @ np.linalg.norm(state.bodies.velocity[moving, :2], axis=1) ** 3)
     slopes, velocities = state.nodes.position[:, 1], state.nodes.velocity[:, 0]
@@ -122,16 +123,16 @@ class Balance:
         """Go on by one frame (s)."""
         simulation = self.simulation
         if simulation.drives:
-            before, energies = simulation._state.attached.copy(), carrier_energies(simulation)
+            before, energies = simulation.state.attached.copy(), carrier_energies(simulation)
         snapshot = simulation.advance_to(simulation.time + frame)
         if simulation.drives:
-            on = simulation._state.attached
+            on = simulation.state.attached
             self.taken += float(energies[before & ~on].sum() - carrier_energies(simulation)[on & ~before].sum())
         power = sum(drive.force * drive.speed for drive in snapshot.drives.values())
         for carriage in snapshot.carriages.values():
             if carriage.haul_rope is not None:
                 power += carriage.drive_force * carriage.haul_rope.speed
-        system, state = simulation.system, simulation._state
+        system, (state, _) = simulation.system, for_kernels(simulation)
         lost = viscous_power(simulation) + air_losses(simulation)
         lost += tower_losses(system, state) + carriage_losses(system, state)
         self.work += 0.5 * frame * (power + self._before[0])

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace, write_state
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -127,12 +131,33 @@ def chairlift(**changes: Any) -> Simulation:
     return moving(**(lift | changes))
 
 
+@contextmanager
+def changing(simulation: Simulation) -> Iterator[State]:
+    """The state as a copy to write into, put back in the end."""
+    full = simulation.capture()
+    yield full.state
+    simulation.restore(full)
+
+
+@lru_cache(maxsize=1)
+def _room(simulation: Simulation) -> tuple[State, Workspace]:
+    """One of each for all calls of kernels, as new ones take milliseconds to hand over."""
+    return simulation.capture().state, allocate_workspace(simulation.system)
+
+
+def for_kernels(simulation: Simulation) -> tuple[State, Workspace]:
+    """A copy of the present state and a workspace, until the next call."""
+    state, work = _room(simulation)
+    write_state(simulation.state, state)
+    return state, work
+
+
 def start_moving(simulation: Simulation) -> None:
     """Give the start the accelerations that belong to it, so that the first step is as accurate as all others."""
-    state = simulation._state
-    assert solve_accelerations(simulation.system, state, 0.0, simulation._work)
-    state.nodes.algorithmic[:] = state.nodes.acceleration
-    state.bodies.algorithmic[:] = state.bodies.acceleration
+    with changing(simulation) as state:
+        assert solve_accelerations(simulation.system, state, 0.0, allocate_workspace(simulation.system))
+        state.nodes.algorithmic[:] = state.nodes.acceleration
+        state.bodies.algorithmic[:] = state.bodies.acceleration
 
 
 def observed_order(errors: list[float], ratio: float = 2.0) -> float:

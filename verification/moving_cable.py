@@ -13,10 +13,10 @@ from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble
 from cable_twin.mechanics.solution.equilibrium import catenary, relax
-from cable_twin.mechanics.state import clone_state
+from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import chairlift, moving
+from verification.models import chairlift, changing, for_kernels, moving
 
 STRING_LENGTH, STRING_END = 99.0, 99.1  # m, unstrained and held
 STRING = {"unstrained_length": STRING_LENGTH, "end": (STRING_END, 0.0), "gravity": 0.0, "axial": 1e7, "bending": 0.0}
@@ -24,22 +24,24 @@ STRING = {"unstrained_length": STRING_LENGTH, "end": (STRING_END, 0.0), "gravity
 
 def set_speed(simulation: Simulation, speed: float, rate: float = 0.0) -> None:
     """Let the cable move at once, at a speed (m/s) and acceleration (m/s²)."""
-    for array, value in zip(simulation._state.rope, (0.0, speed, rate), strict=True):
-        array[0] = value
-    simulation._state.rope_target[0] = speed
+    with changing(simulation) as state:
+        for array, value in zip(state.rope, (0.0, speed, rate), strict=True):
+            array[0] = value
+        state.rope_target[0] = speed
 
 
 def settle_moving(simulation: Simulation) -> FloatArray:
     """Bring a cable to its steady shape at its present speed; returns the forces (2, dim) in N of its supports."""
-    system, state, work = simulation.system, simulation._state, simulation._work
+    system = simulation.system
     length = system.cable.unstrained_length
-    relax(system, state, clone_state(state), work, 5000, 1e-11 * length)
-    return np.array([end_force(system, state, end) for end in range(2)])
+    with changing(simulation) as state:
+        relax(system, state, clone_state(state), allocate_workspace(system), 5000, 1e-11 * length)
+        return np.array([end_force(system, state, end) for end in range(2)])
 
 
 def linearised(simulation: Simulation) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Mass, gyroscopic and stiffness matrix across a straight string, from the solver's own tangents; free unknowns."""
-    system, state, work = simulation.system, simulation._state, simulation._work
+    system, (state, work) = simulation.system, for_kernels(simulation)
     matrices = []
     for factors in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
         assemble(system, state, *factors, work)
@@ -98,16 +100,16 @@ def moving_string_in_time() -> Iterator[Result]:
     _, shapes = string_modes(simulation)
     _, _, _, free = linearised(simulation)
     shape = 1e-3 * shapes[:, 0] / np.abs(shapes[:, 0]).max()
-    state = simulation._state
-    for array, values in (
-        (state.nodes.position, shape.real),
-        (state.nodes.velocity, (1j * expected * shape).real),
-    ):
-        flat = array[..., 1].ravel()
-        flat[free] = values
-        array[..., 1] = flat.reshape(-1, 2)
-    state.nodes.acceleration[..., 1] = -(expected**2) * state.nodes.position[..., 1]
-    state.nodes.algorithmic[:] = state.nodes.acceleration
+    with changing(simulation) as state:
+        for array, values in (
+            (state.nodes.position, shape.real),
+            (state.nodes.velocity, (1j * expected * shape).real),
+        ):
+            flat = array[..., 1].ravel()
+            flat[free] = values
+            array[..., 1] = flat.reshape(-1, 2)
+        state.nodes.acceleration[..., 1] = -(expected**2) * state.nodes.position[..., 1]
+        state.nodes.algorithmic[:] = state.nodes.acceleration
     heights = []
     for k in range(20 * 200 + 100):
         simulation.advance_to((k + 1) * simulation.step)
@@ -192,8 +194,8 @@ def swing_of_a_stop() -> Iterator[Result]:
         limits={"acceleration": 1e-3, "emergency_deceleration": 1.5},
     )
     set_speed(simulation, 5.0)
-    state = simulation._state
-    state.bodies.velocity[:, 0] = 5.0 * 1.01
+    with changing(simulation) as state:
+        state.bodies.velocity[:, 0] = 5.0 * 1.01
     simulation.advance_to(1.0)
     before = simulation.snapshot.carriages["chair"].bodies["chair"].pitch
     yield Result("pitch before", "rad", 0.0, before, 2e-3)
@@ -217,7 +219,7 @@ def undamped(simulation: Simulation) -> Cable:
 
 def viscous_power(simulation: Simulation) -> float:
     """Power (W) that Kelvin-Voigt damping takes now."""
-    state, work = simulation._state, simulation._work
+    state, work = for_kernels(simulation)
     powers = []
     for cable in (simulation.system.cable, undamped(simulation)):
         add_cable(cable, state, 0.0, 0.0, 0.0, work)
@@ -227,7 +229,7 @@ def viscous_power(simulation: Simulation) -> float:
 
 def carrier_energies(simulation: Simulation) -> FloatArray:
     """Mechanical energy (carriages,) in J of each carrier of one body, on the cable or not."""
-    state, carriages = simulation._state, simulation.system.carriages
+    state, carriages = simulation.state, simulation.system.carriages
     v, q = state.bodies.velocity, state.bodies.position
     kinetic = 0.5 * carriages.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + 0.5 * carriages.inertia * v[:, 2] ** 2
     return kinetic - carriages.mass * (simulation.system.cable.gravity[1] * q[:, 1])
@@ -240,7 +242,7 @@ def open_system() -> Iterator[Result]:
     Work of the drive is energy stored plus energy dissipated plus what carriers take with them and bring.
     """
     simulation = chairlift(step=0.005)
-    state = simulation._state
+    state = simulation.state
     stored = simulation.energy().total
     work, throughput, dissipated, taken, swaps = 0.0, 0.0, 0.0, 0.0, 0
     drive = simulation.snapshot.drives["haul_rope"]

@@ -12,11 +12,11 @@ from scipy.optimize import root
 from cable_twin.mechanics.on_rope.tower import settle_supports
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.solution.equilibrium import relax
-from cable_twin.mechanics.state import clone_state
+from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, observed_order, start_moving
+from verification.models import GRAVITY, changing, observed_order, start_moving
 from verification.statics import catenary_end
 
 Array = NDArray[np.float64]
@@ -114,7 +114,7 @@ def frictionless_saddle() -> Iterator[Result]:
         pull = float(np.hypot(*force))
         yield Result(f"pull at the {name}", "N", pull, float(np.hypot(*got[name])), 2e-4 * pull)
     yield Result("travel of the counterweight", "m", travel, snapshot.supports["end"].travel or 0.0, 5e-3)
-    weight, at = 20.87 * GRAVITY, float(simulation._state.contact_arc_length[12])
+    weight, at = 20.87 * GRAVITY, float(simulation.state.contact_arc_length[12])
     before = np.hypot(*(-got["start"] + np.array([0.0, weight * at])))
     after = np.hypot(*(got["end"] - np.array([0.0, weight * (1010.0 - at)])))
     yield Result("tension after the saddle less that before, share", "-", 0.0, float(after / before - 1.0), 5e-5)
@@ -178,15 +178,15 @@ def capstan() -> Iterator[Result]:
 
 def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
     """Change the pull of the counterweight so slowly that the rope is always at rest; tensions (N) at both ends."""
-    state, work = simulation._state, simulation._work
-    system = simulation.system
-    for pull in pulls:
-        weights = system.counterweights._replace(force=np.array([0.0, pull]))
-        system = system._replace(counterweights=weights)
-        used, _ = relax(system, state, clone_state(state), work, 5000, 1e-9)
-        assert used < 5000
-        settle_supports(system.cable, system.supports, state)
-    start, end = (float(np.hypot(*end_force(system, state, end))) for end in range(2))
+    system, work = simulation.system, allocate_workspace(simulation.system)
+    with changing(simulation) as state:
+        for pull in pulls:
+            weights = system.counterweights._replace(force=np.array([0.0, pull]))
+            system = system._replace(counterweights=weights)
+            used, _ = relax(system, state, clone_state(state), work, 5000, 1e-9)
+            assert used < 5000
+            settle_supports(system.cable, system.supports, state)
+        start, end = (float(np.hypot(*end_force(system, state, end))) for end in range(2))
     return start, end
 
 
@@ -201,7 +201,7 @@ def passing_cabin() -> Iterator[Result]:
         "towers__tower__friction": 0.0,
     }
     bare = tramway(**level)
-    middle = float(bare._state.contact_arc_length[6])
+    middle = float(bare.state.contact_arc_length[6])
     standing = tramway(cabin={"arc_length": middle, "joint": "fixed"}, **level)
     more = standing.snapshot.supports["tower"].force - bare.snapshot.supports["tower"].force
     yield Result("load that it adds, over its weight, z", "-", 1.0, float(more[2]) / (12e3 * GRAVITY), 2e-3)
@@ -242,9 +242,10 @@ def plucked(friction: float, push: float, **solver: Any) -> Simulation:
     simulation = tramway(
         towers__tower__friction=friction, towers__tower__damping=0.0, **{f"solver__{k}": v for k, v in solver.items()}
     )
-    place = simulation._state.nodes.position[:, 0, 0]
-    inside = (place > 0.0) & (place < 480.0)
-    simulation._state.nodes.velocity[inside, 0, 1] += push * np.sin(np.pi * place[inside] / 480.0) ** 2
+    with changing(simulation) as state:
+        place = state.nodes.position[:, 0, 0]
+        inside = (place > 0.0) & (place < 480.0)
+        state.nodes.velocity[inside, 0, 1] += push * np.sin(np.pi * place[inside] / 480.0) ** 2
     return simulation
 
 
@@ -274,7 +275,7 @@ def order_over_a_tower() -> Iterator[Result]:
         simulation = plucked(0.0, 0.2, step=step, tolerance=1e-12)
         start_moving(simulation)
         simulation.advance_to(1.0)
-        places.append(simulation._state.nodes.position[:, 0].copy())
+        places.append(simulation.state.nodes.position[:, 0].copy())
     errors = [float(np.abs(place - places[-1]).max()) for place in places[:-1]]
     yield Result("order", "-", 2.0, observed_order(errors), 0.15)
 
@@ -311,11 +312,12 @@ def two_integrators() -> Iterator[Result]:
                 }
             )
         )
-        x = simulation._state.nodes.position[:, 0, 0]
-        simulation._state.nodes.velocity[x < 50.0, 0, 1] += 2.0 * np.sin(np.pi * x[x < 50.0] / 50.0) ** 2
+        with changing(simulation) as state:
+            x = state.nodes.position[:, 0, 0]
+            state.nodes.velocity[x < 50.0, 0, 1] += 2.0 * np.sin(np.pi * x[x < 50.0] / 50.0) ** 2
         start_moving(simulation)
         simulation.advance_to(1.0)
-        places[integrator, step] = simulation._state.nodes.position[:, 0].copy()
+        places[integrator, step] = simulation.state.nodes.position[:, 0].copy()
     exact = places["runge_kutta", 1e-4]
     for step, tolerance in ((1e-3, 1e-4), (5e-4, 5e-5)):
         worst = float(np.abs(places["generalized_alpha", step] - exact).max())
@@ -326,8 +328,9 @@ def two_integrators() -> Iterator[Result]:
 def deropement() -> Iterator[Result]:
     """The whole rope thrown upwards at 12 m/s leaves the saddle and comes back."""
     simulation = tramway(towers__tower__friction=0.0)
-    place = simulation._state.nodes.position[:, 0, 0]
-    simulation._state.nodes.velocity[1:-1, 0, 1] += 12.0 * np.sin(np.pi * place[1:-1] / 1000.0)
+    with changing(simulation) as state:
+        place = state.nodes.position[:, 0, 0]
+        state.nodes.velocity[1:-1, 0, 1] += 12.0 * np.sin(np.pi * place[1:-1] / 1000.0)
     off, least, highest, landed, halvings = False, np.inf, 0.0, False, 0
     for frame in range(1, 1001):
         snapshot = simulation.advance_to(0.01 * frame)
@@ -337,7 +340,7 @@ def deropement() -> Iterator[Result]:
         least = min(least, tower.normal_load)
         landed = landed or (off and not tower.lifted_off)
         off = off or tower.lifted_off
-        highest = max(highest, float(simulation.cable_positions(simulation._state.contact_arc_length)[6, 2]))
+        highest = max(highest, float(simulation.cable_positions(simulation.state.contact_arc_length)[6, 2]))
     yield Result("lifts off and lands", "-", 1.0, float(off and landed), 0.0)
     yield Result("least load, that kept by the twin", "N", least, tower.lowest_load, 0.0)
     yield Result("rises above the saddle", "-", 1.0, float(highest > 80.0), 0.0)

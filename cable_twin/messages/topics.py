@@ -12,12 +12,12 @@ from typing import Literal, NamedTuple
 
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.commands import INPUTS
 from cable_twin.rates import EVERY_FRAME, frames_between
 from cable_twin.snapshot import Layout
 
 String = ros2_jazzy.std_msgs__msg__String
 Clock = ros2_jazzy.rosgraph_msgs__msg__Clock
-Vector3Stamped = ros2_jazzy.geometry_msgs__msg__Vector3Stamped
 PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
 PoseArray = ros2_jazzy.geometry_msgs__msg__PoseArray
 WrenchStamped = ros2_jazzy.geometry_msgs__msg__WrenchStamped
@@ -34,9 +34,6 @@ CABLE_PATH = "cable_path"
 CARRIER_POSES = "carriers/poses"
 CARRIER_FORCES = "carriers/forces"
 SCENARIO = "scenario"
-JOINT_COMMANDS = "joint_commands"
-PAYLOAD = "payload"
-WIND = "wind"
 APPLIED_COMMANDS = "applied_commands"
 KEY_FIGURES = "key_figures"
 DIAGNOSTICS = "/diagnostics"
@@ -72,9 +69,7 @@ def topics(layout: Layout, *, own: Sequence[str] = (), clock: bool = False, tf: 
     """
     table = [
         Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
-        Topic(JOINT_COMMANDS, JointState.__msgtype__, depth=50),  # as received
-        Topic(PAYLOAD, JointState.__msgtype__, depth=50),
-        Topic(WIND, Vector3Stamped.__msgtype__, depth=50),
+        *(Topic(name, message_type, depth=50) for name, message_type in INPUTS.items()),  # as received
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__, group="joints"),
         Topic(CABLE, PointCloud2.__msgtype__, group="rope"),

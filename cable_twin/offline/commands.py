@@ -1,29 +1,24 @@
-"""The commands `simulate`, `review` and `replay` as they are installed: what ends them from outside is a line."""
+"""The commands without ROS, such as `simulate`, as they are installed: what ends them from outside is a line."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 
 from cable_twin.command_line import INTERRUPTED, left_at_once
 
-UNWRITTEN = {"simulate": 1, "review": 1, "replay": 2}  # exit code where the output has no place
+UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all others
 
 
-def simulate() -> int:
-    """Run a scenario."""
-    return _run("simulate")
-
-
-def review() -> int:
-    """Show a log, or two."""
-    return _run("review")
-
-
-def replay() -> int:
-    """Simulate a log again."""
-    return _run("replay")
+def __getattr__(command: str) -> Callable[[], int]:
+    """The command of a module beside this one, as `setup.cfg` names it: what runs its `main`."""
+    if find_spec(f"cable_twin.offline.{command}") is None:
+        raise AttributeError(f"no command {command!r}")
+    return partial(_run, command)
 
 
 def _run(command: str) -> int:
@@ -38,5 +33,5 @@ def _run(command: str) -> int:
     except OSError as error:  # of the output: what else may fail on a disk is told where it does
         print(f"{command}: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would try once more
-        return UNWRITTEN[command]
+        return UNWRITTEN.get(command, 1)
     return code

@@ -16,7 +16,8 @@ from cable_twin.recording.view_layout import frame, plot_titles
 from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Snapshot
+from cable_twin.signals import SIGNALS
+from cable_twin.snapshot import Layout, Snapshot
 
 ROOTS = ("a", "b")
 
@@ -75,7 +76,7 @@ class ComparisonView:
         for index, (root, scenario) in enumerate(zip(ROOTS, scenarios, strict=True)):
             stream: Any = _RootedStream(self._stream, root, 3 * index)
             self.views.append(open_view(scenario, None, stream=stream, force_unit=unit, batch_frames=500))
-        self._stream.send_blueprint(_blueprint(titles, unit))
+        self._stream.send_blueprint(_blueprint(titles, unit, first.layout))
 
     def close(self) -> None:
         """Send what waits and close the file.
@@ -89,7 +90,7 @@ class ComparisonView:
         self._stream.disconnect()
 
 
-def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
+def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprint:
     """Tracks and commands side by side, plots of both runs below."""
     tracks = [
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")
@@ -104,6 +105,7 @@ def _blueprint(titles: Sequence[str], unit: str) -> rrb.Blueprint:
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         )
         for path, title in plot_titles(unit).items()
+        if SIGNALS[path].names(layout)
     ]
     commands = [
         rrb.TextLogView(

@@ -17,22 +17,22 @@ from cable_twin.snapshot import Snapshot
 
 
 def join(
+    before: LogFile,
     file: LogFile,
     simulation: Simulation,
     advance: Callable[[float], Snapshot],
     result: Comparison,
     *,
-    whole: bool,
     exactly: bool,
 ) -> bool:
     """Go from one file of a log to the next: compare the state attached to it, or take it over.
 
     Args:
+        before: What has been read.
         file: What comes next.
         simulation: Where the file before has ended.
         advance: Brings the simulation to a time (s), with the commands until then.
         result: Gets what differs, or that the state was taken over.
-        whole: Nothing of the file before is lost, as far as its file knows.
         exactly: The states have to be equal to the last bit; else they are not compared.
 
     Returns:
@@ -42,6 +42,7 @@ def join(
         LogError, SnapshotError: The state is needed and cannot be used.
     """
     name = f"{file.path.name}: {SNAPSHOT_NAME}"
+    whole = file.follows(before)
     attached = file.snapshot()
     if attached is None:
         raise SnapshotError(f"{name}: not attached, and it is not the first file")
@@ -51,8 +52,7 @@ def join(
         if exactly or not whole:
             raise
         return True  # of another version, and not needed
-    # what is logged more seldom than every frame may be missing for as long
-    if not whole or full.time - result.end > 1.5 * max(file.frame_period, result.interval):
+    if not whole:
         simulation.restore(full)
         result.end = full.time
         result.restarts.append(f"{file.path.name}: what comes before {full.time:.2f} s is lost; goes on from its state")

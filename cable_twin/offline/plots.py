@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from cable_twin.offline.signals import Signals
+from cable_twin.signals import PLOTS, SIGNALS, Signal
 
 INK = "#22303C"
 QUIET = "#7B8794"
@@ -51,21 +52,7 @@ STYLE = {
     "lines.linewidth": 1.3,
     "savefig.dpi": 130,
 }
-# file: title, and for each panel quantities and what the axis says; {k} stands for a prefix of the unit
-PLOTS: Mapping[str, tuple[str, Sequence[tuple[str, str]]]] = {
-    "tension": ("Rope tension", [("tension", "tension [{k}N]")]),
-    "speed": ("Speed and place along the rope", [("speed", "speed [m/s]"), ("arc_length", "arc length [m]")]),
-    "swing": ("Swing along the track", [("swing", "pitch [deg]")]),
-    "drive": ("Drive", [("drive_force", "force [{k}N]"), ("drive_power", "power [{k}W]")]),
-    "contact_forces": (
-        "Contact and support forces",
-        [
-            ("contact_force", "rope on carriage [{k}N]"),
-            ("support_force", "support on rope [{k}N]"),
-            ("travel", "counterweight travel [m]"),
-        ],
-    ),
-}
+SCALED = ("N", "W")  # units that may get a prefix
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +84,8 @@ def write_plots(
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
-        for name, (title, panels) in PLOTS.items():
-            shown = [panel for panel in panels if _lines(runs, panel[0])]
+        for name, title in PLOTS.items():
+            shown = [signal for signal in SIGNALS.values() if signal.plot == name and _lines(runs, signal.name)]
             if shown:
                 written.append(_write(partial(_time_plot, runs, title, shown), directory / f"{name}.png", on_file))
         if all(run.signals.shapes() for run in runs):
@@ -137,21 +124,21 @@ def _title(figure: Figure, runs: Sequence[PlottedRun], title: str) -> None:
     figure.text(0.012, 1.0 - 0.5 / figure.get_figheight(), "     ".join(names), color=QUIET, va="top", fontsize=9.0)
 
 
-def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[tuple[str, str]]) -> Figure:
+def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Signal]) -> Figure:
     """Panels of one quantity each above a common time axis."""
     height = 3.4 if len(panels) == 1 else 2.6 * len(panels)
     figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
-    for axes, (quantity, label) in zip(rows[:, 0], panels, strict=True):
-        _panel(axes, runs, quantity, label)
+    for axes, signal in zip(rows[:, 0], panels, strict=True):
+        _panel(axes, runs, signal)
     rows[-1, 0].set_xlabel("simulated time [s]")
     _title(figure, runs, title)
     figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.2 / figure.get_figheight()))
     return figure
 
 
-def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) -> None:
-    """All signals of one quantity."""
-    lines = _lines(runs, quantity)
+def _panel(axes: Axes, runs: Sequence[PlottedRun], signal: Signal) -> None:
+    """All lines of one signal."""
+    lines = _lines(runs, signal.name)
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
     many = len(names) > MANY
@@ -165,10 +152,11 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], quantity: str, label: str) ->
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
         axes.plot(times, values, color=color, dashes=DASHES[index], label=legend, linewidth=0.7 if many else None)
     largest = max(abs(value) for value in axes.get_ylim())
-    scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= s), (1.0, ""))
-    if "{k}" in label:
+    scale, prefix = 1.0, ""
+    if signal.unit in SCALED:
+        scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= s), (1.0, ""))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / scale:g}"))
-    axes.set_ylabel(label.format(k=prefix))
+    axes.set_ylabel(f"{signal.label} [{prefix}{signal.unit}]")
     low, high = axes.get_ylim()
     if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))

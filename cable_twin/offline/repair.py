@@ -37,9 +37,11 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
     count = 0
     try:
         new.begin(log.epoch_ns, log.snapshot)
+        before = first
         for file, moved in log.files_in_turn(on_position):
             if file is not first:
-                new.split(file.snapshot(), file.number)
+                new.split(file.snapshot(), file.number, after_loss=not file.follows(before))
+            before = file
             for topic, stamp_ns, data in file.messages(on_position=moved):
                 new.write(topic, stamp_ns, data)
                 count += 1

@@ -29,7 +29,7 @@ from cable_twin.messages import (
 from cable_twin.offline.file_joint import join
 from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
 from cable_twin.offline.start import start_of
-from cable_twin.recording.log_file import UNREADABLE, LogError
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.mcap_log import run_metadata
 from cable_twin.records import AppliedCommand, CommandError
@@ -96,12 +96,12 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         return simulation.advance_to(time)
 
     def stream() -> Iterator[tuple[str, int, bytes]]:
-        whole = True
-        for index, (file, moved) in enumerate(log.files_in_turn(note_position)):
-            if index and not join(file, simulation, advance, result, whole=whole, exactly=tolerance == 0.0):
+        before: LogFile | None = None
+        for file, moved in log.files_in_turn(note_position):
+            if before is not None and not join(before, file, simulation, advance, result, exactly=tolerance == 0.0):
                 waiting.clear()
             yield from file.messages([*types, APPLIED_COMMANDS], moved)
-            whole = file.complete and not file.damage
+            before = file
 
     stamp = -1
     snapshot = simulation.snapshot
@@ -114,7 +114,6 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
             stamp = stamp_ns
             time = (stamp_ns - log.epoch_ns) / SECOND
             snapshot = advance(time)
-            result.interval = max(result.interval, time - result.end)
             result.end = time
             if progress is not None and task is not None:
                 progress.update(task, completed=position, simulated=f"{time:.1f} s")

@@ -55,7 +55,6 @@ class Comparison:
     commands: CommandStream = field(default_factory=CommandStream)
     restarts: list[str] = field(default_factory=list)  # files that were simulated from their own state, a line each
     end: float = 0.0  # s, of what was compared last
-    interval: float = 0.0  # s, the longest between two of these times without a break
 
     @property
     def agrees(self) -> bool:

@@ -12,23 +12,18 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from cable_twin.commands import KINDS, Kind
 from cable_twin.recording.log_reader import Log
-from cable_twin.records import Command, CommandError, CommandKind
+from cable_twin.records import Command, CommandError
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.command_checks import check_room
 
-# What a script may say. A kind of command that gives a named thing a number is one more line in VALUES; one that needs
-# no number is one more word in EVENTS.
-VALUES: Mapping[str, tuple[CommandKind, str]] = {
-    "speed": ("speed", "m/s"),
-    "force": ("force", "N"),
-    "payload": ("payload", "kg"),
-}
-WIND = ("wind", "wind_z")  # m/s, along the track and upwards
-EVENTS: Mapping[str, CommandKind] = {"emergency_stop": "emergency_stop", "release": "release", "reset": "reset"}
+BY_NAME = {name: kind for name, kind in KINDS.items() if kind.quantity and not kind.axes}  # numbers by name
+BY_AXIS = {name: kind for name, kind in KINDS.items() if kind.axes}
+EVENTS = {name: kind for name, kind in KINDS.items() if not kind.quantity}  # no numbers
+NUMBERS = [key for kind in (*BY_NAME.values(), *BY_AXIS.values()) for key in kind.keys.values()]
 
-KEYS = ("time", "name", *VALUES, *WIND, "event")
-ALLOWED = f"allowed: time (s) and either name with {', '.join(VALUES)}, or {WIND[0]}, or event"
+KEYS = ("time", "name", *NUMBERS, "event")
+ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event"
 
 
 class ScriptError(ValueError):
@@ -107,10 +102,7 @@ def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> l
     before = simulation.capture()
     for item in script:
         try:
-            if item.command.kind == "payload":  # where the carriage is then, only the run can tell
-                check_room(item.command, simulation.scenario)
-            else:
-                simulation.apply(item.command)
+            simulation.apply(item.command, ahead=True)  # where a carriage is then, only the run can tell
         except CommandError as error:  # noqa: PERF203 - every fault is told
             faults.append(f"{item.place}: {error}")
     simulation.restore(before)
@@ -182,27 +174,34 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
     time = row["time"]
     if not _is_finite(time) or time < 0.0:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
-    given = [key for key in (*VALUES, *WIND) if key in row]
-    if WIND[0] in row and set(given) <= set(WIND) and not {"name", "event"} & row.keys():
-        speeds = [row.get(key, 0.0) for key in WIND]
-        for key, speed in zip(WIND, speeds, strict=True):
-            if not _is_finite(speed):
-                raise ScriptError(f"{place}: {key} {speed!r} given; allowed: a finite number, in m/s")
-        values = dict(zip(("x", "z"), map(float, speeds), strict=True))
-        return ScriptedCommand(float(time), Command("wind", values), "script", place)
+    return ScriptedCommand(float(time), _meant(row, place), "script", place)
+
+
+def _meant(row: Mapping[str, Any], place: str) -> Command:
+    """The command of a row: an event, numbers by axis, or one by name."""
+    given = [key for key in NUMBERS if key in row]
     if "event" in row:
-        if given or "name" in row or str(row["event"]) not in EVENTS:
+        event = str(row["event"])
+        if given or "name" in row or event not in EVENTS:
             what = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
             raise ScriptError(f"{place}: {what} given; allowed: {', '.join(EVENTS)}, alone")
-        return ScriptedCommand(float(time), Command(EVENTS[str(row["event"])], {}), "script", place)
-    if len(given) != 1 or given[0] in WIND or not isinstance(row.get("name"), str):
+        return Command(event, {})
+    if "name" not in row:
+        for name, kind in BY_AXIS.items():
+            if name in row and set(given) <= set(kind.keys.values()):
+                speeds = {axis: _finite(row.get(key, 0.0), key, kind, place) for axis, key in kind.keys.items()}
+                return Command(name, speeds)
+    if len(given) != 1 or given[0] not in BY_NAME or not isinstance(row.get("name"), str):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
         raise ScriptError(f"{place}: {what} given; {ALLOWED}")
-    kind, unit = VALUES[given[0]]
-    value = row[given[0]]
+    kind = BY_NAME[given[0]]
+    return Command(kind.name, {row["name"]: _finite(row[kind.name], kind.name, kind, place)})
+
+
+def _finite(value: Any, key: str, kind: Kind, place: str) -> float:
     if not _is_finite(value):
-        raise ScriptError(f"{place}: {kind} {value!r} given; allowed: a finite number, in {unit}")
-    return ScriptedCommand(float(time), Command(kind, {row["name"]: float(value)}), "script", place)
+        raise ScriptError(f"{place}: {key} {value!r} given; allowed: a finite number, in {kind.unit}")
+    return float(value)
 
 
 def _is_finite(value: Any) -> bool:
@@ -211,8 +210,6 @@ def _is_finite(value: Any) -> bool:
 
 
 __all__ = [
-    "EVENTS",
-    "VALUES",
     "ScriptError",
     "ScriptedCommand",
     "check_script",

@@ -8,12 +8,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from cable_twin.command_messages import applied_command_message
 from cable_twin.figure_messages import figures_message
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import KEY_FIGURES, MessageEncoder, Schedule, nanoseconds, topics
+from cable_twin.messages import KEY_FIGURES, topics
 from cable_twin.offline.script import ScriptedCommand, commands_ahead
 from cable_twin.rates import LOGGED
+from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.simulation import Simulation, SolverError
@@ -69,7 +69,10 @@ def simulate(
     Returns:
         How far it came, and what was refused.
     """
-    output = None if run is None else _Output(simulation, run, figures, epoch_ns, frame_steps, rates)
+    frame_rate = 1.0 / (frame_steps * simulation.step)
+    table = topics(simulation.layout)
+    output = FrameOutput(simulation, table, [rates], frame_rate=frame_rate, run=run, epoch_ns=epoch_ns, backlog=BACKLOG)
+    figures_due = simulation.time + FIGURES_PERIOD
     first = round(simulation.time / simulation.step)  # solver steps that are done
     given = list(script)
     waiting = deque(commands_ahead(simulation, given))
@@ -82,14 +85,18 @@ def simulate(
             while waiting and round(waiting[0].time / simulation.step) < due:
                 item = waiting.popleft()
                 simulation.advance_to(item.time)
-                applied = _apply(simulation, item, outcome, epoch_ns, run)
+                applied = _apply(simulation, item, outcome, output)
                 if figures is not None and applied is not None:
                     figures.command(applied)
             snapshot = simulation.advance_to(due * simulation.step)
             if figures is not None:
                 figures.update(snapshot)
-            if output is not None:
-                output.record(snapshot)
+            if run is not None:
+                prepared = output.prepare(snapshot)
+                output.record(prepared)
+                if prepared.split is not None or snapshot.time >= figures_due:
+                    figures_due = snapshot.time + FIGURES_PERIOD
+                    _record_figures(output, snapshot, figures)
             if on_frame is not None:
                 on_frame(snapshot.time)
             if ended is not None and ended():
@@ -97,56 +104,21 @@ def simulate(
                 break
     except SolverError as error:
         outcome.fault = str(error)
-    if output is not None:
-        output.record_figures()
+    _record_figures(output, simulation.snapshot, figures)
     outcome.left = len(waiting)
     outcome.time, outcome.wall_time = simulation.time, time.monotonic() - started
     return outcome
 
 
-class _Output:
-    """The log of a run: messages that are due with each frame, and the key figures now and then."""
-
-    def __init__(
-        self,
-        simulation: Simulation,
-        run: Run,
-        figures: KeyFigures | None,
-        epoch_ns: int,
-        frame_steps: int,
-        rates: Mapping[str, float],
-    ) -> None:
-        self._simulation, self._run, self._figures = simulation, run, figures
-        self._encoder = MessageEncoder(simulation.layout, epoch_ns)
-        self._schedule = Schedule(topics(simulation.layout), 1.0 / (frame_steps * simulation.step), rates)
-        self._frame = 0
-        self._figures_due = simulation.time + FIGURES_PERIOD
-
-    def record(self, snapshot: Snapshot) -> None:
-        """Hand over a frame; waits where the disk is slower than the solver."""
-        recorder = self._run.recorder
-        split = recorder.split_due(snapshot.time)
-        if split:
-            recorder.split(self._simulation.capture())
-        due = self._schedule.due(self._frame, everything=split)
-        self._frame += 1
-        recorder.record(self._encoder.frame(snapshot, due.names), self._encoder.stamp_ns(snapshot), snapshot)
-        if split or snapshot.time >= self._figures_due:
-            self._figures_due = snapshot.time + FIGURES_PERIOD
-            self.record_figures()
-        while recorder.backlog > BACKLOG:  # as fast as it goes is not faster than the disk
-            time.sleep(0.002)
-
-    def record_figures(self) -> None:
-        """Hand over the key figures as they are now."""
-        if self._figures is not None:
-            stamp_ns = self._encoder.stamp_ns(self._simulation.snapshot)
-            message = figures_message(self._figures.figures(), stamp_ns)
-            self._run.recorder.record([(KEY_FIGURES, message)], stamp_ns)
+def _record_figures(output: FrameOutput, snapshot: Snapshot, figures: KeyFigures | None) -> None:
+    """Hand over the key figures as they are now."""
+    if output.run is not None and figures is not None:
+        stamp_ns = output.encoder.stamp_ns(snapshot)
+        output.run.recorder.record([(KEY_FIGURES, figures_message(figures.figures(), stamp_ns))], stamp_ns)
 
 
 def _apply(
-    simulation: Simulation, item: ScriptedCommand, outcome: Outcome, epoch_ns: int, run: Run | None
+    simulation: Simulation, item: ScriptedCommand, outcome: Outcome, output: FrameOutput
 ) -> AppliedCommand | None:
     """Give one command and record it; a refused one is noted."""
     try:
@@ -155,7 +127,5 @@ def _apply(
         outcome.refused.append(f"{item.place}: {error}")
         return None
     outcome.applied += 1
-    if run is not None:
-        stamp_ns = epoch_ns + nanoseconds(applied.time)
-        run.recorder.record_command(applied, applied_command_message(applied, epoch_ns), stamp_ns)
+    output.command(applied)
     return applied

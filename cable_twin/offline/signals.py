@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cable_twin.records import FloatArray
+from cable_twin.signals import SIGNALS
 from cable_twin.snapshot import Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
@@ -16,59 +17,25 @@ SHAPES = 24  # ropes that are kept
 
 
 def signal_values(snapshot: Snapshot) -> dict[str, float]:
-    """Every signal of a snapshot by its name, QUANTITY or QUANTITY/WHOSE.
+    """Every signal of a snapshot that has a plot by its name, QUANTITY/WHOSE.
 
-    What a log did not hold at its time is left out; NaN is a gap, of what is off the cable.
+    What a log did not hold at its time is left out, and so is what only some have; NaN is a gap, of what is off the
+    cable.
     """
     c, layout = snapshot.columns, snapshot.layout
-    values: dict[str, float] = {}
-    if not np.isnan(c.rope_tension[0]):
-        values |= {
-            "tension/highest": float(c.rope_tension.max()),
-            "tension/start": float(c.rope_tension[0]),
-            "tension/end": float(c.rope_tension[-1]),
-        }
-    here = np.where(c.attached == 0.0, math.nan, 1.0)
-    names, speeds, forces = (*layout.vehicles,), c.speed, c.drive_force
-    if layout.drives:  # of a moving cable for all that is clamped to it
-        names, speeds, forces = layout.drives, c.drive_speed, c.moving_cable_force
-    values |= _named("arc_length", layout.vehicles, c.arc_length, here)
-    swings = np.degrees(c.body_angles[:, 1])
-    values |= _named("swing", layout.bodies, swings, np.repeat(here, np.diff(layout.first_body)))
-    values |= _named("speed", names, speeds)
-    values |= _named("drive_force", names, forces)
-    values |= _named("drive_power", names, forces * speeds)
-    values |= _named("contact_force", layout.vehicles, np.linalg.norm(c.contact_force, axis=1), here)
-    values |= _named("support_force", layout.supports, np.linalg.norm(c.support_force, axis=1))
-    travels = zip(layout.supports, c.support_travel.tolist(), strict=True)
-    return values | {f"travel/{name}": travel for name, travel in travels if not math.isnan(travel)}
-
-
-def _named(
-    quantity: str, names: Iterable[str], values: FloatArray, shown: FloatArray | float = 1.0
-) -> dict[str, float]:
-    """Signals of one quantity, none of them where no value is known; with gaps where `shown` is NaN instead of 1."""
-    if np.isnan(values).all():
-        return {}
-    return {f"{quantity}/{name}": value for name, value in zip(names, (shown * values).tolist(), strict=True)}
-
-
-UNITS: Mapping[str, str] = {
-    "tension": "N",
-    "arc_length": "m",
-    "speed": "m/s",
-    "swing": "deg",
-    "drive_force": "N",
-    "drive_power": "W",
-    "contact_force": "N",
-    "support_force": "N",
-    "travel": "m",
-}
+    found: dict[str, float] = {}
+    for signal in SIGNALS.values():
+        values = signal.values(layout, c)
+        if not signal.plot or np.isnan(values).all():
+            continue
+        names = zip(signal.names(layout), values.tolist(), strict=True)
+        found |= {f"{signal.name}/{name}": value for name, value in names if signal.everywhere or not math.isnan(value)}
+    return found
 
 
 def unit_of(signal: str) -> str:
-    """Unit of a signal."""
-    return UNITS[signal.partition("/")[0]]
+    """Unit of a signal by its name, QUANTITY/WHOSE."""
+    return SIGNALS[signal.partition("/")[0]].unit
 
 
 class Series:

@@ -20,7 +20,7 @@ from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import NAMESPACE, full_name
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
-from cable_twin.recording.mcap_log import FORMAT_VERSION, READABLE_FORMATS
+from cable_twin.recording.mcap_log import AFTER_LOSS, FORMAT_VERSION, READABLE_FORMATS
 
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
 UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
@@ -49,15 +49,6 @@ class LogFile:
         """Bytes."""
         return self.path.stat().st_size
 
-    @property
-    def frame_period(self) -> float:
-        """Simulated time (s) between frames; raises LogError where the file does not tell."""
-        given = self.metadata.get("frame_period", "")
-        try:
-            return float(given)
-        except ValueError:
-            raise LogError(f"{self.path}: frame_period is {given!r}, a number of seconds is expected") from None
-
     @cached_property
     def complete(self) -> bool:
         """Whether it was closed; else the process was killed, and everything but about its last second is here."""
@@ -68,6 +59,11 @@ class LogFile:
     def starts_from_snapshot(self) -> bool:
         """Whether the full state that it starts from is attached; else it starts as the scenario does."""
         return self.metadata.get("starts_from") == SNAPSHOT_NAME
+
+    def follows(self, before: LogFile) -> bool:
+        """Whether nothing is missing between a file that has been read and this one."""
+        lost = not before.complete or before.damage or AFTER_LOSS in self.metadata
+        return not lost and self.number <= before.number + 1
 
     def snapshot(self) -> bytes | None:
         """Read the file of the full state that it starts from, None where it starts as the scenario does."""

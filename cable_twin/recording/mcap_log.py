@@ -25,6 +25,7 @@ from cable_twin.recording.splitting import ClosedSize, Splitting
 
 FORMAT_VERSION = "2"
 READABLE_FORMATS = ("1", FORMAT_VERSION)
+AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
 
 
 def run_metadata(*, scenario: str, frame_period: float, sample_count: int) -> dict[str, str]:
@@ -163,12 +164,13 @@ class McapLog:
         """Have all on the disk: from now on neither a kill nor a power cut can take it."""
         self._file.flush()
 
-    def split(self, snapshot: bytes | None, number: int | None = None) -> None:
+    def split(self, snapshot: bytes | None, number: int | None = None, *, after_loss: bool = False) -> None:
         """Close the file and go on in the next one.
 
         Args:
             snapshot: Full state from which the next file starts, attached.
             number: Of the next file; by default the next number.
+            after_loss: Something is missing before it, and its metadata say so.
 
         Raises:
             OSError: The disk refuses; all closed files stay readable, and the log only wants to be closed.
@@ -184,7 +186,7 @@ class McapLog:
             raise
         self._number = number
         try:
-            self._begin_file(snapshot)
+            self._begin_file(snapshot, after_loss=after_loss)
             self._write_bag_metadata(running=True)
         except OSError:
             self._abandon()
@@ -228,9 +230,11 @@ class McapLog:
             self._close_file()
         self._ended = True
 
-    def _begin_file(self, snapshot: bytes | None) -> None:
+    def _begin_file(self, snapshot: bytes | None, *, after_loss: bool = False) -> None:
         own = {"format_version": FORMAT_VERSION, "namespace": self._namespace, "epoch_ns": str(self._epoch_ns)}
         which = {"starts_from": "scenario" if snapshot is None else SNAPSHOT_NAME, "file": str(self._number)}
+        if after_loss:
+            which[AFTER_LOSS] = "true"
         self._file.begin({**own, **self._metadata, **which}, snapshot)
 
     def _close_file(self) -> None:

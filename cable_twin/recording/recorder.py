@@ -131,9 +131,9 @@ class _ViewSink:
 
 
 class Recorder:
-    """Writes a run to a log and shows it in a view.
+    """Writes a run to a log and shows it in views.
 
-    A sink that fails is closed and left alone, the other one goes on; nothing is ever raised into the caller.
+    A sink that fails is closed and left alone, the others go on; nothing is ever raised into the caller.
 
     Attributes:
         faults: What went wrong, a line each; whoever reports them takes them out.
@@ -143,8 +143,7 @@ class Recorder:
     def __init__(
         self,
         log: McapLog | None,
-        view: View | None = None,
-        *,
+        *views: View | None,
         splitting: Splitting = UNSPLIT,
         capacity: int = CAPACITY,
     ) -> None:
@@ -152,7 +151,7 @@ class Recorder:
 
         Args:
             log: Where messages go; the recorder closes it.
-            view: Where snapshots and commands go; the recorder closes it.
+            *views: Where snapshots and commands go, None for nowhere; the recorder closes them.
             splitting: When log and view go on in new files, and how long old ones are kept.
             capacity: Frames that may wait before new ones are dropped.
         """
@@ -161,8 +160,7 @@ class Recorder:
         self._sinks: list[_LogSink | _ViewSink] = []
         if log is not None:
             self._sinks.append(_LogSink(log))
-        if view is not None:
-            self._sinks.append(_ViewSink(view, log))
+        self._sinks += [_ViewSink(view, log) for view in views if view is not None]
         self._log = log
         self._splitting = splitting
         self._split_time = math.inf  # s of simulated time at which the running file has lasted long enough

@@ -16,6 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike
 
+from cable_twin.commands import KINDS
 from cable_twin.recording.view_batch import Batch
 from cable_twin.recording.view_geometry import plane, time_column
 from cable_twin.recording.view_picture import Look, Picture
@@ -27,8 +28,6 @@ from cable_twin.snapshot import Layout, Snapshot
 
 BATCH = 500  # frames
 WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
-
-_LEVELS = {"emergency_stop": "ERROR", "release": "WARN", "reset": "WARN"}
 
 
 class RerunView:
@@ -150,20 +149,19 @@ class RerunView:
         """
         self._open()
         self._commanded.note(applied)
-        kind = applied.command.kind if applied.command.kind in ("payload", "wind") else "drive"
-        key = (kind, *applied.command.values)
+        kind = KINDS[applied.command.kind]
+        key = (kind.topic, *applied.command.values)
         last = self._last_commands.get(key)
         if applied.command == last:
             return  # a command that only goes on, as the time-out wants it
-        if kind == "wind" and last is not None:
+        if kind.name == "wind" and last is not None:
             change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
             if max(change) < WIND_CHANGE:
                 return
         if not applied.command.values:
             self._last_commands.clear()  # after a stop or a reset the same command is a new one
         self._last_commands[key] = applied.command
-        level = _LEVELS.get(applied.command.kind, "INFO")
-        self._commands.append((applied.time, describe_command(applied), level))
+        self._commands.append((applied.time, describe_command(applied), kind.level))
 
     def flush(self) -> None:
         """Send what waits and have it on the disk; waits for a disk that stalls.

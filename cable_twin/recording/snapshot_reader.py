@@ -75,10 +75,11 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
         raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
     stamp = -1
     topics = [*frames.readers, APPLIED_COMMANDS, KEY_FIGURES]
-    whole = True
+    before: LogFile | None = None
     for file, moved in log.files_in_turn(on_position):
-        if not whole:
+        if before is not None and not file.follows(before):
             frames.go_on_from(file)
+        before = file
         for topic, stamp_ns, data in file.messages(topics, moved):
             in_frame = topic in frames.readers
             if (stamp_ns != stamp or not in_frame) and (snapshot := frames.take()) is not None:
@@ -92,7 +93,6 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
                 yield applied
             else:
                 yield frames.figures(stamp_ns, data)
-        whole = file.complete and not file.damage
     if (snapshot := frames.take()) is not None:
         yield snapshot
 

@@ -11,6 +11,7 @@ from cable_twin.recording.view_geometry import TIMELINE
 from cable_twin.recording.view_plots import Plot
 from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
+from cable_twin.signals import SIGNALS
 
 LEGEND_LINES = 12  # of a plot, up to which it has a legend
 
@@ -55,10 +56,9 @@ def lay_out(
         for path, reach in list(followed.items())[:CLOSE_UPS]
         for name in [path.rpartition("/")[2]]
     ]
-    titles = plot_titles(unit)
-    if any(path == "plots/tower_load" for path, _ in paths):
-        titles["tower_load"] = f"Load on towers [{unit}]"
-    views = [_plot_view(f"plots/{path}", title, paths, window) for path, title in titles.items()]
+    drawn = {path.split("/")[1] for path, _ in paths}
+    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
+    views = [_plot_view(f"plots/{name}", title, paths, window) for name, title in titles.items()]
     lower: list[rrb.View | rrb.Container] = [rrb.Grid(*views, grid_columns=2)]
     if close_ups:
         lower.insert(0, close_ups[0] if len(close_ups) == 1 else rrb.Tabs(*close_ups))
@@ -78,12 +78,11 @@ def lay_out(
 
 
 def plot_titles(unit: str) -> dict[str, str]:
-    """Return the plots of every run with their titles, forces in `unit`."""
+    """Return the plots by the name of their signal with their titles, forces in `unit`."""
     return {
-        "speed": "Speed [m/s]",
-        "tension": f"Tension [{unit}]",
-        "swing": "Swing [deg]",
-        "drive_force": f"Drive force [{unit}]",
+        name: f"{signal.view} [{unit if signal.unit == 'N' else signal.unit}]"
+        for name, signal in SIGNALS.items()
+        if signal.view
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle, islice, pairwise
 from typing import NamedTuple
@@ -13,9 +13,9 @@ import numpy as np
 import rerun as rr
 
 from cable_twin.recording.view_geometry import entity_path, time_column
-from cable_twin.recording.view_readout import driven, driven_names
-from cable_twin.records import AppliedCommand, FloatArray
-from cable_twin.snapshot import ENDS, Columns, Layout
+from cable_twin.records import AppliedCommand, Command, FloatArray
+from cable_twin.signals import SIGNALS, Signal, driven_names
+from cable_twin.snapshot import Columns, Layout
 
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
@@ -54,10 +54,10 @@ class Plots:
     def __init__(self, layout: Layout, carriers: Collection[str], scale: float) -> None:
         self._movers = driven_names(layout)
         self._plots = [
-            *_speeds(layout),
-            Plot("plots/tension", ["highest", "at the start", "at the end"], lambda c, _: _tensions(c) * scale),
-            *_swings(layout, carriers),
-            *_forces(layout, scale),
+            plot
+            for signal in SIGNALS.values()
+            if signal.view
+            for plot in MAKERS.get(signal.name, _together)(signal, layout, carriers, scale)
         ]
 
     def __iter__(self) -> Iterator[Plot]:
@@ -83,12 +83,15 @@ class CommandedSpeeds:
     """The speed that each thing is commanded to have, over time."""
 
     def __init__(self) -> None:
-        self._now: dict[str, float] = {}
-        self._waiting: deque[AppliedCommand] = deque()
+        self._now: dict[str, float] = {}  # m/s by name, NaN for a force
+        self._waiting: deque[tuple[float, dict[str, float]]] = deque()  # from a time (s) on: no two of one time
 
     def note(self, applied: AppliedCommand) -> None:
-        """Take a command, from its time on."""
-        self._waiting.append(applied)
+        """Take a command, from its time on; of those at one time, as while time stands, only what they come to."""
+        before = self._waiting[-1][1] if self._waiting else self._now
+        if self._waiting and self._waiting[-1][0] == applied.time:
+            self._waiting.pop()
+        self._waiting.append((applied.time, _obeyed(before, applied.command)))
 
     def at(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
         """Return (frames, names) m/s at times (frames,) in s, later than those before; NaN where none is commanded."""
@@ -96,82 +99,87 @@ class CommandedSpeeds:
         first = 0
         while True:
             speeds[first:] = [self._now.get(name, np.nan) for name in names]
-            if not self._waiting or self._waiting[0].time > times[-1]:
+            if not self._waiting or self._waiting[0][0] > times[-1]:
                 return speeds
-            applied = self._waiting.popleft()
-            first = max(first, int(np.searchsorted(times, applied.time)))
-            self._obey(applied)
-
-    def _obey(self, applied: AppliedCommand) -> None:
-        command = applied.command
-        if command.kind == "speed":
-            self._now.update(command.values)
-        elif command.kind == "force":
-            self._now.update(dict.fromkeys(command.values, np.nan))
-        elif command.kind == "emergency_stop":
-            self._now = dict.fromkeys(self._now, 0.0)
-        elif command.kind in ("release", "reset"):
-            self._now = {}
+            since, self._now = self._waiting.popleft()
+            first = max(first, int(np.searchsorted(times, since)))
 
 
-def _speeds(layout: Layout) -> Iterator[Plot]:
+def _obeyed(speeds: Mapping[str, float], command: Command) -> dict[str, float]:
+    """Commanded speeds after a command."""
+    if command.kind == "speed":
+        return {**speeds, **command.values}
+    if command.kind == "force":
+        return {**speeds, **dict.fromkeys(command.values, np.nan)}
+    if command.kind == "emergency_stop":
+        return dict.fromkeys(speeds, 0.0)
+    return {} if command.kind in ("release", "reset") else dict(speeds)
+
+
+Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
+
+
+def _together(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
+    """Yield all lines of a signal in one plot."""
+    if names := signal.names(layout):
+        yield Plot(f"plots/{signal.name}", signal.legend or names, partial(_values, signal, layout, scale))
+
+
+def _one_by_one(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
+    """Yield a plot for each line of a signal."""
+    for index, name in enumerate(signal.names(layout)):
+        values = partial(_column, signal, layout, scale, index)
+        yield Plot(entity_path(f"plots/{signal.name}", name), [name], values, index)
+
+
+def _values(signal: Signal, layout: Layout, scale: float, c: Columns, _: FloatArray) -> FloatArray:
+    """Values (frames, lines), forces times `scale`."""
+    return signal.values(layout, c) * (scale if signal.unit == "N" else 1.0)
+
+
+def _column(signal: Signal, layout: Layout, scale: float, index: int, c: Columns, none: FloatArray) -> FloatArray:
+    return _values(signal, layout, scale, c, none)[:, index, None]
+
+
+def _speeds(signal: Signal, layout: Layout, _: Collection[str], __: float) -> Iterator[Plot]:
     """Yield the speed of all that is driven, beside what is commanded."""
-    names = driven_names(layout)
+    names = signal.names(layout)
     for index, name in enumerate(names):
         titles = ["speed", "commanded"] if len(names) == 1 else [name, f"{name} commanded"]
-        yield Plot(entity_path("plots/speed", name), titles, partial(_speed, layout, index), 2 * index)
+        yield Plot(entity_path("plots/speed", name), titles, partial(_speed, signal, layout, index), 2 * index)
 
 
-def _speed(layout: Layout, index: int, c: Columns, commanded: FloatArray) -> FloatArray:
-    return np.column_stack([driven(layout, c).speed[:, index], commanded[:, index]])
+def _speed(signal: Signal, layout: Layout, index: int, c: Columns, commanded: FloatArray) -> FloatArray:
+    return np.column_stack([signal.values(layout, c)[:, index], commanded[:, index]])
 
 
-def _tensions(c: Columns) -> FloatArray:
-    tensions = c.rope_tension
-    return np.column_stack([tensions.max(axis=1), tensions[:, 0], tensions[:, -1]])
-
-
-def _forces(layout: Layout, scale: float) -> Iterator[Plot]:
-    """Yield the force of all drives, and the load of all towers."""
-    for index, name in enumerate(driven_names(layout)):
-        yield Plot(entity_path("plots/drive_force", name), [name], partial(_force, layout, index, scale), index)
-    first = len(ENDS)
-    towers = layout.supports[first:]
-    if towers:
-        yield Plot("plots/tower_load", towers, lambda c, _: c.tower_load[:, first:] * scale)
-
-
-def _force(layout: Layout, index: int, scale: float, c: Columns, _: FloatArray) -> FloatArray:
-    return driven(layout, c).force[:, index, None] * scale
-
-
-def _swings(layout: Layout, carriers: Collection[str]) -> Iterator[Plot]:
+def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
     """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one."""
     color = 0
     together: list[_Bodies] = []
-    for index, (name, (first, last)) in enumerate(zip(layout.vehicles, pairwise(layout.first_body), strict=True)):
-        bodies = _Bodies(range(first, last), [index] * (last - first), _titles(layout, name))
+    for name, (first, last) in zip(layout.vehicles, pairwise(layout.first_body), strict=True):
+        bodies = _Bodies(range(first, last), _titles(layout, name))
         if name in carriers:
             together.append(bodies)
         elif bodies.rows:
-            yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, bodies), color)
+            yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, signal, layout, bodies), color)
             color += len(bodies.rows)
     if together:
         every = _Bodies(
             [row for bodies in together for row in bodies.rows],
-            [vehicle for bodies in together for vehicle in bodies.vehicles],
             [title for bodies in together for title in bodies.titles],
         )
         if every.rows:
             titles = ["least", "most", *together[0].titles]
-            yield Plot("plots/swing/carriers", titles, partial(_spread, every, len(together[0].rows)), color)
+            yield Plot(
+                "plots/swing/carriers", titles, partial(_spread, signal, layout, every, len(together[0].rows)), color
+            )
 
 
 class _Bodies(NamedTuple):
     """Bodies whose swing is plotted."""
 
     rows: Sequence[int]
-    vehicles: Sequence[int]  # that each belongs to
     titles: Sequence[str]
 
 
@@ -183,14 +191,18 @@ def _titles(layout: Layout, name: str) -> list[str]:
     return [name] if len(bodies) == 1 else [f"{name} {body}" for body in bodies]
 
 
-def _swing(bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
+def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
     """Swing (frames, bodies) in degrees of bodies on the rope, NaN of those that hang in a station."""
-    swings = np.rad2deg(c.body_angles[:, bodies.rows, 1])
-    swings[c.attached[:, bodies.vehicles] == 0.0] = np.nan
-    return swings
+    return signal.values(layout, c)[:, bodies.rows]
 
 
-def _spread(bodies: _Bodies, first: int, c: Columns, commanded: FloatArray) -> FloatArray:
+def _spread(
+    signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns, commanded: FloatArray
+) -> FloatArray:
     """Least and most swing (frames, 2 + first) in degrees of all bodies, and that of the `first` ones."""
-    swings = _swing(bodies, c, commanded)
+    swings = _swing(signal, layout, bodies, c, commanded)
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
+
+
+# signals that are drawn otherwise than all together
+MAKERS: Mapping[str, Maker] = {"speed": _speeds, "swing": _swings, "drive_force": _one_by_one}

@@ -3,32 +3,13 @@
 from __future__ import annotations
 
 from math import isnan
-from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.records import AppliedCommand, FloatArray
+from cable_twin.commands import KINDS
+from cable_twin.records import AppliedCommand
+from cable_twin.signals import driven, driven_names
 from cable_twin.snapshot import ENDS, Columns, Layout
-
-
-class Driven(NamedTuple):
-    """State of what is driven, see `driven_names`."""
-
-    place: FloatArray  # (..., names) m
-    speed: FloatArray  # (..., names) m/s
-    force: FloatArray  # (..., names) N
-
-
-def driven_names(layout: Layout) -> tuple[str, ...]:
-    """Return what is driven: a moving cable, else each vehicle."""
-    return layout.drives or tuple(layout.vehicles)
-
-
-def driven(layout: Layout, c: Columns) -> Driven:
-    """Return what is driven in one frame, or in several."""
-    if layout.drives:
-        return Driven(c.drive_position, c.drive_speed, c.moving_cable_force)
-    return Driven(c.arc_length, c.speed, c.drive_force)
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
@@ -63,7 +44,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = {"speed": "m/s", "force": "N", "payload": "kg", "wind": "m/s"}.get(command.kind, "")
+    unit = KINDS[command.kind].unit
     values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

@@ -17,6 +17,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
+from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand, Command, CommandError
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.ros.time_slice import wake_promptly
@@ -252,9 +253,9 @@ class FrameLoop:
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         self._before_command()
         applied = self._simulation.apply(command, source)
-        if command.kind in ("speed", "force"):
+        if KINDS[command.kind].drives:
             self._hold(command)
-        elif command.kind in ("emergency_stop", "reset"):  # nothing is left that was told to move
+        elif KINDS[command.kind].halts:
             self._deadlines.clear()
             if command.kind == "reset" and self.fault:
                 self.fault = ""

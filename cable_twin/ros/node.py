@@ -5,44 +5,28 @@ from __future__ import annotations
 import gc
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped, WrenchStamped
-from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock as ClockMessage
-from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import String
 
-from cable_twin.command_messages import command_from_joint_state, payload_from_joint_state, wind_from_vector
-from cable_twin.messages import (
-    DIAGNOSTICS,
-    JOINT_COMMANDS,
-    KEY_FIGURES,
-    PAYLOAD,
-    SCENARIO,
-    WIND,
-    Status,
-    Topic,
-    decode,
-    diagnostics_message,
-    scenario_message,
-    topics,
-)
+from cable_twin.command_messages import command_from_message
+from cable_twin.commands import INPUTS, JOINT_COMMANDS
+from cable_twin.messages import SCENARIO, scenario_message, topics
 from cable_twin.recording.run import start_run
-from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates
+from cable_twin.ros.diagnostics import Diagnostics
+from cable_twin.ros.endpoints import publisher_of, subscribe
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
-from cable_twin.ros.pace_watch import PaceWatch
 from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
@@ -50,33 +34,6 @@ from cable_twin.ros.services import Services
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-try:  # not among the wheels
-    from tf2_msgs.msg import TFMessage
-except ImportError:
-    TFMessage = None
-
-MESSAGE_TYPES = {
-    f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}": kind
-    for kind in (
-        DiagnosticArray,
-        PoseArray,
-        PoseStamped,
-        WrenchStamped,
-        PathMessage,
-        ClockMessage,
-        JointState,
-        PointCloud2,
-        String,
-        TFMessage,
-    )
-    if kind is not None
-}
-# what is subscribed: type, and how it is understood
-INPUTS: dict[str, tuple[Any, Callable[[Any], Command]]] = {
-    JOINT_COMMANDS: (JointState, lambda m: command_from_joint_state(m.name, m.position, m.velocity, m.effort)),
-    PAYLOAD: (JointState, lambda m: payload_from_joint_state(m.name, m.position, m.velocity, m.effort)),
-    WIND: (Vector3Stamped, lambda m: wind_from_vector(m.vector.x, m.vector.y, m.vector.z)),
-}
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
@@ -91,27 +48,30 @@ class TwinNode(Node):
         ScenarioError: the scenario does not load.
         SnapshotError: the snapshot does not load.
         EquilibriumError: the cable of the scenario finds no rest.
+        SecondTwinError: there is one of this name, and `allow_second` is false.
     """
 
     def __init__(self) -> None:
         super().__init__("cable_twin")
         self._settings = declare_parameters(self)
-        self._refused = 0
-        self._commands_applied = 0
-        self._parameters_set = 0
-        self._parameters_refused = 0
+        alone = not self._settings["allow_second"]
+        self._held_name = hold_name(self) if alone else None
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
-        self._watch = RecordingWatch(self.get_logger())
         self._simulation = self._build_simulation()
+        if alone:
+            check_others(self)
         self._frame_steps = self._count_frame_steps()
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
-        self._topics = topics(layout, own=own, clock=self._settings["publish_clock"], tf=TFMessage is not None)
+        self._topics = topics(
+            layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None
+        )
+        self._senders = {topic.name: publisher_of(self, topic) for topic in self._topics if topic.name not in INPUTS}
         self._output = Output(
             self._simulation,
             self._topics,
-            {topic.name: self._publish_function(topic) for topic in self._topics if topic.name not in INPUTS},
+            self._senders,
             rates,
             frame_rate=frame_rate,
             own=own,
@@ -132,13 +92,16 @@ class TwinNode(Node):
             paused=self._settings["start_paused"],
         )
         real_time = self._settings["real_time_factor"] == 1.0
-        self._pace = PaceWatch(self.get_logger(), self._run_clock, self._loop, real_time=real_time)
-        for name, (kind, _) in INPUTS.items():
-            self.create_subscription(kind, f"~/{name}", partial(self._on_command, name), 50, raw=True)
+        self._diagnostics = Diagnostics(
+            self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
+        )
+        for topic in self._topics:
+            if topic.name in INPUTS:
+                subscribe(self, topic, partial(self._on_command, topic.name))
         self._offered = Services(self._loop, self._log_directory)
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
-        self.create_timer(1.0, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_on_set_parameters_callback(self._on_parameters)
 
     @property
@@ -152,7 +115,7 @@ class TwinNode(Node):
             self._start_recording()
         elif self._settings["rerun"] == "live":
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
-        self._scenario_publisher(scenario_message(self._simulation.scenario.resolved()))
+        self._senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
@@ -184,21 +147,10 @@ class TwinNode(Node):
             waiting.start()
             self._output.run.recorder.close()
             waiting.cancel()
-            self._watch.look()
+            self._diagnostics.recording.look()
             self.get_logger().info(f"log closed: {self._output.run.directory}")
-
-    def _publish_function(self, topic: Topic) -> Callable[[bytes], None]:
-        """What sends the bytes of a topic."""
-        quality = QoSProfile(
-            depth=topic.depth,
-            reliability=ReliabilityPolicy[topic.reliability.upper()],
-            durability=DurabilityPolicy[topic.durability.upper()],
-        )
-        name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
-        publish = self.create_publisher(MESSAGE_TYPES[topic.type], name, quality).publish
-        if topic.name == SCENARIO:
-            self._scenario_publisher = publish
-        return publish
+        if self._held_name is not None:
+            self._held_name.close()
 
     def _build_simulation(self) -> Simulation:
         """Build the simulation, and say so when its kernels must be compiled first."""
@@ -245,15 +197,15 @@ class TwinNode(Node):
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             reason = getattr(error, "strerror", None) or error
             fault = f"nothing is recorded: record_directory '{directory}': {reason}"
-            self._watch = RecordingWatch(self.get_logger(), fault=fault)
+            self._diagnostics.recording = RecordingWatch(self.get_logger(), fault=fault)
             return
         self._output.run = run
         live = f"; live view: rerun --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
         self.get_logger().info(f"log: {run.directory}{live}")
         factor = self._settings["real_time_factor"]
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
-        self._watch = RecordingWatch(self.get_logger(), run.recorder, frame_time)
-        self._watch.look()
+        self._diagnostics.recording = RecordingWatch(self.get_logger(), run.recorder, frame_time)
+        self._diagnostics.recording.look()
 
     def _log_directory(self) -> Path:
         """Where files of this run belong; raises RuntimeError for ~ of a user without a home."""
@@ -272,7 +224,7 @@ class TwinNode(Node):
         """Simulated time begins to run: the epoch is now, or it stays and stamps are behind by the pause."""
         if first:
             self._begin()
-        self._pace.tell_start(self._simulation.time)
+        self._diagnostics.pace.tell_start(self._simulation.time)
 
     def _begin(self) -> None:
         """Take the epoch and give the first frame, once: before time runs and before anything changes the twin."""
@@ -284,7 +236,7 @@ class TwinNode(Node):
         self.get_logger().error(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
-        self._commands_applied += 1
+        self._diagnostics.counts["commands_applied"] += 1
         self._output.apply(applied)
         if applied.source == "command_timeout":
             names = ", ".join(applied.command.values)
@@ -295,16 +247,12 @@ class TwinNode(Node):
 
     def _on_command(self, topic: str, data: bytes) -> None:
         """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
-        kind, understand = INPUTS[topic]
         self._begin()  # a twin that waits for its start is not as it was any more
         self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
         try:
-            command = understand(decode(data, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"))
+            command = command_from_message(topic, data)
         except CommandError as error:
             self._refuse(topic, error)
-            return
-        except Exception as error:
-            self._refuse(topic, CommandError(f"not a {kind.__name__}: {error}"))
             return
         self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
 
@@ -313,22 +261,24 @@ class TwinNode(Node):
             self._refuse(topic, future.exception())
 
     def _refuse(self, topic: str, error: BaseException) -> None:
-        self._refused += 1
+        counts = self._diagnostics.counts
+        counts["commands_refused"] += 1
         now = time.monotonic()
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self.get_logger().warning(
                 f"{self.get_fully_qualified_name()}/{topic}: command refused, "
-                f"the last good one stays: {error} ({self._refused} refused so far)"
+                f"the last good one stays: {error} ({counts['commands_refused']} refused so far)"
             )
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
-        self._parameters_refused += 1  # until it is taken: rclpy raises for a name that it does not know
+        counts = self._diagnostics.counts
+        counts["parameters_refused"] += 1  # until it is taken: rclpy raises for a name that it does not know
         result = super().set_parameters_atomically(parameter_list)
         if result.successful:
-            self._parameters_refused -= 1
-            self._parameters_set += 1
+            counts["parameters_refused"] -= 1
+            counts["parameters_set"] += 1
         return result
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
@@ -341,42 +291,3 @@ class TwinNode(Node):
             if parameter.name == "command_timeout":
                 self._loop.command_timeout = float(parameter.value)
         return SetParametersResult(successful=True)
-
-    def _publish_diagnostics(self) -> None:
-        statistics = self._loop.take_statistics().summary()
-        total = {f"total_{key}": value for key, value in self._loop.total_lateness.summary().items()}
-        values: dict[str, str] = {key: f"{value:.9g}" for key, value in {**statistics, **total}.items()}
-        values["simulated_time_s"] = f"{self._loop.simulated_time:.3f}"
-        values["commands_applied"] = str(self._commands_applied)
-        values["commands_refused"] = str(self._refused)
-        values["parameters_set"] = str(self._parameters_set)
-        values["parameters_refused"] = str(self._parameters_refused)
-        values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
-        self._watch.look()
-        values.update(self._watch.values)
-        values.update(self._pace.look())
-        level, message = self._judge(statistics)
-        stamp_ns = self._run_clock.stamp_ns(self._loop.simulated_time)
-        statuses = self._output.figures.statuses()
-        for line in self._output.figures.take_news():
-            self.get_logger().warning(line)
-        summary = self._output.figures.summary(f"{self.get_name()}: key figures")
-        messages = [
-            (KEY_FIGURES, diagnostics_message(stamp_ns, *statuses)),
-            (DIAGNOSTICS, diagnostics_message(stamp_ns, Status(level, self.get_name(), message, values), summary)),
-        ]
-        self._output.send(messages, stamp_ns)
-
-    def _judge(self, statistics: Mapping[str, float]) -> tuple[int, str]:
-        """Level and message of the diagnostics."""
-        if self._loop.fault:
-            return 2, self._loop.fault
-        if (judged := self._watch.judge()) is not None:
-            return judged
-        if self._simulation.emergency_stopped:
-            return 1, "emergency stop in force"
-        if self._loop.paused:
-            return 0, "paused"
-        if statistics["missed_frames"] > 0:
-            return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
-        return 0, "running"

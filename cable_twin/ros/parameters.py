@@ -90,6 +90,7 @@ PARAMETERS = (
             ("log_path_rate", LOGGED["path"], "how often cable_path is logged"),
         )
     ),
+    Parameter("allow_second", False, "start even where a twin of the same name runs in this ROS domain"),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
     Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),
 )

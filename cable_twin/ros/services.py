@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.commands import Kind, kinds_by_service
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
@@ -26,7 +28,7 @@ class _NothingSavedError(Exception):
 
 
 class Services:
-    """Reset, pause, step, emergency stop and snapshots of a frame loop."""
+    """Commands without numbers, pause, step and snapshots of a frame loop."""
 
     def __init__(self, loop: FrameLoop, directory: Callable[[], Path]) -> None:
         """Offer nothing yet; snapshots are written to what `directory` says then."""
@@ -37,33 +39,27 @@ class Services:
     def offer(self, node: Node) -> None:
         """Create the services, below the name of the node."""
         self._logger = node.get_logger()
-        node.create_service(Trigger, "~/reset", self._on_reset)
+        for service, kinds in kinds_by_service().items():
+            service_type = Trigger if None in kinds else SetBool
+            node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
         node.create_service(SetBool, "~/pause", self._on_pause)
         node.create_service(Trigger, "~/step", self._on_step)
-        node.create_service(SetBool, "~/emergency_stop", self._on_emergency_stop)
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
 
     def close(self) -> None:
         """Let the disk have the snapshots that it has not taken yet."""
         self._writer.shutdown()
 
-    def _serve(self, command: Command, response: Any, done: str) -> Any:
+    def _on_command(self, kinds: Mapping[bool | None, Kind], request: Any, response: Any) -> Any:
+        kind = kinds[getattr(request, "data", None)]
         try:
-            applied = self._loop.submit(command, "service").result(SERVICE_TIMEOUT)
+            applied = self._loop.submit(Command(kind.name, {}), "service").result(SERVICE_TIMEOUT)
         except (CommandError, FutureTimeoutError, CancelledError) as error:
             response.success, response.message = False, str(error) or NO_ANSWER
         else:
             when = applied.time if applied is not None else self._loop.simulated_time
-            response.success, response.message = True, f"{done} at {when:.3f} s of simulated time"
+            response.success, response.message = True, f"{kind.done} at {when:.3f} s of simulated time"
         return response
-
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._serve(Command("reset", {}), response, "state put back to the start")
-
-    def _on_emergency_stop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if request.data:
-            return self._serve(Command("emergency_stop", {}), response, "emergency stop")
-        return self._serve(Command("release", {}), response, "emergency stop released")
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         if self._loop.fault and not request.data:

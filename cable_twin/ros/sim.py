@@ -18,6 +18,7 @@ examples:
   sim --scenario seed_example            the example of the paper
   sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
   sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
+  sim --ros-args -r __ns:=/b             a second twin in this domain, under a name of its own
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
 
@@ -35,6 +36,8 @@ def parser() -> OneLineParser:
             dest=parameter.name,
             type=float if isinstance(parameter.default, float) else str,
             choices=("true", "false") if isinstance(parameter.default, bool) else None,
+            nargs="?" if isinstance(parameter.default, bool) else None,
+            const="true" if isinstance(parameter.default, bool) else None,
             metavar=parameter.placeholder,
             help=f"{parameter.help}; default: {_text(parameter.default)}",
         )
@@ -66,6 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
+        from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
     except ImportError as error:
         print_hint("sim", error)
         return 1
@@ -79,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     try:
         node = TwinNode()
-    except (ParameterError, ScenarioError, EquilibriumError, SnapshotError) as error:
+    except (ParameterError, SecondTwinError, ScenarioError, EquilibriumError, SnapshotError) as error:
         for line in str(error).splitlines():
             print(f"sim: {line}", file=sys.stderr)
         rclpy.try_shutdown()

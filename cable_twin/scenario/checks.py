@@ -83,9 +83,9 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
     given: Any = data
     for key in path:
         if isinstance(given, Mapping) and key not in given:
-            return Fault(path, f"nothing given, but it is needed; allowed: {_allowed(field)}")
+            return Fault(path, f"nothing given, but it is needed; allowed: {allowed(field)}")
         given = given[key]
-    return Fault(path, f"given {show(given)}; allowed: {_allowed(field)}")
+    return Fault(path, f"given {show(given)}; allowed: {allowed(field)}")
 
 
 def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
@@ -113,8 +113,8 @@ def _scalar(annotation: Any) -> tuple[Any, bool]:
     return annotation, False
 
 
-def _allowed(field: FieldInfo | None) -> str:
-    """What a field allows, in words, with its unit."""
+def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
+    """What a field allows, in words, with its unit or without."""
     if field is None:
         return "a mapping"
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
@@ -145,10 +145,10 @@ def _allowed(field: FieldInfo | None) -> str:
     elif get_origin(kind) is tuple:
         text = f"a list of {len(get_args(kind))} finite numbers"
     else:
-        text = {float: "a finite number", int: "a whole number", str: "a text"}[kind]
+        text = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}[kind]
     text = " ".join([text, " and ".join(limits)]) if limits else text
-    unit = extra.get("unit")
-    text = f"{text}, in {unit}" if unit not in (None, "-") else text
+    own = extra.get("unit")
+    text = f"{text}, in {own}" if unit and own not in (None, "-") else text
     return f"{text}, or null" if optional else text
 
 

@@ -61,15 +61,17 @@ class Support(Section):
         description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
     )
     direction: Vector | None = quantity(
-        "-", "of the cable in a clamp, towards its end; or in which a counterweight pulls the end; any length", None
+        "-", "direction of the cable in a clamp, towards its end; or in which a counterweight pulls; any length", None
     )
     mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
     force: float | None = quantity("N", "pull of a counterweight; its weight where none is given", None, gt=0)
     travel: Vector | None = quantity("m", "least and most travel of a counterweight from `position`", None)
     buffer_stiffness: float | None = quantity(
-        "N/m", "of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
+        "N/m", "stiffness of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
     )
-    buffer_damping: float = quantity("s/m", "of them: force = stiffness d (1 + damping d_dot)", 1.0, ge=0)
+    buffer_damping: float = quantity(
+        "s/m", "damping of these buffers: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
+    )
 
 
 class Load(Section):
@@ -104,9 +106,9 @@ class Cable(Section):
 
     unstrained_length: float = quantity("m", "length without tension", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
-    axial_stiffness: float = quantity("N", "EA", gt=0)
+    axial_stiffness: float = quantity("N", "EA, Young's modulus times area of the steel", gt=0)
     breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
-    bending_stiffness: float = quantity("N m^2", "EI", ge=0)
+    bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
     elements: Elements = Field(
         description="number of elements, all of one unstrained length (-), or how long they are where",
         json_schema_extra={
@@ -137,13 +139,13 @@ class Tower(Section):
     position: Vector = quantity("m", "where the rope touches its middle, as x, z")
     kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
     contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
-    length: float = quantity("m", "along the rope, from the first contact to the last", 0.0, ge=0)
-    radius: float | None = quantity("m", "of the circle of the contacts; null: a straight line", None, gt=0)
+    length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
+    radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
     hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
-    stiffness: float = quantity("N/m", "of each contact, normal to the rope", 2e6, gt=0)
-    damping: float = quantity("s/m", "of each: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
+    stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
+    damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
     friction: float | None = quantity(
-        "-", "along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
+        "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
     )
 
 
@@ -209,20 +211,24 @@ class Friction(Section):
 
 
 class EndStop(Section):
-    """Elastic buffer at both ends of the cable; null is worked out, see `parameters.end_stop`."""
+    """Elastic buffer at both ends of the cable; what is not given follows from mass and speed limit of the carriage."""
 
-    stroke: float | None = quantity("m", "its length", None, gt=0)
-    stiffness: float | None = quantity("N/m", "its stiffness", None, gt=0)
-    damping: float | None = quantity("s/m", "its damping: force = stiffness d (1 + damping d_dot)", None, ge=0)
+    stroke: float | None = quantity("m", "length of the buffer; null: 0.5 % of the cable", None, gt=0)
+    stiffness: float | None = quantity(
+        "N/m", "stiffness of the buffer; null: it stops the speed limit within 60 %", None, gt=0
+    )
+    damping: float | None = quantity(
+        "s/m", "damping: force = stiffness d (1 + damping d_dot); null: 0.5 over the speed limit", None, ge=0
+    )
 
 
 class Body(Section):
     """One rigid body of a carriage; pivots are seen from its centre of mass, in its own axes x, z."""
 
-    mass: float = quantity("kg", "mass", gt=0)
+    mass: float = quantity("kg", "mass of the body", gt=0)
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
-    upper_pivot: Vector = quantity("m", "where it hangs")
-    lower_pivot: Vector | None = quantity("m", "where the next body hangs from it; not needed for the last one", None)
+    upper_pivot: Vector = quantity("m", "place of the pin from which it hangs")
+    lower_pivot: Vector | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
     damping: float = quantity(
         "N m s/rad", "of a damper of its turning against the body above, or of the first against the cable", 0.0, ge=0
     )
@@ -237,7 +243,9 @@ class Payload(Section):
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
     body: str | None = Field(default=None, description="body that carries it; by default the last one")
-    position: Vector = quantity("m", "where, from the centre of mass of the empty body, in its axes", (0.0, 0.0))
+    position: Vector = quantity(
+        "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
+    )
     station_distance: float | None = quantity(
         "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
     )
@@ -261,7 +269,7 @@ class Carriage(Section):
 class Air(Section):
     """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
 
-    density: float = quantity("kg/m^3", "density, by default of 15 degrees at sea level", 1.225, ge=0)
+    density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
     wind: Vector = quantity("m/s", "wind along the track and upwards until another comes", (0.0, 0.0))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
+from cable_twin.commands import KINDS
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
@@ -22,7 +22,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
     """
     if not command.values:
         raise CommandError("a command without a name")
-    unit = "m/s" if command.kind == "speed" else "N"
+    unit = KINDS[command.kind].unit
     for name, value in command.values.items():
         limits = _limits(name, command.kind, scenario)
         if not math.isfinite(value):
@@ -64,13 +64,12 @@ def check_room(command: Command, scenario: Scenario) -> None:
             raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
 
 
-def check_payload(command: Command, scenario: Scenario, system: System, state: State) -> None:
-    """Refuse a payload that is none, or for a carriage that does not stand in a station.
+def check_station(command: Command, scenario: Scenario, system: System, state: State) -> None:
+    """Refuse a payload for a carriage that does not stand in a station.
 
     Raises:
-        CommandError: unknown carriage, no room, beyond the capacity, outside the stations, under way.
+        CommandError: outside the stations, under way.
     """
-    check_room(command, scenario)
     length = system.cable.unstrained_length
     for name in command.values:
         room = scenario.vehicles[name].payload
@@ -89,17 +88,15 @@ def check_payload(command: Command, scenario: Scenario, system: System, state: S
             )
 
 
-def check_wind(values: Sequence[tuple[str, float]]) -> None:
+def check_wind(command: Command, scenario: Scenario) -> None:
     """Refuse a wind that none is: axes and m/s.
 
     Raises:
         CommandError: other axes than x and z, not finite, too strong.
     """
-    if {axis for axis, _ in values} != {"x", "z"}:
-        raise CommandError(
-            f"wind with {', '.join(axis for axis, _ in values) or 'nothing'}; needed are x and z, in m/s"
-        )
-    for axis, speed in values:
+    if {*command.values} != {"x", "z"}:
+        raise CommandError(f"wind with {', '.join(command.values) or 'nothing'}; needed are x and z, in m/s")
+    for axis, speed in command.values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
                 f"wind {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"

@@ -40,7 +40,7 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     with subprocess.Popen(
-        [sys.executable, "-m", "cable_twin.simulation.first_compilation", integrator],
+        [sys.executable, "-m", "cable_twin.simulation.first_compilation", integrator, str(os.getpid())],
         env={**os.environ, "PYTHONPATH": path},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -83,15 +83,17 @@ def begin_with(integrator: Kernel, system: System, state: State, work: Workspace
     return chosen
 
 
-def _end_with_parent() -> None:
+def _end_with_parent(parent: int) -> None:
     """Be gone with the start that wanted this: one that a signal ends leaves no compiler behind."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # it ended while this one was starting
+        sys.exit()
 
 
 def main() -> None:
     """Compile one integrator, for a system of any size."""
-    _end_with_parent()
-    integrator = sys.argv[1]
+    integrator, parent = sys.argv[1:]
+    _end_with_parent(int(parent))
     system = build_system(load_scenario("seed_example", {"solver.integrator": integrator}))
     state, work = allocate_state(system), allocate_workspace(system)
     advance = integrator_named(integrator)

@@ -13,7 +13,7 @@ from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.point import point_at, position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
 from verification import JIT
-from verification.models import moving
+from verification.models import for_kernels, moving
 from verification.supports import tramway
 
 MOVING = MovingCable(
@@ -136,7 +136,7 @@ def test_end_forces_of_a_tramway_under_way():
     simulation.wind(12.0, -3.0)
     for _ in range(10 if JIT else 2):
         simulation.advance_to(simulation.time + (0.2 if JIT else 0.01))
-        forces = check(simulation.system, simulation._state, simulation._work)
+        forces = check(simulation.system, *for_kernels(simulation))
         supports = simulation.snapshot.supports
         np.testing.assert_array_equal([supports[end].force[[0, 2]] for end in ("start", "end")], forces)
 
@@ -157,6 +157,6 @@ def test_end_forces_of_a_moving_cable_under_way():
     attached = set()
     for _ in range(40 if JIT else 2):
         simulation.advance_to(simulation.time + (0.5 if JIT else 0.01))
-        check(simulation.system, simulation._state, simulation._work)
-        attached.add(tuple(simulation._state.attached))
+        check(simulation.system, *for_kernels(simulation))
+        attached.add(tuple(simulation.state.attached))
     assert len(attached) > 2 or not JIT

@@ -15,6 +15,7 @@ from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, fields_of
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
+from verification.models import changing
 from verification.statics import CANTILEVER, LEVEL_SPAN, hung
 
 TWO_BODIES = {
@@ -222,12 +223,13 @@ def test_not_a_number_reaches_no_snapshot():
     """The simulation raises and names step and element; a state without it goes on from the same place."""
     simulation = Simulation(loaded_span(elements=6))
     simulation.advance_to(0.002)
-    state = simulation._state
-    kept = state.nodes.velocity[4, 0, 1]
-    state.nodes.velocity[4, 0, 1] = np.nan
+    kept = simulation.state.nodes.velocity[4, 0, 1]
+    with changing(simulation) as state:
+        state.nodes.velocity[4, 0, 1] = np.nan
     with pytest.raises(SolverError, match=r"step 3 \(to 0\.003 s\) failed: .* on element [34], .* at 0\.002 s"):
         simulation.advance_to(0.01)
-    state.nodes.velocity[4, 0, 1] = kept
+    with changing(simulation) as state:
+        state.nodes.velocity[4, 0, 1] = kept
     assert simulation.time == 0.002
     assert np.isfinite(simulation.advance_to(0.004).cable.positions).all()
 
@@ -236,14 +238,14 @@ def test_a_step_that_cannot_converge_leaves_the_last_good_state():
     """One Newton iteration and no halving, from a start far from rest: the error, and the state as it was."""
     solver = {"solver.max_iterations": 1, "solver.max_halvings": 0, "solver.tolerance": 1e-12}
     simulation = Simulation(loaded_span(**solver))
-    start = clone_state(simulation._state)
+    start = simulation.capture().state
     with pytest.raises(
         SolverError, match=r"step 1 \(to 0\.001 s\) failed: after 0 halvings .* an error of 1e-12 m may be left"
     ):
         simulation.advance_to(0.005)
     assert simulation.time == 0.0
     assert simulation.snapshot.solver.steps == 0
-    for one, other in zip(fields_of(simulation._state).values(), fields_of(start).values(), strict=True):
+    for one, other in zip(fields_of(simulation.state).values(), fields_of(start).values(), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -264,7 +266,7 @@ def test_good_steps_before_a_bad_one_are_kept():
     assert steps > 0
     assert simulation.time == pytest.approx(0.01 * steps)
     assert np.isfinite(simulation.snapshot.cable.positions).all()
-    assert all(np.isfinite(array).all() for array in fields_of(simulation._state).values())
+    assert all(np.isfinite(array).all() for array in fields_of(simulation.state).values())
 
 
 def test_carriage_at_the_support_takes_its_weight_there():

@@ -93,7 +93,7 @@ def test_it_holds_where_its_limit_is_not_reached():
     coefficient, angle = 0.8, radians(30.0)
     simulation = slope(angle, 50.0, friction={"rolling": coefficient, "viscous": 1000.0}, step=2e-2)
     simulation.advance_to(4.0)
-    assert simulation._state.friction_deflection[0] == pytest.approx(-tan(angle) / coefficient, abs=1e-3)
+    assert simulation.state.friction_deflection[0] == pytest.approx(-tan(angle) / coefficient, abs=1e-3)
     at = simulation.snapshot.carriages["car"].arc_length
     assert simulation.advance_to(6.0).carriages["car"].arc_length == pytest.approx(at, abs=1e-6)
 

@@ -9,7 +9,7 @@ from cable_twin.mechanics.solution.generalized_alpha import (
 )
 from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import Motion, clone_state, fields_of
+from cable_twin.mechanics.state import Motion, allocate_workspace, clone_state, fields_of
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT
@@ -56,7 +56,7 @@ def test_free_fall_is_exact_with_the_accelerations_of_the_start():
     )
     start_moving(simulation)
     simulation.advance_to(0.5)
-    fall = simulation._state.nodes.position[:, 0, 1]
+    fall = simulation.state.nodes.position[:, 0, 1]
     np.testing.assert_allclose(fall, -0.5 * 9.81 * 0.25, rtol=1e-10)
 
 
@@ -65,7 +65,7 @@ def test_free_fall_without_them_starts_half_a_step_late():
         length=2.0, mass_per_length=1.0, axial=1e4, bending=1.0, elements=3, supports=("free", "free"), step=0.01
     )
     simulation.advance_to(0.5)
-    speed = simulation._state.nodes.velocity[:, 0, 1]
+    speed = simulation.state.nodes.velocity[:, 0, 1]
     np.testing.assert_allclose(speed, -9.81 * (0.5 - 0.005), rtol=1e-10)
 
 
@@ -75,7 +75,7 @@ def test_order_in_time_of_an_axial_wave():
         simulation, frequency = axial_bar(frequency_step, 0.7, 0.0, 4)
         quarter = 0.5 * np.pi / frequency
         time = simulation.advance_to(quarter).time
-        got = simulation._state.nodes.position[-1, 0, 0] - 2.0
+        got = simulation.state.nodes.position[-1, 0, 0] - 2.0
         errors.append(abs(got - 1e-3 * np.cos(frequency * time)))
     assert observed_order(errors) == pytest.approx(2.0, abs=0.15)
 
@@ -91,10 +91,10 @@ def test_momentum_of_a_thrown_cable_with_a_carriage():
 
 def test_nothing_moves_in_equilibrium_with_every_joint_held():
     simulation = seed(**{"carriages.carriage.drive.mode": "speed"})
-    before = clone_state(simulation._state)
+    before = simulation.capture().state
     simulation.advance_to(0.05)
-    np.testing.assert_allclose(simulation._state.nodes.position, before.nodes.position, atol=1e-8)
-    np.testing.assert_allclose(simulation._state.bodies.position, before.bodies.position, atol=1e-8)
+    np.testing.assert_allclose(simulation.state.nodes.position, before.nodes.position, atol=1e-8)
+    np.testing.assert_allclose(simulation.state.bodies.position, before.bodies.position, atol=1e-8)
 
 
 def test_joints_stay_closed_and_energy_is_not_gained():
@@ -119,22 +119,23 @@ def test_a_step_that_fails_is_taken_in_halves():
 
 def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     simulation = seed(**{"solver.max_iterations": 1, "solver.max_halvings": 1, "solver.tolerance": 1e-9})
-    before = clone_state(simulation._state)
-    scratch = clone_state(simulation._state), clone_state(simulation._state), simulation._work
-    outcome = Outcome(*advance(simulation.system, simulation._state, *scratch, 5))
+    state = simulation.capture().state
+    before = clone_state(state)
+    scratch = clone_state(state), clone_state(state), allocate_workspace(simulation.system)
+    outcome = Outcome(*advance(simulation.system, state, *scratch, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == 2
     assert outcome.increment > 1e-9
     assert 0 <= outcome.element < ELEMENTS
-    for array, kept in zip(fields_of(simulation._state).values(), fields_of(before).values(), strict=True):
+    for array, kept in zip(fields_of(state).values(), fields_of(before).values(), strict=True):
         np.testing.assert_array_equal(array, kept)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_an_increment_that_is_no_number_is_seen_wherever_it_is(bad):
     simulation = seed()
-    work = simulation._work
+    work = allocate_workspace(simulation.system)
     for array in (work.right_side, work.body_increment, work.sliding_increment):
         for other in (work.right_side, work.body_increment, work.sliding_increment):
             other[:] = 0.0
@@ -144,7 +145,8 @@ def test_an_increment_that_is_no_number_is_seen_wherever_it_is(bad):
 
 def test_a_state_that_is_no_number_ends_in_a_failed_step():
     simulation = seed()
-    simulation._state.nodes.velocity[2, 0, 0] = np.nan
-    scratch = clone_state(simulation._state), clone_state(simulation._state), simulation._work
-    outcome = Outcome(*advance(simulation.system, simulation._state, *scratch, 1))
+    state = simulation.capture().state
+    state.nodes.velocity[2, 0, 0] = np.nan
+    scratch = clone_state(state), clone_state(state), allocate_workspace(simulation.system)
+    outcome = Outcome(*advance(simulation.system, state, *scratch, 1))
     assert not outcome.converged

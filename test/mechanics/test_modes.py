@@ -114,7 +114,7 @@ def test_both_ways_of_solving_agree(monkeypatch):
 def test_shapes_are_orthogonal_over_the_mass():
     """M-products of different modes of a bare span vanish: below 1e-9 of their own."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": 12}))
-    _, shapes = natural_modes(simulation.system, simulation._state, 8)
+    _, shapes = natural_modes(simulation.system, simulation.capture().state, 8)
     flat = shapes.reshape(8, -1)
     products = flat @ (modes._cable_mass(simulation.system) @ flat.T)
     size = np.sqrt(np.diag(products))
@@ -125,7 +125,7 @@ def test_shapes_are_orthogonal_over_the_mass():
 def test_mass_does_not_depend_on_the_mesh(scale):
     """A rigid shift of all nodes has the whole mass: to 1e-12."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": round(3 * scale)}))
-    shift = np.zeros(simulation._state.nodes.position.shape)
+    shift = np.zeros(simulation.state.nodes.position.shape)
     shift[:, 0, 1] = 1.0
     mass = shift.ravel() @ (modes._cable_mass(simulation.system) @ shift.ravel())
     assert mass == pytest.approx(1010.0, rel=1e-12)

@@ -8,7 +8,7 @@ from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from verification import JIT
 from verification.dynamics import soft_span
-from verification.models import beam
+from verification.models import beam, changing
 
 SEED = {"cable.elements": 4, "solver.integrator": "runge_kutta", "solver.step": 4e-5}
 
@@ -56,8 +56,9 @@ def test_stable_step_is_where_the_motion_stops_being_bounded(damping_time, share
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         simulation = bar(damping_time=damping_time, integrator="runge_kutta", step=step)
-    velocities = simulation._state.nodes.velocity
-    velocities[:, 1] = 1e-6 * np.random.default_rng(5).standard_normal(velocities[:, 1].shape)
+    with changing(simulation) as state:
+        velocities = state.nodes.velocity
+        velocities[:, 1] = 1e-6 * np.random.default_rng(5).standard_normal(velocities[:, 1].shape)
     before = simulation.energy().total
     try:
         simulation.advance_to((2000 if JIT else 300) * step)
@@ -95,8 +96,8 @@ def test_a_node_is_found_within_the_step():
     # 20 coarse steps end on a smooth motion only when the jump of r_xx is met at the end of a part
     coarse, simulation = soft_span(200, integrator="runge_kutta")
     assert simulation.snapshot.solver.halvings == 1
-    place = simulation._state.joints.position[0] / simulation.system.cable.element_length[0]
-    assert int(place) == simulation._state.joint_element[0]
+    place = simulation.state.joints.position[0] / simulation.system.cable.element_length[0]
+    assert int(place) == simulation.state.joint_element[0]
     fine, _ = soft_span(400, integrator="runge_kutta")
     np.testing.assert_allclose(coarse, fine, atol=3e-5)
 
@@ -124,7 +125,8 @@ def test_a_motion_that_is_no_number_is_taken_back():
     simulation = Simulation(load_scenario("seed_example", SEED))
     simulation.advance_to(4e-5)
     good = simulation.snapshot.time
-    simulation._state.nodes.velocity[2, 0, 0] = np.nan
+    with changing(simulation) as state:
+        state.nodes.velocity[2, 0, 0] = np.nan
     with pytest.raises(SolverError):
         simulation.advance_to(8e-5)
     assert simulation.time == good
@@ -133,7 +135,8 @@ def test_a_motion_that_is_no_number_is_taken_back():
 def test_no_snapshot_holds_what_is_no_number_when_the_motion_blows_up():
     with pytest.warns(UserWarning, match="will not stay finite"):
         simulation = bar(integrator="runge_kutta", step=1.5 * stable())
-    simulation._state.nodes.velocity[1, 1] = 1e-3
+    with changing(simulation) as state:
+        state.nodes.velocity[1, 1] = 1e-3
     with pytest.raises(SolverError):
         simulation.advance_to(2000 * simulation.step)
     snapshot = simulation.snapshot

@@ -11,9 +11,9 @@ from cable_twin.command_messages import (
     applied_command_from_message,
     applied_command_message,
     command_from_joint_state,
-    payload_from_joint_state,
-    wind_from_vector,
+    command_from_vector,
 )
+from cable_twin.commands import JOINT_COMMANDS
 from cable_twin.messages import JointState, header, serialize
 from cable_twin.records import AppliedCommand, Command, CommandError
 
@@ -52,9 +52,11 @@ def test_foreign_message_is_no_applied_command():
 
 @pytest.mark.parametrize("make", [list, np.array])
 def test_commands_understood(make):
-    speed = command_from_joint_state(["a", "b"], make([]), make([1.0, -2.0]), make([]))
+    speed = command_from_joint_state(JOINT_COMMANDS, ["a", "b"], make([]), make([1.0, -2.0]), make([]))
     assert speed == Command("speed", {"a": 1.0, "b": -2.0})
-    assert command_from_joint_state(["a"], make([]), make([]), make([5.0])) == Command("force", {"a": 5.0})
+    assert command_from_joint_state(JOINT_COMMANDS, ["a"], make([]), make([]), make([5.0])) == Command(
+        "force", {"a": 5.0}
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,12 +75,14 @@ def test_commands_understood(make):
 )
 def test_commands_refused_in_one_line(given, complaint):
     with pytest.raises(CommandError, match=complaint) as caught:
-        command_from_joint_state(*given)
+        command_from_joint_state(JOINT_COMMANDS, *given)
     assert "\n" not in str(caught.value)
 
 
 def test_payload_understood():
-    assert payload_from_joint_state(["a", "b"], [], [], [640.0, 0.0]) == Command("payload", {"a": 640.0, "b": 0.0})
+    assert command_from_joint_state("payload", ["a", "b"], [], [], [640.0, 0.0]) == Command(
+        "payload", {"a": 640.0, "b": 0.0}
+    )
 
 
 @pytest.mark.parametrize(
@@ -94,11 +98,11 @@ def test_payload_understood():
 )
 def test_payloads_refused_in_one_line(given, complaint):
     with pytest.raises(CommandError, match=complaint) as caught:
-        payload_from_joint_state(*given)
+        command_from_joint_state("payload", *given)
     assert "\n" not in str(caught.value)
 
 
 def test_wind_is_in_the_plane_of_the_track():
-    assert wind_from_vector(-3.0, 0.0, 0.5) == Command("wind", {"x": -3.0, "z": 0.5})
+    assert command_from_vector("wind", -3.0, 0.0, 0.5) == Command("wind", {"x": -3.0, "z": 0.5})
     with pytest.raises(CommandError, match=r"wind y is 2 m/s; allowed is 0"):
-        wind_from_vector(1.0, 2.0, 0.0)
+        command_from_vector("wind", 1.0, 2.0, 0.0)

@@ -28,7 +28,7 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.cdr import STAMP, Template, marks
 from cable_twin.messages.frame import Point, Pose, PoseStamped, Quaternion, Vector3, Wrench
-from cable_twin.messages.topics import JointState, Path, PoseArray, Vector3Stamped, WrenchStamped
+from cable_twin.messages.topics import JointState, Path, PoseArray, WrenchStamped
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, DriveState, SupportState
 from cable_twin.snapshot import Layout, Snapshot
 
@@ -229,7 +229,9 @@ def every_message() -> dict[str, bytes]:
         "scenario": scenario_message({"description": "ü"}),
         "joint_commands": applied_command_message(applied, EPOCH),
         "payload": applied_command_message(AppliedCommand(0.0, Command("payload", {"cabin": 80.0}), "desk"), EPOCH),
-        "wind": serialize(Vector3Stamped(header(1_000_000_002), Vector3(3.0, 0.0, -1.0))),
+        "wind": serialize(
+            TYPESTORE.types["geometry_msgs/msg/Vector3Stamped"](header(1_000_000_002), Vector3(3.0, 0.0, -1.0))
+        ),
         "applied_commands": applied_command_message(applied, EPOCH),
         "key_figures": diagnostics_message(EPOCH, *(Status(0, name, "1 m", {"unit": "m"}) for name in ("a", "b"))),
         "/diagnostics": diagnostics_message(

@@ -10,7 +10,7 @@ import time
 
 import pytest
 from bags import bag
-from twin_process import COMPILING, environment, write_quick_scenario
+from twin_process import COMPILING, environment, wait_until, write_quick_scenario
 
 from cable_twin.offline.simulate import main
 
@@ -25,26 +25,49 @@ def run(tmp_path_factory):
     return log
 
 
-def start(directory, command, *arguments, **options):
-    code = f"import sys; from cable_twin.offline.commands import {command}; sys.exit({command}())"
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments],
-        cwd=directory,
-        env=environment(directory, 0),
-        stderr=subprocess.PIPE,
-        **{"stdout": subprocess.PIPE, **options},
-        text=True,
-    )
+# as the installed script, which takes Ctrl-C also where whoever started the tests ignores it; it says when it begins
+SCRIPT = """
+import signal, sys
+from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from cable_twin.offline.commands import {0}
+Path("{0}.begun").touch()
+sys.exit({0}())
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start commands that are gone after the test, however it ends."""
+    started = []
+
+    def begin(command, *arguments, **options):
+        process = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT.format(command), *arguments],
+            cwd=tmp_path,
+            env=environment(tmp_path),
+            stderr=subprocess.PIPE,
+            **{"stdout": subprocess.PIPE, **options},
+            text=True,
+        )
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.wait()
 
 
 @pytest.mark.parametrize("pause", [0.3, 1.0, 3.0])  # s: in the imports, at the start, under way
-def test_an_interrupt_is_one_line_at_any_moment(run, tmp_path, pause):
+def test_an_interrupt_is_one_line_at_any_moment(run, start, tmp_path, pause):
     write_quick_scenario(tmp_path)
     started = {
-        "simulate": start(tmp_path, "simulate", "quick.yaml", "--duration", "1e6", "--record", "off"),
-        "review": start(tmp_path, "review", str(run), "--no-viewer"),
-        "replay": start(tmp_path, "replay", str(run)),
+        "simulate": start("simulate", "quick.yaml", "--duration", "1e6", "--record", "off"),
+        "review": start("review", str(run), "--no-viewer"),
+        "replay": start("replay", str(run)),
     }
+    wait_until(lambda: all((tmp_path / f"{command}.begun").exists() for command in started))
     time.sleep(pause)
     for command, process in started.items():
         process.send_signal(signal.SIGINT)
@@ -60,19 +83,19 @@ def test_an_interrupt_is_one_line_at_any_moment(run, tmp_path, pause):
 
 
 @pytest.mark.parametrize(("command", "code"), [("simulate", 1), ("review", 1), ("replay", 2)])
-def test_an_output_without_room_is_one_line(run, tmp_path, command, code):
+def test_an_output_without_room_is_one_line(run, start, tmp_path, command, code):
     arguments = ["quick.yaml", "--duration", "1", "--record", "off"] if command == "simulate" else [str(run)]
     write_quick_scenario(tmp_path)
     with open("/dev/full", "w") as full:
-        process = start(tmp_path, command, *arguments, *(["--no-viewer"] if command == "review" else []), stdout=full)
+        process = start(command, *arguments, *(["--no-viewer"] if command == "review" else []), stdout=full)
         _, error = process.communicate(timeout=COMPILING)
     assert error == f"{command}: output: No space left on device\n"
     assert process.returncode == code
 
 
-def test_simulate_into_a_pipe_that_is_closed_has_its_log(tmp_path):
+def test_simulate_into_a_pipe_that_is_closed_has_its_log(start, tmp_path):
     write_quick_scenario(tmp_path)
-    process = start(tmp_path, "simulate", "quick.yaml", "--duration", "1", "--record", "bag")
+    process = start("simulate", "quick.yaml", "--duration", "1", "--record", "bag")
     process.stdout.close()
     process.stdout = None
     _, error = process.communicate(timeout=COMPILING)

@@ -75,11 +75,12 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A run of 30 s with commands of every kind."""
-    return record(tmp_path_factory.mktemp("recorded"), 30.0, seed=1)
+    """A run of 14 s with commands of every kind."""
+    return record(tmp_path_factory.mktemp("recorded"), 14.0, seed=1)
 
 
-def test_thirty_seconds_of_varied_commands_agree_to_the_last_bit(recorded, tmp_path):
+def test_thirty_seconds_of_varied_commands_agree_to_the_last_bit(tmp_path):
+    recorded = record(tmp_path, 30.0, seed=1)
     log = read_log(recorded)
     assert {applied.command.kind for applied in log.commands} == set(KINDS)
     assert len(log.commands) > 150
@@ -95,10 +96,10 @@ def test_thirty_seconds_of_varied_commands_agree_to_the_last_bit(recorded, tmp_p
 def test_replay_is_faster_than_the_run(recorded):
     started = time.monotonic()
     assert main([str(recorded)]) == 0
-    assert time.monotonic() - started < 30.0
+    assert time.monotonic() - started < 14.0
 
 
-@pytest.mark.parametrize("chosen", [5, 30])
+@pytest.mark.parametrize("chosen", [5, 15])
 def test_altered_command_is_found_with_time_and_topic(recorded, tmp_path, capsys, chosen):
     speeds = [applied for applied in read_log(recorded).commands if applied.command.kind == "speed"]
     applied = speeds[chosen]
@@ -140,7 +141,7 @@ def test_single_altered_sample_is_found_to_the_last_bit(recorded, tmp_path, caps
     assert main([str(target)]) == 1
     output = capsys.readouterr().out
     assert "they part at 12.340000 s on joint_states, position[0]: logged " in output
-    assert re.search(r"joint_states +3001 samples, +1 differ", output)
+    assert re.search(r"joint_states +1401 samples, +1 differ", output)
     assert main([str(target), "--tolerance", "1e-9"]) == 0
     assert "every sample agrees to 1e-09; greatest difference found: " in capsys.readouterr().out
 
@@ -158,16 +159,16 @@ def test_truncated_bag_replays_as_far_as_it_goes(recorded, tmp_path, capsys):
     assert main([str(target)]) == 0
     output = capsys.readouterr().out
     assert "cut short" in output
-    assert int(re.search(r"joint_states +(\d+) samples", output)[1]) > 1000
+    assert int(re.search(r"joint_states +(\d+) samples", output)[1]) > 500
 
 
 @pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
-def test_what_is_no_log_is_named_in_a_line(tmp_path, make, said):
+def test_what_is_no_log_is_named_in_a_line(tmp_path, capsys, make, said):
     path = make(tmp_path / "thing.mcap")
-    result = run_module("offline.replay", str(path), directory=tmp_path)
-    assert result.returncode == 2
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
+    assert main([str(path)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
     assert line.startswith(f"replay: {path}: ")
     assert said in line
 
@@ -194,11 +195,11 @@ def test_log_that_lacks_what_a_replay_needs_is_named_in_a_line(recorded, tmp_pat
 
 
 @pytest.mark.parametrize("value", ["-1", "nan", "much"])
-def test_bad_tolerance_is_refused(tmp_path, value):
-    result = run_module("offline.replay", "run.mcap", "--tolerance", value, directory=tmp_path)
-    assert result.returncode == 2
-    assert "Traceback" not in result.stderr
-    assert "--tolerance" in result.stderr
+def test_bad_tolerance_is_refused(capsys, value):
+    with pytest.raises(SystemExit) as ended:
+        main(["run.mcap", "--tolerance", value])
+    assert ended.value.code == 2
+    assert "--tolerance" in capsys.readouterr().err
 
 
 def test_it_says_what_made_the_log(recorded, capsys):

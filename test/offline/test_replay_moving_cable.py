@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from test_moving_cable_twin import short_lift
-from twin_process import run_module
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import MessageEncoder, decode, topics
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import start_run
 from cable_twin.records import Command
@@ -48,12 +48,11 @@ def record(directory):
     return run.directory
 
 
-def test_a_lift_replays_to_the_last_bit(tmp_path):
+def test_a_lift_replays_to_the_last_bit(tmp_path, capsys):
     directory = record(tmp_path)
     assert [applied.command for applied in read_log(directory).commands] == list(COMMANDS.values())
-    result = run_module("offline.replay", str(directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout.splitlines()[-1] == "every sample agrees to the last bit"
+    assert replay.main([str(directory)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "every sample agrees to the last bit"
     log = read_log(directory)
     last = [decode(data, "sensor_msgs/msg/JointState") for _, _, data in log.messages(["joint_states"])][-1]
     assert last.name[6] == "haul_rope"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
-from twin_process import run_module
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
+from cable_twin.offline import replay, review
 from cable_twin.offline.script import ScriptedCommand, check_script
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import read_log
@@ -111,41 +111,39 @@ def test_carriers_and_their_drive_are_read_back(lift):
 
 
 @pytest.mark.parametrize("which", ["tramway", "lift"])
-def test_it_replays_to_the_last_bit(which, request, tmp_path):
+def test_it_replays_to_the_last_bit(which, request, capsys):
     directory, _ = request.getfixturevalue(which)
-    result = run_module("offline.replay", str(directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout.splitlines()[-1] == "every sample agrees to the last bit"
+    assert replay.main([str(directory)]) == 0
+    output = capsys.readouterr().out
+    assert output.splitlines()[-1] == "every sample agrees to the last bit"
     if which == "tramway":
-        assert "supports/tower_1/force " in result.stdout
+        assert "supports/tower_1/force " in output
 
 
 @pytest.mark.parametrize("which", ["tramway", "lift"])
-def test_review_prints_and_draws_it(which, request, tmp_path):
+def test_review_prints_and_draws_it(which, request, tmp_path, capsys):
     directory, _ = request.getfixturevalue(which)
-    result = run_module(
-        "offline.review", str(directory), "--no-viewer", "--plots", str(tmp_path / "pictures"), directory=tmp_path
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "nan" not in result.stdout
+    assert review.main([str(directory), "--no-viewer", "--plots", str(tmp_path / "pictures")]) == 0
+    output = capsys.readouterr().out
+    assert "nan" not in output
     assert {file.name for file in (tmp_path / "pictures").iterdir()} >= {"rope.png", "tension.png", "speed.png"}
     expected = {
         "tramway": ["tower_1: deropement margin", "end: counterweight travel, highest", "cabin: clearance over the"],
         "lift": ["haul_rope: stopping distance", "chair: swing along the track"],
     }
     for name in expected[which]:
-        assert name in result.stdout
-    assert "chair_1: " not in result.stdout
+        assert name in output
+    assert "chair_1: " not in output
 
 
-def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path):
+def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path, capsys):
     slower, _ = record(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
-    result = run_module("offline.review", str(lift[0]), str(slower), "--no-viewer", directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    (row,) = [line for line in result.stdout.splitlines() if line.strip().startswith("swing/chair_")]
+    assert review.main([str(lift[0]), str(slower), "--no-viewer"]) == 0
+    output = capsys.readouterr().out
+    (row,) = [line for line in output.splitlines() if line.strip().startswith("swing/chair_")]
     assert row.split()[-5] == "deg"
-    assert "of chair_1 to chair_6 the one that differs most is shown" in result.stdout
-    assert "speed/haul_rope" in result.stdout
+    assert "of chair_1 to chair_6 the one that differs most is shown" in output
+    assert "speed/haul_rope" in output
 
 
 def test_a_payload_that_no_motion_makes_possible_is_found_before_the_run():

@@ -10,7 +10,7 @@ from collections import Counter
 
 import pytest
 from bags import NO_BAGS, bag
-from twin_process import TwinProcess, environment, run_module, wait_until, write_quick_scenario
+from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
 from cable_twin.offline import replay, review
 from cable_twin.offline.simulate import main
@@ -136,10 +136,10 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
-        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
         for pause in pauses:
             process.send(signal.SIGINT)  # to one that has ended, too, which Popen leaves alone
@@ -162,10 +162,10 @@ def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
-        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         process.send(signal.SIGINT)
         assert process.wait() == 1
     finally:
@@ -183,11 +183,11 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
         module="simulate",
         command=[os.sys.executable],
-        variables=environment(tmp_path, 0),
+        variables=environment(tmp_path),
     )
     try:
-        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], 180.0)
-        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000, 60.0)
+        wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
+        wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
     finally:
         process.kill()
     run = the_run(tmp_path / "logs")

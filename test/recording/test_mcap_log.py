@@ -177,6 +177,6 @@ def test_rerun_finds_nothing_wrong(finished):
     rerun = Path(sys.executable).with_name("rerun")
     log, _ = finished
     checked = subprocess.run(
-        [rerun, "mcap", "check", log.path], capture_output=True, text=True, check=False, timeout=60
+        [rerun, "mcap", "check", log.path], capture_output=True, text=True, check=False, timeout=300
     )
     assert checked.returncode == 0, checked.stdout + checked.stderr

@@ -100,7 +100,7 @@ def test_frames_too_many_are_dropped_and_commands_never():
 
     class SlowView(FakeView):
         def log(self, snapshot):
-            gate.wait(10)
+            gate.wait(60)
             super().log(snapshot)
 
     view = SlowView()

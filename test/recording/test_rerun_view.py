@@ -31,7 +31,9 @@ from cable_twin.records import (  # noqa: E402
     SupportState,
     TowerState,
 )
+from cable_twin.snapshot import Snapshot  # noqa: E402
 
+RERUN = Path(sys.executable).with_name("rerun")
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 
 
@@ -49,9 +51,7 @@ def column(path, entity, component):
 
 
 def rerun_command(*arguments):
-    run = subprocess.run(
-        [sys.executable, "-m", "rerun", *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
-    )
+    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout + run.stderr
 
@@ -279,12 +279,13 @@ def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
     snapshots = []
     for index in range(60):
         snapshot = chairlift_at(0.01 * index)
-        c = snapshot.columns
+        numbers = snapshot.numbers.copy()
+        c = snapshot.layout.columns(numbers)
         if index < 6 or index % 3:
             bodies = (c.joint_position, c.body_position, c.body_angles)
             for missing in (*bodies, c.rope_position, c.rope_tension, c.drive_speed):
                 missing[...] = np.nan
-        snapshots.append(snapshot)
+        snapshots.append(Snapshot(snapshot.layout, numbers, snapshot.solver))
     known = [chairlift_at(0.01 * (index - index % 3)) for index in range(60)]
     path = tmp_path / "run.rrd"
     draw_chairlift(path, snapshots, batch_frames=batch_frames)
@@ -306,7 +307,9 @@ def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
 
 def test_a_log_without_rope_and_vehicles_is_drawn_without_them(tmp_path):
     snapshot = chairlift_at(0.0)
-    snapshot.numbers[1:] = np.nan
+    numbers = snapshot.numbers.copy()
+    numbers[1:] = np.nan
+    snapshot = Snapshot(snapshot.layout, numbers, snapshot.solver)
     draw_chairlift(tmp_path / "run.rrd", [snapshot])
     rerun_command("rrd", "verify", tmp_path / "run.rrd")
     assert column(tmp_path / "run.rrd", "/track/rope", "LineStrips2D:strips")[1] == []
@@ -418,7 +421,7 @@ def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
     """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(RENDERER.parents[1])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     assert "refused: the rerun recording cannot be written" in run.stdout
 
@@ -461,14 +464,14 @@ def test_commands_in_one_line():
 
 
 def test_renderer_explains_itself(tmp_path):
-    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=60, check=True)
+    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=300, check=True)
     assert "without a screen" in run.stdout
     missing = [sys.executable, RENDERER, tmp_path / "none.rrd"]
-    run = subprocess.run(missing, capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run(missing, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 1
     assert "no such recording" in run.stderr
     (tmp_path / "notes.rrd").write_text("no recording")
     other = [sys.executable, RENDERER, tmp_path / "notes.rrd"]
-    run = subprocess.run(other, capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run(other, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 1
     assert "notes.rrd: not a rerun recording (.rrd)" in run.stderr

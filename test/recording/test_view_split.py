@@ -19,7 +19,7 @@ from cable_twin.recording.view_stream import live_url
 
 RERUN = Path(sys.executable).with_name("rerun")
 PART = 120  # frames in a file
-PATIENCE = 30.0  # s
+PATIENCE = 60.0  # s
 
 
 def draw_split(view: RerunView, paths: list[Path]) -> None:
@@ -36,11 +36,11 @@ def draw_split(view: RerunView, paths: list[Path]) -> None:
 
 
 def verified(*paths: Path) -> None:
-    subprocess.run([RERUN, "rrd", "verify", *paths], check=True, capture_output=True, timeout=60)
+    subprocess.run([RERUN, "rrd", "verify", *paths], check=True, capture_output=True, timeout=300)
 
 
 def entities(path: Path) -> set[str]:
-    printed = subprocess.run([RERUN, "rrd", "print", path], check=True, capture_output=True, text=True, timeout=60)
+    printed = subprocess.run([RERUN, "rrd", "print", path], check=True, capture_output=True, text=True, timeout=300)
     lines = [line for line in printed.stdout.splitlines() if line.startswith("Chunk(")]
     paths = {word for line in lines for word in line.split(" - ")}
     return {path for path in paths if path.startswith(("/track", "/plots", "/readout", "/commands"))}
@@ -152,7 +152,7 @@ def test_disk_that_is_full_at_the_split_is_no_hang(tmp_path):
     """Not even the index of the old file finds room; its frames are readable."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run_0.rrd"))
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it has no index

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from twin_process import TwinProcess, allocate_domain, environment
+from twin_process import TwinProcess, environment
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "docs")
+GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "pictures")
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def workspace(tmp_path_factory):
     """A workspace with a copy of the checkout, built."""
     directory = tmp_path_factory.mktemp("workspace")
     shutil.copytree(ROOT, directory / "src" / "cable_twin", ignore=shutil.ignore_patterns(*GENERATED))
-    variables = environment(directory, allocate_domain())
+    variables = environment(directory)
     del variables["PYTHONPATH"]  # the checkout must not stand in for what is installed
     # colcon takes the interpreter that runs it; its scripts lie beside
     variables["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), variables["PATH"]])
@@ -51,11 +51,11 @@ def test_executables_are_where_ros2_run_looks(workspace):
     assert (prefix / "share" / "cable_twin" / "package.xml").is_file()
     shipped = {path.name for path in (prefix / "share" / "cable_twin" / "config").glob("*.yaml")}
     assert shipped == {path.name for path in (ROOT / "config").glob("*.yaml")}
+    assert (prefix / "share" / "cable_twin" / "docs" / "scenario.schema.json").is_file()  # each of them names it
 
 
-def test_node_runs_from_the_workspace(workspace, tmp_path):
+def test_node_runs_from_the_workspace(workspace, domain, tmp_path):
     directory, variables = workspace
-    domain = allocate_domain()
     script = (
         f". {directory}/install/setup.sh && exec $COLCON_PREFIX_PATH/cable_twin/lib/cable_twin/sim "
         "--scenario seed_example --frame-rate 10 --rerun off"
@@ -88,7 +88,7 @@ def test_scenarios_are_found_in_the_installed_package(workspace, tmp_path):
         env=variables,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert result.returncode == 0, result.stderr

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from twin_process import TwinProcess, environment, run_module, write_quick_scenario
+from twin_process import PATIENCE, TwinProcess, environment, run_module, write_quick_scenario
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -42,7 +42,7 @@ def twin(running):
 @pytest.fixture
 def drive(running, processes):
     """Start `drive` beside the twin."""
-    return lambda *arguments: processes(*arguments, module="drive", domain=running[0].domain)
+    return lambda *arguments: processes(*arguments, "--wait", str(PATIENCE), module="drive", domain=running[0].domain)
 
 
 def finish(participant: Participant, process: TwinProcess) -> int:
@@ -151,11 +151,29 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["cabin"], "one of the arguments --speed --force is required"),
         (["cabin", "--speed", "1", "--force", "1"], "argument --force: not allowed with argument --speed"),
         (["cabin", "--speed", "nan"], "argument --speed: 'nan' given, a finite number is needed"),
         (["cabin", "--speed", "fast"], "argument --speed: 'fast' given, a finite number is needed"),
         (["cabin", "--speed", "1", "--ramp", "-1"], "argument --ramp: -1 s given, zero or more is needed"),
+        (["--speed", "1"], "--speed needs the name of a carriage or drive before it"),
+        (["--payload", "1"], "--payload needs the name of a carriage before it"),
+        (["cabin", "--pause"], "'cabin' given; only --speed, --force, --payload take a name"),
+        (["cabin", "--wind", "1"], "'cabin' given; only --speed, --force, --payload take a name"),
+        (["--reset", "--duration", "1"], "--duration given; it goes with --speed, --force"),
+        (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
+        (["--wind", "1", "2", "3"], "argument --wind: 3 numbers given; allowed: x, z, in m/s"),
+        (["--wind", "gale"], "argument --wind: 'gale' given, a finite number is needed"),
+        (
+            ["--reset", "--node", "a b"],
+            "argument --node: 'a b' given, the full name of a node is needed, such as /b/cable_twin",
+        ),
+        (["--step", "0"], "argument --step: '0' given, a whole number of frames above zero is needed"),
+        (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
+        (
+            ["cabin"],
+            "one of the arguments --speed --force --payload --wind --emergency-stop --release --reset --pause --resume "
+            "--snapshot --step --list is required",
+        ),
     ],
 )
 def test_bad_options_are_named_in_a_line(tmp_path, arguments, said):

@@ -6,18 +6,21 @@ import signal
 
 import pytest
 from test_moving_cable_twin import short_lift
-from twin_process import TwinProcess
+from twin_process import PATIENCE, TwinProcess
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool
 
+WAIT = ("--wait", str(PATIENCE))
 
-@pytest.fixture
-def lift(tmp_path):
+
+@pytest.fixture(scope="module")
+def lift(tmp_path_factory):
     """A running lift of six chairs, and a participant."""
-    (tmp_path / "lift.yaml").write_text(short_lift().scenario.to_yaml())
-    process = TwinProcess(tmp_path, "--scenario", "lift.yaml")
+    directory = tmp_path_factory.mktemp("lift")
+    (directory / "lift.yaml").write_text(short_lift().scenario.to_yaml())
+    process = TwinProcess(directory, "--scenario", "lift.yaml", "--record", "false")
     participant = Participant(process.domain)
     participant.subscribe_standard()
     participant.until(lambda: participant.received["joint_states"])
@@ -34,15 +37,16 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
         message = participant.received["joint_states"][-1]
         return message.velocity[message.name.index("haul_rope")]
 
-    drive = processes("haul_rope", "--speed", "2", module="drive", domain=process.domain)
+    drive = processes("haul_rope", "--speed", "2", *WAIT, module="drive", domain=process.domain)
     participant.until(lambda: speed() > 1.0, what="motion")
     drive.send(signal.SIGKILL)
     participant.until(lambda: "no command for 0.5 s: haul_rope ramps to a stop" in process.output, what="time-out")
     participant.until(lambda: speed() == 0.0, what="stop")
-    processes("haul_rope", "--speed", "-2", module="drive", domain=process.domain)
+    processes("haul_rope", "--speed", "-2", *WAIT, module="drive", domain=process.domain)
     participant.until(lambda: speed() < -1.0, what="motion backwards")
     assert participant.call("emergency_stop", SetBool, data=True).success
     participant.until(lambda: speed() == 0.0, what="emergency stop")
+    assert participant.call("emergency_stop", SetBool, data=False).success
 
 
 @pytest.mark.parametrize(
@@ -55,7 +59,7 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
 )
 def test_what_it_cannot_do_is_one_line(lift, processes, arguments, line):
     process, participant = lift
-    drive = processes(*arguments, module="drive", domain=process.domain)
+    drive = processes(*arguments, *WAIT, module="drive", domain=process.domain)
     participant.until(lambda: drive.process.poll() is not None, what="end of drive")
     assert drive.wait() == 1
     assert drive.output.strip() == f"drive: {line}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from twin_process import allocate_domain
 
 pytest.importorskip("rclpy")
 
@@ -14,9 +13,9 @@ pytestmark = pytest.mark.long
 HOURS = 0.03  # of simulated time
 
 
-def test_many_frames_are_all_in_the_log(tmp_path):
+def test_many_frames_are_all_in_the_log(tmp_path, domain):
     seen: list[float] = []
-    result = run(HOURS, 40.0, tmp_path, allocate_domain(), seen.append)
+    result = run(HOURS, 40.0, tmp_path, domain, seen.append)
     print("\n".join(result.lines()))
     assert seen == sorted(seen)
     assert result.hours >= HOURS

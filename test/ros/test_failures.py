@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from twin_process import allocate_domain, write_quick_scenario
+from twin_process import write_quick_scenario
 
 pytest.importorskip("rclpy")
 
@@ -38,8 +38,8 @@ def _mounts(tmp_path_factory):
 
 @pytest.mark.usefixtures("_mounts")
 @pytest.mark.parametrize("failure", SAYS, ids=lambda failure: failure.__name__)
-def test_twin_goes_on_and_less_than_a_second_is_lost(tmp_path, failure):
-    loss = measure(failure, tmp_path, allocate_domain(), str(write_quick_scenario(tmp_path)), listening=1.5, stall=4.0)
+def test_twin_goes_on_and_less_than_a_second_is_lost(tmp_path, domain, failure):
+    loss = measure(failure, tmp_path, domain, str(write_quick_scenario(tmp_path)), listening=1.5, stall=4.0)
     assert loss.said.startswith(SAYS[failure])
     if failure is power_cut:
         assert loss.rate is None

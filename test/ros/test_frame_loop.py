@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from twin_process import wait_until
+from twin_process import PATIENCE, wait_until
 
 from cable_twin.records import Command
 from cable_twin.ros.frame_loop import FrameLoop
@@ -89,9 +89,9 @@ def test_silence_stops_what_was_told_to_move_also_after_a_release_that_released_
     loop = frame_loop("single_span", on_applied=applied.append, command_timeout=0.3)
     loop.start()
     try:
-        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(5.0)
+        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(PATIENCE)
         if before is not None:
-            loop.submit(Command(before, {}), "test").result(5.0)
+            loop.submit(Command(before, {}), "test").result(PATIENCE)
         wait_until(lambda: [item for item in applied if item.source == "command_timeout"])
     finally:
         loop.stop()
@@ -103,11 +103,11 @@ def test_a_frame_that_converges_ends_the_fault():
     loop = frame_loop("seed_example", on_fault=faults.append)
     loop.start()
     try:
-        loop.submit(Command("force", {"carriage": 1e9}), "test").result(5.0)
+        loop.submit(Command("force", {"carriage": 1e9}), "test").result(PATIENCE)
         wait_until(lambda: loop.fault and loop.paused)
-        loop.submit(Command("force", {"carriage": 0.0}), "test").result(5.0)
+        loop.submit(Command("force", {"carriage": 0.0}), "test").result(PATIENCE)
         time_before = loop.simulated_time
-        loop.step().result(5.0)
+        loop.step().result(PATIENCE)
         assert loop.simulated_time > time_before
         assert loop.fault == ""
     finally:
@@ -137,17 +137,17 @@ def test_it_tells_when_time_begins_to_run_and_when_it_goes_on():
     runs, published = [], []
     loop = frame_loop(on_run=runs.append, publish=published.append, paused=True)
     loop.start()
-    loop.step().result(20.0)
+    loop.step().result(PATIENCE)
     assert runs == [True]
     for _ in range(3):
-        loop.step().result(20.0)
+        loop.step().result(PATIENCE)
     assert runs == [True]
     assert len(published) == 4
     for count in (2, 3):
         loop.pause(False)
         wait_until(lambda count=count: len(runs) == count, what="a run that goes on")
         loop.pause(True)
-        loop.step().result(20.0)  # answered when the loop has seen the pause
+        loop.step().result(PATIENCE)  # answered when the loop has seen the pause
     loop.stop()
     assert runs == [True, False, False]
 
@@ -165,10 +165,10 @@ def test_it_tells_of_a_command_before_that_changes_a_twin_that_waits_for_its_sta
     loop._simulation.command("cabin", speed=2.0)
     loop.start()
     try:
-        loop.submit(Command("emergency_stop", {}), "service").result(20.0)
+        loop.submit(Command("emergency_stop", {}), "service").result(PATIENCE)
         assert told == ["command"]
-        loop.submit(Command("release", {}), "service").result(20.0)
-        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(20.0)
+        loop.submit(Command("release", {}), "service").result(PATIENCE)
+        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(PATIENCE)
         time.sleep(0.1)
         loop.pause(False)
         wait_until(lambda: True in told, what="the start")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from twin_process import COMPILING, TwinProcess, stamps
+from twin_process import COMPILING, TwinProcess, gaps, refused_starts, stamps
 
 from cable_twin.messages import SECOND
 from cable_twin.recording.log_reader import read_log
@@ -123,8 +124,9 @@ def test_rates_of_topics_are_those_that_were_asked_for(running):
     received = participant.received
     for topic, period in (("cable", 5), ("cable_path", 10), ("carriers/forces", 1)):
         participant.until(lambda topic=topic: len(received[topic]) > 20)
-        taken = stamps(received[topic])
-        assert {after - before for before, after in pairwise(taken)} == {period * FRAME}, topic
+        found = Counter(gaps(received[topic]))
+        assert found.most_common(1)[0][0] == period * FRAME, topic
+        assert not any(gap % (period * FRAME) for gap in found), topic  # a listener that is held up misses some
 
 
 def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]:
@@ -178,10 +180,9 @@ def test_all_topics_of_a_frame_have_one_stamp(running):
     received = participant.received
     topics = ("joint_states", "carriers/poses", "carriers/forces", "supports/tower_1/force")
     participant.until(lambda: all(len(received[topic]) > 100 for topic in topics))
-    taken = {topic: set(stamps(received[topic])) for topic in topics}
-    first, last = max(map(min, taken.values())), min(map(max, taken.values()))
-    frames = [{stamp for stamp in one if first <= stamp <= last} for one in taken.values()]
-    assert all(frame == frames[0] for frame in frames)
+    taken = [set(stamps(received[topic])) for topic in topics]
+    assert len(set.intersection(*taken)) > 50
+    assert len({stamp % FRAME for stamp in set.union(*taken)}) == 1  # a listener that is held up misses some
 
 
 def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
@@ -202,21 +203,18 @@ def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
     assert participant.received["carriers/poses"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "lines"),
-    [
-        (["--carrier-topics", "chair_1,chair_99"], ["'carrier_topics' names 'chair_99'", "chair_1 to chair_14"]),
-        (
-            ["--log-rope-rate", "30"],
-            ["'log_rope_rate' is 30 Hz", "whole fractions of the frame rate, as 100, 50 or 20"],
-        ),
-        (["--rope-rate", "-1"], ["'rope_rate' is -1.0; allowed are 0 to 1000 Hz"]),
-        (["--split-duration", "100", "--keep-age", "50"], ["'keep_age' is 50 s, less than a file"]),
-    ],
-)
-def test_wrong_rates_and_names_are_a_line_each(processes, tmp_path, arguments, lines):
-    process = processes("--scenario", str(write_lift(tmp_path)), *arguments)
-    assert process.wait(COMPILING) != 0
-    assert len(process.output.strip().splitlines()) == 1, process.output
-    for line in lines:
-        assert line in process.output
+def test_wrong_rates_and_names_are_a_line_each(tmp_path):
+    expected = {
+        ("--carrier-topics", "chair_1,chair_99"): ["'carrier_topics' names 'chair_99'", "chair_1 to chair_14"],
+        ("--log-rope-rate", "30"): [
+            "'log_rope_rate' is 30 Hz",
+            "whole fractions of the frame rate, as 100, 50 or 20",
+        ],
+        ("--rope-rate", "-1"): ["'rope_rate' is -1.0; allowed are 0 to 1000 Hz"],
+        ("--split-duration", "100", "--keep-age", "50"): ["'keep_age' is 50 s, less than a file"],
+    }
+    scenario = ("--scenario", str(write_lift(tmp_path)))
+    starts = [(*scenario, *arguments) for arguments in expected]
+    for parts, lines in zip(expected.values(), refused_starts(tmp_path, *starts), strict=True):
+        (line,) = lines
+        assert all(part in line for part in parts)

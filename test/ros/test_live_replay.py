@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from twin_process import run_module, write_quick_scenario
+from twin_process import write_quick_scenario
 
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 
 pytest.importorskip("rclpy")
 
 
-def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path):
+def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_path, capsys):
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -20,12 +21,14 @@ def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_p
             value = {"effort": [float(random.uniform(0.0, 4e4))]}
         participant.publish(name=["cabin"], **value)
         participant.spin(float(random.uniform(0.01, 0.2)))
-    participant.spin(1.0)  # the time-out stops it
+    participant.until(
+        lambda: participant.received["applied_commands"][-1].header.frame_id.endswith("command_timeout"),
+        what="its stop",
+    )
     assert sim.end() == 0
     log = read_log(sim.run_directory)
     sources = {applied.source for applied in log.commands}
     assert sources == {"joint_commands", "command_timeout"}
     assert len(log.commands) >= 41
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "every sample agrees to the last bit" in result.stdout
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from bags import bag
 from rosbags.highlevel import AnyReader
-from twin_process import LOG_EVERY_FRAME, allocate_domain, environment, run_module, write_quick_scenario
+from twin_process import LOG_EVERY_FRAME, environment, refused_starts, write_quick_scenario
 
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.simulation import Simulation
 
@@ -27,7 +28,7 @@ def motion(log: Log) -> dict[tuple[str, int], bytes]:
     return {(topic, stamp - log.epoch_ns): data[12:] for topic, stamp, data in log.messages(topics)}
 
 
-def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path):
+def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path, capsys):
     scenario = str(write_quick_scenario(tmp_path))
     first = processes("--scenario", scenario, "--rerun", "off", "--record-directory", "first", *LOG_EVERY_FRAME)
     participant = participants(first.domain)
@@ -45,7 +46,12 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     assert path.name == f"snapshot_{saved:.3f}_s.npz"
     assert participant.speed > 0.05
     participant.until(lambda: participant.speed == 0.0, what="standstill")
-    participant.spin(2.0)
+    frames = len(participant.received["joint_states"])
+    participant.until(lambda: len(participant.received["joint_states"]) > frames + 200)
+    assert participant.call("pause", SetBool, data=True).success
+    names = [Path(participant.call("save_snapshot", Trigger).message.partition(": ")[2]).stem for _ in range(3)]
+    assert names[1:] == [f"{names[0]}_2", f"{names[0]}_3"]  # none replaces another
+    assert {file.stem for file in run.glob("*.npz")} == {path.stem, *names}
     assert first.end() == 0, first.output
 
     second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second", *LOG_EVERY_FRAME)
@@ -65,9 +71,8 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     assert len(set(moving)) > 100  # it did move
 
     for log in (run, rest):
-        replayed = run_module("offline.replay", str(log), directory=tmp_path)
-        assert replayed.returncode == 0, replayed.stdout + replayed.stderr
-        assert "every sample agrees to the last bit" in replayed.stdout
+        assert replay.main([str(log)]) == 0
+        assert "every sample agrees to the last bit" in capsys.readouterr().out
     check = subprocess.run([RERUN, "mcap", "check", bag(rest)], capture_output=True, text=True, check=False)
     assert check.returncode == 0, check.stdout + check.stderr
     with AnyReader([rest]) as reader:
@@ -104,10 +109,9 @@ os.fsync = slow_fsync
 """
 
 
-def test_commands_do_not_wait_for_the_disk(processes, participants, tmp_path):
+def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_path):
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_DISK)
-    domain = allocate_domain()
     variables = environment(tmp_path, domain)
     variables["PYTHONPATH"] = os.pathsep.join([str(tmp_path / "slow"), variables["PYTHONPATH"]])
     scenario = str(write_quick_scenario(tmp_path))
@@ -125,17 +129,6 @@ def test_commands_do_not_wait_for_the_disk(processes, participants, tmp_path):
     assert answer.message.startswith(path.stem)
     assert sim.end() == 0
     assert Simulation.load(path).scenario.name == "quick"
-
-
-def test_no_snapshot_replaces_another(processes, participants, tmp_path):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "off")
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
-    assert participant.call("pause", SetBool, data=True).success
-    names = [Path(participant.call("save_snapshot", Trigger).message.partition(": ")[2]).stem for _ in range(3)]
-    assert names[1:] == [f"{names[0]}_2", f"{names[0]}_3"]
-    assert {path.stem for path in sim.run_directory.glob("*.npz")} == set(names)
-    assert sim.end() == 0
 
 
 def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, participants, tmp_path):
@@ -157,20 +150,15 @@ def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, part
     assert "Traceback" not in sim.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--snapshot", "none.npz"], "sim: none.npz: no such file"),
-        (["--snapshot", "quick.yaml"], "sim: quick.yaml: not a snapshot of cable_twin; allowed: "),
-        (
-            ["--snapshot", "a.npz", "--scenario", "seed_example"],
-            "sim: parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario",
-        ),
-    ],
-)
-def test_wrong_snapshot_is_one_line(tmp_path, arguments, said):
+def test_wrong_snapshot_is_one_line(tmp_path):
     write_quick_scenario(tmp_path)
-    result = run_module("ros.sim", *arguments, directory=tmp_path)
-    assert result.returncode == 1
-    (line,) = result.stderr.splitlines()
-    assert line.startswith(said)
+    expected = {
+        ("--snapshot", "none.npz"): "sim: none.npz: no such file",
+        ("--snapshot", "quick.yaml"): "sim: quick.yaml: not a snapshot of cable_twin; allowed: ",
+        ("--snapshot", "a.npz", "--scenario", "seed_example"): (
+            "sim: parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario"
+        ),
+    }
+    for said, lines in zip(expected.values(), refused_starts(tmp_path, *expected), strict=True):
+        (line,) = lines
+        assert line.startswith(said)

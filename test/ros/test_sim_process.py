@@ -15,19 +15,21 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from bags import bag
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from twin_process import (
     COMPILING,
-    allocate_domain,
     environment,
+    refused_starts,
     run_module,
     stamps,
     wait_until,
     write_quick_scenario,
 )
 
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import config_directory
 
@@ -58,7 +60,7 @@ def check_logs(run: Path) -> int:
     metadata = YAML(typ="safe").load(run / "metadata.yaml")["rosbag2_bagfile_information"]
     assert metadata["message_count"] == summary.statistics.message_count
     for command in (["mcap", "check", bag], ["rrd", "verify", recording]):
-        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=60, check=False)
+        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=300, check=False)
         assert result.returncode == 0, result.stdout + result.stderr
     assert read_log(run).complete
     return len(decoded)
@@ -66,7 +68,7 @@ def check_logs(run: Path) -> int:
 
 @pytest.mark.parametrize(
     "signals",
-    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
+    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
     ids=lambda signals: "-".join(number.name for number in signals),
 )
 def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
@@ -84,7 +86,7 @@ def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
     assert frames >= len(participant.received["joint_states"])
 
 
-def test_killed_run_is_readable_and_replays(processes, participants, tmp_path):
+def test_killed_run_is_readable_and_replays(processes, participants, tmp_path, capsys):
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -99,9 +101,8 @@ def test_killed_run_is_readable_and_replays(processes, participants, tmp_path):
     recorded = max(stamp for _, stamp, _ in log.messages(["joint_states"]))
     assert published - recorded < 1_500_000_000  # less than a second, and what a busy machine adds
     assert len(log.commands) > 10
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "cut short" in result.stdout
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "cut short" in capsys.readouterr().out
 
 
 def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
@@ -128,7 +129,7 @@ def test_live_view_without_its_port_is_a_file(processes, tmp_path):
         sim.wait_for("runs at 100 Hz")
         assert "[ERROR]" in sim.output
         assert "no live view, a file only: the live view cannot use port 9876 of 127.0.0.1" in sim.output
-        time.sleep(1.0)
+        wait_until(lambda: bag(sim.run_directory).stat().st_size > 50_000, what="a log of some frames")
         assert sim.end() == 0
         check_logs(sim.run_directory)
 
@@ -153,7 +154,7 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants
     assert sum(1 for _ in read_log(sim.run_directory).messages(["joint_states"])) > 10
 
 
-def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants, tmp_path):
+def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants):
     sim = processes("--scenario", "seed_example", "--rerun", "off")
     participant = participants(sim.domain)
     participant.subscribe_standard()
@@ -168,8 +169,7 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
     count = len(participant.received["joint_states"])
     participant.until(lambda: len(participant.received["joint_states"]) > count + 20, what="frames after the reset")
     assert sim.end() == 0
-    result = run_module("offline.replay", str(sim.run_directory), directory=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
+    assert replay.main([str(sim.run_directory)]) == 0
 
 
 @pytest.mark.parametrize("stop", [False, True])
@@ -188,7 +188,7 @@ def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participa
     assert [applied.command.kind for applied in log.commands] == ["emergency_stop"] * stop
     taken = [stamp for _, stamp, _ in log.messages(["joint_states"])]
     assert [stamp - log.epoch_ns for stamp in taken] == [0, FRAME][: 1 + stop]
-    assert run_module("offline.replay", str(sim.run_directory), directory=tmp_path).returncode == 0
+    assert replay.main([str(sim.run_directory)]) == 0
 
 
 def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
@@ -201,10 +201,11 @@ def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, 
     assert participant.call("step", Trigger).success
     participant.until(lambda: len(participant.received["joint_states"]) == 2, what="the start and one frame")
     assert participant.call("pause", SetBool, data=False).success
-    participant.spin(2.0)
+    started = time.monotonic()
+    participant.until(lambda: len(participant.received["joint_states"]) > 1000)
+    assert time.monotonic() - started < 10.0  # which they would take in real time
     assert sim.end() == 0
     taken = [stamp for _, stamp, _ in read_log(sim.run_directory).messages(["joint_states"])]
-    assert len(taken) > 400  # in two seconds; in real time 200
     assert [after - before for before, after in pairwise(taken)] == [FRAME] * (len(taken) - 1)
 
 
@@ -219,8 +220,7 @@ def compilers(directory):
     return found
 
 
-def test_interrupt_ends_the_compilation(processes, tmp_path):
-    domain = allocate_domain()
+def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
     variables = {**environment(tmp_path, domain), "NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")}
     sim = processes(domain=domain, variables=variables)
     sim.wait_for("compiling the solver's kernels, once on this machine")
@@ -228,48 +228,40 @@ def test_interrupt_ends_the_compilation(processes, tmp_path):
     assert len(os.sched_getaffinity(0)) < 2 or compiler
     sim.send(signal.SIGINT)
     sim.send(signal.SIGINT)
-    assert sim.wait(10.0) == 0
+    assert sim.wait() == 0
     wait_until(lambda: not compilers(tmp_path), what="the end of the second process")
     assert sim.output.endswith("sim: ended before it had started\n")
     assert "Traceback" not in sim.output
     assert not (tmp_path / "cable_twin_logs").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
-        (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
-        (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
-        (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
-        (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
-        (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
-        (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
-        (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
-        (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
-        (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
-        (
-            ["--keep-age", "600"],
-            "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
-        ),
-        (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
-        (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
-    ],
-    ids=lambda value: "_".join(value) if isinstance(value, list) else "",
-)
-def test_bad_parameters_are_named_in_a_line(tmp_path, arguments, said):
-    result = run_module("ros.sim", *arguments, directory=tmp_path)
-    assert result.returncode == 1
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
-    assert line.startswith(said)
-    assert not (tmp_path / "cable_twin_logs").exists()
+BAD_PARAMETERS = [
+    (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
+    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
+    (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
+    (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
+    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
+    (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
+    (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
+    (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
+    (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
+    (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
+    (
+        ["--keep-age", "600"],
+        "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
+    ),
+    (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
+    (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
+]
 
 
-def test_several_bad_parameters_have_a_line_each(tmp_path):
-    result = run_module("ros.sim", "--frame-rate", "0", "--command-timeout", "0", directory=tmp_path)
-    assert result.returncode == 1
-    assert len(result.stderr.splitlines()) == 2
+def test_bad_parameters_are_named_in_a_line_each(tmp_path):
+    several = ["--frame-rate", "0", "--command-timeout", "0"]
+    *said, said_of_several = refused_starts(tmp_path, *(arguments for arguments, _ in BAD_PARAMETERS), several)
+    for (_, expected), lines in zip(BAD_PARAMETERS, said, strict=True):
+        (line,) = lines
+        assert line.startswith(expected)
+    assert len(said_of_several) == 2
 
 
 def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
@@ -280,27 +272,20 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
     content["cable"]["elemnts"] = 3
     content["carriages"]["cabin"]["arc_length"] = 1e6
     yaml.dump(content, path)
-    result = run_module("ros.sim", "--scenario", str(path), directory=tmp_path)
-    assert result.returncode == 1
-    lines = result.stderr.splitlines()
+    (lines,) = refused_starts(tmp_path, ["--scenario", str(path)])
     assert len(lines) == 3
     assert all(line.startswith(f"sim: {path}: ") for line in lines)
     for key in ("gravity", "cable.elemnts", "carriages.cabin.arc_length"):
         assert any(f": {key}: " in line for line in lines), key
 
 
-def test_unknown_ros_parameter_is_named_and_ignored(processes):
-    sim = processes("--rerun", "off", "--ros-args", "-p", "frame_rat:=50", "-p", "use_sim_time:=false")
-    sim.wait_for("runs at 100 Hz")
-    assert "unknown parameter 'frame_rat' is ignored; known: scenario, snapshot, frame_rate" in sim.output
-    assert "use_sim_time" not in sim.output
-    assert sim.end() == 0
-
-
-def test_another_name_and_an_uneven_rate(processes, participants):
-    sim = processes("--frame-rate", "30", "--ros-args", "-r", "__node:=tram", "-r", "__ns:=/site")
+def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants):
+    names = ["-r", "__node:=tram", "-r", "__ns:=/site", "-p", "frame_rat:=50", "-p", "use_sim_time:=false"]
+    sim = processes("--frame-rate", "30", "--ros-args", *names)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
+    assert "unknown parameter 'frame_rat' is ignored; known: scenario, snapshot, frame_rate" in sim.output
+    assert "use_sim_time" not in sim.output
     assert "frame_rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in sim.output
     participant.publish(name=["cabin"], velocity=[1.0])
     participant.until(lambda: participant.received["applied_commands"])
@@ -317,7 +302,7 @@ def test_without_ros_it_says_what_to_install(tmp_path, command):
     result = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         cwd=tmp_path,
-        env=environment(tmp_path, 0),
+        env=environment(tmp_path),
         capture_output=True,
         text=True,
         timeout=COMPILING,

@@ -11,7 +11,7 @@ from math import sqrt
 
 from numpy.polynomial.legendre import leggauss
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import as_python, inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     block,
@@ -24,11 +24,15 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.rope.point import add_block, add_force, point_on, slope, value
+from cable_twin.mechanics.rope.point import Point, add_block, add_force, slope, value
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
 
 POINTS = 2  # Gauss points of an element: exact for an even drag
 PLACES = tuple(float(x + 1.0) / 2.0 for x in leggauss(POINTS)[0])
 WEIGHTS = tuple(float(weight) / 2.0 for weight in leggauss(POINTS)[1])
+SHAPES = tuple(as_python(shape_functions)(place, 1.0) for place in PLACES)  # on an element of unit length
+NOTHING = (0.0, 0.0, 0.0, 0.0)
+SLOPES = tuple(as_python(shape_functions_x)(place, 1.0) for place in PLACES)
 
 
 @kernel
@@ -37,8 +41,9 @@ def drag_rope(cable, rope_drag, state, rate_factor, stiffness_factor, work):
     blowing = load(state.wind, cable.gravity)
     for element in range(cable.element_count):
         length = cable.element_length[element]
+        per_length = 1.0 / length
         for number in range(POINTS):
-            point = point_on(cable, element, cable.node_arc_length[element] + PLACES[number] * length)
+            point = gauss_point(element, number, length, per_length)
             shape, shape_x = point.shape, point.shape_x
             norm, t, along, across = blow(state, point, blowing)
             speed = sqrt(dot(across, across))
@@ -59,7 +64,15 @@ def drag_rope(cable, rope_drag, state, rate_factor, stiffness_factor, work):
             add_force(force, point, work.right_side)
 
 
-@kernel
+@inlined_kernel
+def gauss_point(element, number, length, per_length):
+    """Place of a Gauss point of an element of `length` (m), 1 / length given too; a force there asks for no r_xx."""
+    s, s_x = SHAPES[number], SLOPES[number]
+    shape = s[0], length * s[1], s[2], length * s[3]
+    return Point(element, shape, (s_x[0] * per_length, s_x[1], s_x[2] * per_length, s_x[3]), NOTHING)
+
+
+@inlined_kernel
 def blow(state, point, blowing):
     """What the wind `blowing` (dim,) in m/s is at a place of the rope, relative to it.
 
@@ -79,10 +92,11 @@ def drag_on_end(cable, rope_drag, state, end):
     """Share (dim,) in N of the drag on the first or last element that the node at that end takes."""
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
     length = cable.element_length[element]
+    per_length = 1.0 / length
     blowing = load(state.wind, cable.gravity)
     total = scale(0.0, blowing)
     for number in range(POINTS):
-        point = point_on(cable, element, cable.node_arc_length[element] + PLACES[number] * length)
+        point = gauss_point(element, number, length, per_length)
         _, _, _, across = blow(state, point, blowing)
         force = rope_drag * WEIGHTS[number] * length * sqrt(dot(across, across))
         total = add_scaled(point.shape[row] * force, across, total)

@@ -28,27 +28,36 @@ def add_flow(cable, state, rate_factor, stiffness_factor, work):
         return
     mass = cable.mass_per_length
     by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed
-    right_side = work.right_side
+    on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
     for element in range(cable.element_count):
         length = cable.element_length[element]
         forces = flow_forces(cable, state, element, by_velocity, by_place, by_slope)
         for i in range(4):
-            add_to(scale(-length if i % 2 else -1.0, forces[i]), right_side, element, i)
-    on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
+            add_to(scale(-length if i % 2 else -1.0, forces[i]), work.right_side, element, i)
     for i in range(4):
         for j in range(4):
-            if i // 2 == j // 2:
-                blocks = work.diagonal[i // 2 : cable.element_count + i // 2]
-            elif i < j:
-                blocks = work.upper
-            else:
-                blocks = work.lower
-            for element in range(cable.element_count):
-                length = cable.element_length[element]
-                lengths = (length if i % 2 else 1.0) * (length if j % 2 else 1.0)
-                stiff = lengths * (on_flow * FLOW[i][j] + on_slope / length * SLOPE[i][j])
-                for axis in range(right_side.shape[2]):
-                    blocks[element, i % 2, j % 2, axis * (right_side.shape[2] + 1)] += stiff
+            add_flow_block(cable, on_flow * FLOW[i][j], on_slope * SLOPE[i][j], i, j, work)
+
+
+@inlined_kernel
+def add_flow_block(cable, on_flow, on_slope, i, j, work):
+    """Add one entry of the tangents of all elements: that by the place per length, that by the rate not."""
+    if i // 2 == j // 2:
+        blocks = work.diagonal[i // 2 : cable.element_count + i // 2]
+    elif i < j:
+        blocks = work.upper
+    else:
+        blocks = work.lower
+    dim, slopes = work.right_side.shape[2], i % 2 + j % 2
+    for element in range(cable.element_count):
+        length = cable.element_length[element]
+        stiff = on_flow + on_slope / length
+        if slopes == 1:
+            stiff = on_flow * length + on_slope
+        elif slopes == 2:
+            stiff = (on_flow * length + on_slope) * length
+        for axis in range(dim):
+            blocks[element, i % 2, j % 2, axis * (dim + 1)] += stiff
 
 
 @inlined_kernel

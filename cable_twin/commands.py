@@ -1,0 +1,142 @@
+"""The table of command kinds: what each carries, and in which form it comes in and is kept.
+
+Node, terminal, scripts, bags and replay read this table. What a kind does to the twin stands in
+`cable_twin.simulation.effects`: a new kind is a row here and an effect there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+JOINT_COMMANDS = "joint_commands"
+JOINT_STATE, VECTOR = "sensor_msgs/msg/JointState", "geometry_msgs/msg/Vector3Stamped"
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """One kind of command: a number for each name of a carriage or drive, a number for each axis, or no number.
+
+    Attributes:
+        name: in records, bags and scripts.
+        help: what it does, for those who may give it.
+        quantity: what its numbers are; none where it has none.
+        unit: of its numbers.
+        axes: those of x, y, z that it has numbers for instead of names.
+        topic: that brings it, below the node; kinds of one topic differ by their field.
+        field: of sensor_msgs/JointState that holds its numbers: on its topic, where they are by name, and in the bag.
+        service: that brings it where it has no numbers, below the node.
+        switch: what the service is called with, where that is std_srvs/SetBool and not std_srvs/Trigger.
+        done: what the service answers.
+        drives: it holds until the time-out of the node only, and is refused while an emergency stop is in force.
+        halts: nothing that was told to move is under way any more.
+        level: of its line in the view.
+    """
+
+    name: str
+    help: str
+    quantity: str = ""
+    unit: str = ""
+    axes: tuple[str, ...] = ()
+    topic: str = ""
+    field: Literal["position", "velocity", "effort", ""] = ""
+    service: str = ""
+    switch: bool | None = None
+    done: str = ""
+    drives: bool = False
+    halts: bool = False
+    level: Literal["INFO", "WARN", "ERROR"] = "INFO"
+
+    @property
+    def keys(self) -> Mapping[str, str]:
+        """What a script calls its numbers, by axis where it has axes: the first one by the name of the kind."""
+        return {axis: f"{self.name}_{axis}" if number else self.name for number, axis in enumerate(self.axes or ("",))}
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "speed",
+            "drive with a speed along the cable",
+            quantity="speed",
+            unit="m/s",
+            topic=JOINT_COMMANDS,
+            field="velocity",
+            drives=True,
+        ),
+        Kind(
+            "force",
+            "drive with a force along the cable",
+            quantity="force",
+            unit="N",
+            topic=JOINT_COMMANDS,
+            field="effort",
+            drives=True,
+        ),
+        Kind(
+            "payload",
+            "let a carriage that stands in a station carry this mass",
+            quantity="mass",
+            unit="kg",
+            topic="payload",
+            field="effort",
+        ),
+        Kind(
+            "wind",
+            "let the wind blow along the track and upwards, until the next one",
+            quantity="speed",
+            unit="m/s",
+            axes=("x", "z"),
+            topic="wind",
+            field="velocity",
+        ),
+        Kind(
+            "emergency_stop",
+            "stop all drives, and refuse to drive until released",
+            service="emergency_stop",
+            switch=True,
+            done="emergency stop",
+            halts=True,
+            level="ERROR",
+        ),
+        Kind(
+            "release",
+            "release the emergency stop",
+            service="emergency_stop",
+            switch=False,
+            done="emergency stop released",
+            level="WARN",
+        ),
+        Kind(
+            "reset",
+            "put the state back to the start; time runs on",
+            service="reset",
+            done="state put back to the start",
+            halts=True,
+            level="WARN",
+        ),
+    )
+}
+
+
+# type of the message of each topic that brings commands
+INPUTS: Mapping[str, str] = {kind.topic: VECTOR if kind.axes else JOINT_STATE for kind in KINDS.values() if kind.topic}
+
+
+def kinds_on(topic: str) -> dict[str, Kind]:
+    """Kinds that a topic brings, by field."""
+    return {kind.field: kind for kind in KINDS.values() if kind.topic == topic}
+
+
+def kinds_by_service() -> dict[str, dict[bool | None, Kind]]:
+    """Kinds that services bring, by service and by what that is called with."""
+    services: dict[str, dict[bool | None, Kind]] = {}
+    for kind in KINDS.values():
+        if kind.service:
+            services.setdefault(kind.service, {})[kind.switch] = kind
+    return services
+
+
+__all__ = ["INPUTS", "JOINT_COMMANDS", "JOINT_STATE", "KINDS", "VECTOR", "Kind", "kinds_by_service", "kinds_on"]

@@ -1,0 +1,39 @@
+"""What a key of a scenario file means: `simulate --explain KEY`."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from cable_twin.offline.figure_table import table_console
+from cable_twin.scenario.reference import Entry, explained
+
+
+def print_entries(key: str) -> None:
+    """Print the entry of a key of a scenario file, or a table of a section.
+
+    Args:
+        key: dotted, as `simulate --set` takes it; names of carriages and towers may be any.
+
+    Raises:
+        KeyError: there is no such key; its text is one line with the nearest ones.
+    """
+    found = explained(key)
+    console = table_console()
+    if len(found) == 1:
+        _print_entry(console, found[0])
+        return
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in Entry._fields:
+        table.add_column(title, no_wrap=title in ("key", "unit"))
+    for entry in found:
+        table.add_row(*map(Text, entry))
+    console.print(table)
+
+
+def _print_entry(console: Console, entry: Entry) -> None:
+    unit = f" ({entry.unit})" if entry.unit else ""
+    lines = f"{entry.key}{unit}: {entry.meaning}", f"default: {entry.default}", f"allowed: {entry.allowed}"
+    console.print("\n  ".join(lines), markup=False, highlight=False)

@@ -1,0 +1,188 @@
+"""Options of the command `simulate`: what they are called, what they allow, and the help."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from cable_twin.command_line import OneLineParser
+from cable_twin.rates import EVERY_FRAME, LOGGED
+from cable_twin.rates import fault as rate_fault
+from cable_twin.recording.splitting import HOURLY
+
+UNUSABLE = 2  # exit code for wrong input
+DEFAULT_SCENARIO = "aerial_tramway"
+DURATION = 60.0  # s, after the last command of a script
+SPLITTING = (
+    ("split-duration", "S", "simulated seconds after which the logs go on in new files, 0 for never"),
+    ("split-size", "MB", "size of the bag's file from which on they do so as well, 0 for any"),
+    ("keep-age", "S", "remove files at a split that ended so many seconds ago, 0 for none"),
+    ("keep-size", "MB", "remove the oldest files at a split until the run has this size, 0 for none"),
+)
+LOG_RATES = {  # group of topics: what they are
+    "joints": "joint states are",
+    "poses": "poses are",
+    "forces": "forces are",
+    "rope": "the shape of the rope is",
+    "path": "the same as a path for RViz is",
+}
+EPILOG = """\
+A script is YAML or CSV, times in seconds of simulated time:
+
+  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,payload,wind,event
+  - {time: 20, wind: 15.0}                       0,cabin,6.0,,,,
+  - {time: 25, wind: 0.0}                        20,,,,,15.0,
+  - {time: 40, event: emergency_stop}            25,,,,,0.0,
+  - {time: 50, event: release}                   40,,,,,,emergency_stop
+  - {time: 51, name: cabin, force: 30000}        50,,,,,,release
+  - {time: 90, name: cabin, payload: 3200}       51,cabin,,30000,,,
+
+Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
+payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
+emergency_stop, release, reset.
+
+exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option,
+130 ended by Ctrl-C before the run
+
+examples:
+  simulate aerial_tramway --script trip.yaml --duration 300
+  simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
+           --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
+  simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
+  simulate --explain cable.damping_time                                    what is that?
+"""
+
+
+def parser() -> OneLineParser:
+    """Options of `simulate`."""
+    result = OneLineParser(
+        "simulate",
+        "Run a scenario without ROS, as fast as it goes, and log it as `sim` does.",
+        EPILOG,
+        failure=UNUSABLE,
+    )
+    result.add_argument(
+        "scenario",
+        nargs="?",
+        help=f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+    )
+    result.add_argument(
+        "--explain", metavar="KEY", help="say what a key of a scenario file, or a section, means, and run nothing"
+    )
+    result.add_argument(
+        "--snapshot",
+        type=Path,
+        metavar="FILE",
+        help="go on from the state, and with the scenario, that ~/save_snapshot or Simulation.save wrote; "
+        "times of commands stay simulated time, which goes on as well",
+    )
+    result.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_assignment,
+        metavar="KEY=VALUE",
+        help="change a value of the scenario by its dotted key, as in cable.elements=48; may be given often",
+    )
+    result.add_argument(
+        "--duration",
+        type=_number(0.0, math.inf, "s"),
+        metavar="S",
+        help=f"simulated seconds; default: that of the bag, else {DURATION:g} s after the last command",
+    )
+    source = result.add_mutually_exclusive_group()
+    source.add_argument("--script", type=Path, metavar="FILE", help="commands, .yaml or .csv, see below")
+    source.add_argument("--from-bag", type=Path, metavar="BAG", help="take the commands of a recorded run")
+    result.add_argument(
+        "--output", type=Path, default=Path("cable_twin_logs"), metavar="DIR", help="default: cable_twin_logs"
+    )
+    result.add_argument(
+        "--frame-rate",
+        type=_number(1.0, 1000.0, "Hz"),
+        default=100.0,
+        metavar="HZ",
+        help="frames recorded in a second of simulated time; default: 100",
+    )
+    for group, text in LOG_RATES.items():
+        rate = LOGGED.get(group, EVERY_FRAME)
+        result.add_argument(
+            f"--log-{group.removesuffix('s')}-rate",
+            dest=f"rate_{group}",
+            type=_rate,
+            metavar="HZ",
+            help=f"how often {text} recorded, 0 for every frame; default: {rate:g}",
+        )
+    for name, metavar, text in SPLITTING:
+        result.add_argument(
+            f"--{name}",
+            type=_limit,
+            default=getattr(HOURLY, name.replace("-", "_")),
+            metavar=metavar,
+            help=f"{text}; default: %(default)g",
+        )
+    result.add_argument(
+        "--record",
+        choices=("all", "bag", "off"),
+        default="all",
+        help="MCAP bag and rerun recording, the bag alone, or nothing; default: all",
+    )
+    return result
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """Key and value of KEY=VALUE, the value as YAML has it."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} given, KEY=VALUE is needed")
+    try:
+        return key.strip(), YAML(typ="safe", pure=True).load(value)
+    except (YAMLError, ValueError):
+        raise argparse.ArgumentTypeError(f"{text!r} given, the value is not YAML") from None
+
+
+def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
+    """Type of an option that is above 0 and within bounds."""
+
+    def convert(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (low <= value <= high and 0.0 < value < math.inf):
+            allowed = f"more than 0 {unit} is" if high == math.inf else f"{low:g} to {high:g} {unit} are"
+            raise argparse.ArgumentTypeError(f"{text!r} given, {allowed} allowed")
+        return value
+
+    return convert
+
+
+def _rate(text: str) -> float:
+    """Rate in Hz; whether it divides the frame rate depends on that."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text!r} given, 0 to 1000 Hz are allowed")
+    return value
+
+
+def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
+    """Rates (Hz) by group of topics, and a line for each that is asked for and does not divide the frame rate (Hz)."""
+    given = {group: rate for group in LOG_RATES if (rate := getattr(options, f"rate_{group}")) is not None}
+    faults = [rate_fault(f"--log-{group.removesuffix('s')}-rate", rate, frame_rate) for group, rate in given.items()]
+    return {**LOGGED, **given}, [line for line in faults if line is not None]
+
+
+def _limit(text: str) -> float:
+    """Number; whether it is allowed depends on the other options."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} given, a number is needed") from None

@@ -1,0 +1,105 @@
+"""Frames on their way into a log: what is due with each, in which file, and how far the disk may be behind."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from cable_twin.command_messages import applied_command_message
+from cable_twin.messages import MessageEncoder, Schedule, Topic, nanoseconds
+from cable_twin.recording.run import Run
+from cable_twin.records import AppliedCommand
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.snapshot_file import FullState
+from cable_twin.snapshot import Snapshot
+
+Messages = list[tuple[str, bytes]]
+
+
+class Prepared(NamedTuple):
+    """A frame that is computed and encoded, and waits for its time."""
+
+    snapshot: Snapshot
+    stamp_ns: int
+    messages: Messages  # all that are due
+    taken: tuple[tuple[int, ...], ...]  # numbers of those, for each taker
+    split: FullState | None  # where a new file of the log begins with it
+
+
+class FrameOutput:
+    """Encodes the frames of a running simulation and records them.
+
+    Attributes:
+        run: where they are recorded, or None.
+        encoder: makes their messages.
+        frames: number of those that were prepared.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        table: Sequence[Topic],
+        rates: Sequence[Mapping[str, float]],
+        *,
+        frame_rate: float,
+        run: Run | None = None,
+        epoch_ns: int = 0,
+        own: Sequence[str] = (),
+        backlog: float = math.inf,
+    ) -> None:
+        """Prepare what stays the same.
+
+        Args:
+            simulation: What runs.
+            table: Its topics.
+            rates: Hz by group of topics, of each taker; the log is the last one.
+            frame_rate: Hz.
+            run: Where frames are recorded, or None.
+            epoch_ns: ns since 1970 of simulated time zero.
+            own: Carriers with topics of their own.
+            backlog: Frames that may wait for the disk before the simulation does.
+        """
+        self.run = run
+        self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own)
+        self.frames = 0
+        self._simulation = simulation
+        self._schedule = Schedule(table, frame_rate, *rates)
+        self._backlog = backlog
+
+    def lay_out(self) -> None:
+        """Have all messages laid out before time runs."""
+        self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
+
+    def prepare(self, snapshot: Snapshot) -> Prepared:
+        """Encode what is due with a new frame; the simulation is at its time."""
+        split = None
+        if self.run is not None and self.run.recorder.split_due(snapshot.time):
+            split = self._simulation.capture()
+        due = self._schedule.due(self.frames, everything=split is not None)
+        self.frames += 1
+        messages = self.encoder.frame(snapshot, due.names)
+        return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, due.taken, split)
+
+    def record(self, frame: Prepared) -> None:
+        """Hand a frame over, and its file before it; waits where the disk is too far behind."""
+        if self.run is None:
+            return
+        recorder = self.run.recorder
+        if frame.split is not None:
+            recorder.split(frame.split)
+        recorder.record([frame.messages[number] for number in frame.taken[-1]], frame.stamp_ns, frame.snapshot)
+        while recorder.backlog > self._backlog:  # as fast as possible is not faster than the disk
+            time.sleep(0.002)
+
+    def command(self, applied: AppliedCommand) -> bytes:
+        """Record a command that took effect; returns its message."""
+        data = applied_command_message(applied, self.encoder.epoch_ns)
+        if self.run is not None:
+            stamp_ns = self.encoder.epoch_ns + nanoseconds(applied.time)
+            self.run.recorder.record_command(applied, data, stamp_ns)
+        return data
+
+
+__all__ = ["FrameOutput", "Messages", "Prepared"]

@@ -1,0 +1,155 @@
+"""Drive commands that go on from a terminal, until they are to end."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from typing import Any
+
+from cable_twin.commands import Kind
+from cable_twin.ros.command_line import Ending
+from cable_twin.ros.twin_client import ANSWER, nobody_listens
+
+RATE = 20.0  # Hz, well inside the node's command time-out
+TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
+
+
+class Driver:
+    """Sends commands to one carriage or drive again and again, and watches what the twin makes of them.
+
+    Args:
+        node: of rclpy.
+        kind: of the commands.
+        value: in its unit.
+        options: `name`, `ramp` (s), `duration` (s or None), `node` and `wait` (s), as the command has them.
+        ending: whether to end.
+    """
+
+    def __init__(self, node: Any, kind: Kind, value: float, options: argparse.Namespace, ending: Ending) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
+        from sensor_msgs.msg import JointState  # noqa: PLC0415
+        from std_msgs.msg import String  # noqa: PLC0415
+
+        self._node, self._kind, self._value, self._options, self._ending = node, kind, value, options, ending
+        self._message_type = JointState
+        self._states: dict[str, tuple[float, float, float]] = {}  # arc length (m), speed (m/s), drive force (N)
+        self._heard = False  # any joint states
+        self._scenario: dict[str, Any] | None = None
+        self._answered = math.inf  # s of the clock
+        twin = options.node
+        self._topic = f"{twin}/{kind.topic}"
+        self._publisher = node.create_publisher(JointState, self._topic, 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
+        node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 10)
+        node.create_subscription(JointState, f"{twin}/applied_commands", self._on_applied, 50)
+
+    def find_twin(self) -> str | None:
+        """Wait for the twin and check the command against its scenario; returns what is wrong."""
+        deadline = time.monotonic() + self._options.wait
+        while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
+            self._spin(0.05)
+            if self._ending.is_set():
+                return None
+            if time.monotonic() > deadline:
+                if self._scenario is not None:
+                    return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
+                return nobody_listens(self._topic, self._options.wait)
+        carriages = {
+            name: one.get("drive", {})
+            for name, one in self._scenario["carriages"].items()
+            if one.get("joint") != "clamped"  # goes with the cable
+        }
+        drives = carriages | self._scenario.get("drives", {})
+        name = self._options.name
+        if name not in drives:
+            return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
+        kind, unit = self._kind.name, self._kind.unit
+        if kind == "force" and name not in carriages:
+            return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
+        limit = drives[name].get("limits", {}).get(kind)
+        if limit is not None and abs(self._value) > limit:
+            return f"{kind} of '{name}' is {self._value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
+        return None
+
+    def run(self) -> str | None:
+        """Send until the end, and tell the twin to stop however that comes; returns what went wrong."""
+        try:
+            return self._send_until_the_end()
+        except BrokenPipeError:  # nobody reads on: as Ctrl-C
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return None
+        finally:
+            self._stop()
+
+    def _send_until_the_end(self) -> str | None:
+        options = self._options
+        unit, value = self._kind.unit, self._value
+        terminal = sys.stdout.isatty()
+        started = time.monotonic()
+        next_command = next_line = started
+        self._answered = started
+        fault = None
+        while not self._ending.is_set():
+            now = time.monotonic()
+            if options.duration is not None and now - started >= options.duration:
+                break
+            if now - self._answered > ANSWER:
+                fault = (
+                    f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop "
+                    "in force? It names every refusal in its own terminal"
+                )
+                break
+            if now >= next_command:
+                share = 1.0 if not options.ramp else min((now - started) / options.ramp, 1.0)
+                self._send(value * share)
+                next_command = max(next_command + 1.0 / RATE, now)
+                if now >= next_line:
+                    self._print_state(now - started, f"{value * share:+9.2f} {unit}", terminal)
+                    next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
+            self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
+        if terminal:
+            print()
+        return fault
+
+    def _send(self, value: float) -> None:
+        message = self._message_type(name=[self._options.name], **{self._kind.field: [value]})
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _stop(self) -> None:
+        """Tell the twin to stop; a force of zero would let the carriage roll down."""
+        from rclpy.duration import Duration  # noqa: PLC0415
+
+        self._publisher.publish(self._message_type(name=[self._options.name], velocity=[0.0]))
+        self._publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+    def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
+        name = self._options.name
+        arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
+        line = (
+            f"{elapsed:7.1f} s  commanded {commanded}  {name}: "
+            f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN"
+        )
+        print(f"\r{line}  " if terminal else line, end="" if terminal else "\n", flush=True)
+
+    def _spin(self, seconds: float) -> None:
+        import rclpy  # noqa: PLC0415
+
+        rclpy.spin_once(self._node, timeout_sec=seconds)
+
+    def _on_states(self, message: Any) -> None:
+        self._heard = True
+        for name, *state in zip(message.name, message.position, message.velocity, message.effort, strict=True):
+            self._states[name] = (state[0], state[1], state[2])
+
+    def _on_scenario(self, message: Any) -> None:
+        self._scenario = json.loads(message.data)
+
+    def _on_applied(self, message: Any) -> None:
+        if self._options.name in message.name and message.header.frame_id.endswith(f":{self._kind.topic}"):
+            self._answered = time.monotonic()

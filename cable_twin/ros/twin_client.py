@@ -1,0 +1,134 @@
+"""A running twin from outside: its services are called, its commands are given once and its answer is waited for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from cable_twin.commands import INPUTS, VECTOR, Kind
+from cable_twin.ros.command_line import Ending
+
+ANSWER = 2.0  # s within which the twin has to apply a command
+SERVICE_ANSWER = 10.0  # s within which a service has to answer: the node itself waits for a frame for 5 s
+REFUSED = "command refused, the last good one stays: "  # in the log of the node
+
+
+class TwinError(RuntimeError):
+    """What came of it, in one line: no twin, a refusal, or no answer."""
+
+
+class TwinClient:
+    """Talks to one twin.
+
+    Args:
+        node: of rclpy.
+        twin: full name of the twin's node.
+        wait: s to wait for it.
+        ending: whether to give up.
+    """
+
+    def __init__(self, node: Any, twin: str, wait: float, ending: Ending) -> None:
+        self._node, self._twin, self._wait, self._ending = node, twin, wait, ending
+
+    def call(self, service: str, switch: bool | None = None) -> str:
+        """Call a service, std_srvs/SetBool with `switch`, else std_srvs/Trigger; returns what the twin answers.
+
+        Raises:
+            TwinError: there is no twin, it does not answer, or it refuses.
+        """
+        from std_srvs.srv import SetBool, Trigger  # noqa: PLC0415
+
+        kind = Trigger if switch is None else SetBool
+        name = f"{self._twin}/{service}"
+        client = self._node.create_client(kind, name)
+        try:
+            self._until(client.service_is_ready, self._wait, self._nobody(name))
+            request = kind.Request() if switch is None else kind.Request(data=switch)
+            future = client.call_async(request)
+            self._until(future.done, SERVICE_ANSWER, f"{name} has not answered for {SERVICE_ANSWER:g} s")
+            answer = future.result()
+        finally:
+            self._node.destroy_client(client)
+        if not answer.success:
+            raise TwinError(f"{self._twin}: {answer.message}")
+        return str(answer.message)
+
+    def give(self, kind: Kind, values: Mapping[str, float]) -> str:
+        """Publish a command once and wait until the twin has applied it; returns what it was, with units.
+
+        Raises:
+            TwinError: there is no twin, or it has not applied the command: its reason, where it tells one.
+        """
+        from rcl_interfaces.msg import Log  # noqa: PLC0415
+        from sensor_msgs.msg import JointState  # noqa: PLC0415
+
+        name = f"{self._twin}/{kind.topic}"
+        applied, refusals = [], []
+
+        def note_applied(message: Any) -> None:
+            given = dict(zip(message.name, getattr(message, kind.field), strict=False))
+            if message.header.frame_id == f"{kind.name}:{kind.topic}" and given == values:
+                applied.append(message)
+
+        def note_refusal(message: Any) -> None:
+            if message.msg.startswith(f"{name}: {REFUSED}"):
+                refusals.append(message.msg.partition(REFUSED)[2].rpartition(" (")[0])
+
+        message = _message(kind, values)
+        publisher = self._node.create_publisher(type(message), name, 10)
+        self._node.create_subscription(JointState, f"{self._twin}/applied_commands", note_applied, 50)
+        self._node.create_subscription(Log, "/rosout", note_refusal, 50)
+        self._until(lambda: publisher.get_subscription_count() and self._heard(), self._wait, self._nobody(name))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        publisher.publish(message)
+        self._until(
+            lambda: applied or refusals,
+            ANSWER,
+            f"the twin has not applied it within {ANSWER:g} s: it names every refusal in its own terminal",
+        )
+        if not applied:
+            raise TwinError(refusals[0])
+        what = ", ".join(f"{name} {value:g} {kind.unit}" for name, value in values.items())
+        return f"{kind.name.replace('_', ' ')} {what}"
+
+    def _heard(self) -> bool:
+        """Whether what the twin answers will be heard: it publishes what it applies, and why it refuses."""
+        answers = (f"{self._twin}/applied_commands", "/rosout")
+        return all(
+            any(
+                f"{one.node_namespace.rstrip('/')}/{one.node_name}" == self._twin
+                for one in self._node.get_publishers_info_by_topic(topic)
+            )
+            for topic in answers
+        )
+
+    def _nobody(self, name: str) -> str:
+        return nobody_listens(name, self._wait)
+
+    def _until(self, condition: Callable[[], Any], seconds: float, fault: str) -> None:
+        """Wait for a condition; raises TwinError when it does not come, or KeyboardInterrupt at a signal."""
+        import rclpy  # noqa: PLC0415
+
+        deadline = time.monotonic() + seconds
+        while not condition():
+            if self._ending.is_set():
+                raise KeyboardInterrupt
+            if time.monotonic() > deadline:
+                raise TwinError(fault)
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+
+
+def nobody_listens(name: str, wait: float) -> str:
+    """What to say where there is no twin."""
+    return f"no twin listens on {name} after {wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
+
+
+def _message(kind: Kind, values: Mapping[str, float]) -> Any:
+    """The message of the topic that brings a kind."""
+    from geometry_msgs.msg import Vector3, Vector3Stamped  # noqa: PLC0415
+    from sensor_msgs.msg import JointState  # noqa: PLC0415
+
+    if INPUTS[kind.topic] == VECTOR:
+        return Vector3Stamped(vector=Vector3(**values))
+    return JointState(name=[*values], **{kind.field: [*values.values()]})

@@ -1,0 +1,93 @@
+"""Which twins run in this ROS domain, and how they are."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from cable_twin.ros.command_line import Ending
+
+DISCOVERY = 3.5  # s within which DDS tells of every node: it announces them every 3 s
+SCENARIO, DIAGNOSTICS = "/scenario", "/diagnostics"
+
+
+@dataclass(slots=True)
+class _Twin:
+    """What is known of one."""
+
+    scenario: Mapping[str, Any] = field(default_factory=dict)
+    status: Any = None  # of its diagnostics
+
+    def describe(self, name: str, count: int) -> str:
+        """One line."""
+        values = {pair.key: pair.value for pair in self.status.values} if self.status is not None else {}
+        states = [
+            *(["emergency stop in force"] if values.get("emergency_stop") == "true" else []),
+            *(["paused"] if values.get("paused") == "true" else []),
+        ]
+        state = ", ".join(states) or "running"
+        when = f"{state} at {values['simulated_time_s']} s of simulated time" if values else "says nothing of its state"
+        several = f"; {count} nodes have this name" if count > 1 else ""
+        return f"{name}: {self.scenario.get('name', 'scenario unknown')}, {when}; {self._vehicles()}{several}"
+
+    def _vehicles(self) -> str:
+        names = list(self.scenario.get("carriages", {}))
+        if carriers := self.scenario.get("carriers"):
+            names.append(f"{carriers['name']}_1 to {carriers['name']}_{carriers['count']}")
+        drives = ", ".join(self.scenario.get("drives", {}))
+        return (f"drive: {drives}; " if drives else "") + f"carriages: {', '.join(names) or 'none'}"
+
+
+def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
+    """Look for twins; returns a line each: name, scenario, state, simulated time (s), and what it moves.
+
+    Args:
+        node: of rclpy.
+        wait: s to wait for one, and for what it says.
+        ending: whether to give up.
+    """
+    import rclpy  # noqa: PLC0415
+    from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415
+    from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
+    from std_msgs.msg import String  # noqa: PLC0415
+
+    twins: dict[str, _Twin] = {}
+
+    def note_scenario(name: str, message: Any) -> None:
+        twins[name].scenario = json.loads(message.data)
+
+    def note_status(message: Any) -> None:
+        for status in message.status:
+            if status.hardware_id in twins:
+                twins[status.hardware_id].status = status
+
+    node.create_subscription(DiagnosticArray, DIAGNOSTICS, note_status, 50)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    started = time.monotonic()
+    while not ending.is_set():
+        for name in _names(node):
+            if name not in twins:
+                twins[name] = _Twin()
+                node.create_subscription(String, name + SCENARIO, lambda m, name=name: note_scenario(name, m), latched)
+        rclpy.spin_once(node, timeout_sec=0.05)
+        elapsed = time.monotonic() - started
+        complete = bool(twins) and all(twin.scenario and twin.status for twin in twins.values())
+        if elapsed > (DISCOVERY if complete else max(wait, DISCOVERY) if twins else wait):
+            break
+    return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]
+
+
+def _names(node: Any) -> list[str]:
+    """Full names of the twins that can be seen: they publish their scenario, and stop in an emergency."""
+    scenarios = {
+        name.removesuffix(SCENARIO)
+        for name, types in node.get_topic_names_and_types()
+        if name.endswith(SCENARIO) and "std_msgs/msg/String" in types
+    }
+    stops = {
+        name.rpartition("/")[0] for name, _ in node.get_service_names_and_types() if name.endswith("/emergency_stop")
+    }
+    return sorted(scenarios & stops)

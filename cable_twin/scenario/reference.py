@@ -1,0 +1,184 @@
+"""The reference of scenario files, made from the schema: a page for people, a JSON schema for editors.
+
+python -m cable_twin.scenario.reference        writes both into docs/ anew
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from difflib import get_close_matches
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from cable_twin.scenario.checks import allowed
+from cable_twin.scenario.schema import Scenario
+
+PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
+NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list
+NEEDED = "needed"  # for a default
+NEAREST = 3  # keys that are proposed for one that does not exist
+
+HEAD = f"""\
+# Scenario reference
+
+Every key of a scenario file, written from the schema by `python -m cable_twin.scenario.reference`. `{NAME}` is a name
+that the file chooses, `{NUMBER}` the place in a list. `simulate --explain KEY` prints one entry, or those of a section.
+[scenarios.md](scenarios.md) shows how they go together.
+
+Editors check a file while it is written where its first line names the JSON schema, as those in `config/` do:
+
+    # yaml-language-server: $schema=../docs/{JSON_SCHEMA}
+"""
+
+
+class Entry(NamedTuple):
+    """One key of a scenario file, in words."""
+
+    key: str  # dotted, with placeholders
+    unit: str
+    default: str
+    allowed: str
+    meaning: str
+
+
+class Table(NamedTuple):
+    """The keys of one kind of section."""
+
+    places: tuple[str, ...]  # dotted keys of the sections of this kind, "" for the whole file
+    meaning: str
+    entries: tuple[Entry, ...]  # keys within the section
+
+
+def tables() -> list[Table]:
+    """All kinds of sections, in the order of the schema."""
+    places: dict[type[BaseModel], list[str]] = {}
+    for place, model in _sections("", Scenario):
+        places.setdefault(model, []).append(place)
+    return [Table(tuple(where), _summary(model), tuple(_entries(model))) for model, where in places.items()]
+
+
+def entries() -> list[Entry]:
+    """Every key of a scenario file, in the order of the schema."""
+    return [
+        entry._replace(key=_join(place, entry.key))
+        for place, model in _sections("", Scenario)
+        for entry in _entries(model)
+    ]
+
+
+def explained(key: str) -> list[Entry]:
+    """The entry of a key, with its placeholders or with names in their place, and those below it.
+
+    Raises:
+        KeyError: there is no such key; its text is one line with the nearest ones.
+    """
+    every = entries()
+    found = [entry for entry in every if _fits(key.split("."), entry.key.split("."))]
+    if not found:
+        keys = [entry.key for entry in every]
+        near = [known for known in keys if known.endswith(f".{key}")]
+        near += [known for known in get_close_matches(key, keys, n=NEAREST) if known not in near]
+        hint = f"did you mean {', '.join(near[:NEAREST])}?" if near else f"sections: {', '.join(Scenario.model_fields)}"
+        raise KeyError(f"{key}: this key does not exist; {hint}")
+    return found
+
+
+def page() -> str:
+    """The reference as Markdown."""
+    parts = [HEAD]
+    for table in tables():
+        title = ", ".join(f"`{place}`" for place in table.places if place) or "The whole file"
+        rows = "\n".join(f"| `{row.key}` | {' | '.join(map(_cell, row[1:]))} |" for row in table.entries)
+        head = "| key | unit | default | allowed | meaning |\n| --- | --- | --- | --- | --- |"
+        parts.append(f"## {title}\n\n{table.meaning}\n\n{head}\n{rows}\n")
+    return "\n".join(parts)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scenario file."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+
+
+def write(directory: Path) -> list[Path]:
+    """Write page and JSON schema into a directory; returns the files."""
+    files = [directory / PAGE, directory / JSON_SCHEMA]
+    files[0].write_text(page(), encoding="utf-8")
+    files[1].write_text(json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return files
+
+
+def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
+    """The model at a key and those below it."""
+    yield place, model
+    for name, field in model.model_fields.items():
+        for below, inner in _models(field.annotation):
+            yield from _sections(_join(place, name) + below, inner)
+
+
+def _models(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
+    """Models that a value can be, or hold, and where they are in it: "", ".NAME", ".N"."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield "", annotation
+    elif origin is Annotated:
+        yield from _models(arguments[0])
+    elif origin in (Union, UnionType):
+        for argument in arguments:
+            yield from _models(argument)
+    elif origin in (dict, tuple, list):
+        step = f".{NAME}" if origin is dict else f".{NUMBER}"
+        for argument in arguments:
+            yield from ((step + below, model) for below, model in _models(argument))
+
+
+def _entries(model: type[BaseModel]) -> Iterator[Entry]:
+    """The keys of one model."""
+    for name, field in model.model_fields.items():
+        unit = field.json_schema_extra.get("unit", "") if isinstance(field.json_schema_extra, dict) else ""
+        meaning = (field.description or "").removesuffix(f" ({unit})")
+        yield Entry(name, str(unit), _default(field), allowed(field, unit=False), meaning)
+
+
+def _default(field: FieldInfo) -> str:
+    """The value where none is given, as YAML has it."""
+    if field.is_required():
+        return NEEDED
+    value = field.get_default(call_default_factory=True)
+    if isinstance(value, BaseModel):
+        return "its own defaults"
+    if isinstance(value, str):
+        return value or '""'
+    if isinstance(value, float):
+        return f"{value:g}".replace("e+0", "e").replace("e-0", "e-")
+    return json.dumps(value)
+
+
+def _fits(given: list[str], key: list[str]) -> bool:
+    """Whether a key is the given one, or below it."""
+    return len(given) <= len(key) and all(
+        part in (word, NAME, NUMBER) for word, part in zip(given, key[: len(given)], strict=True)
+    )
+
+
+def _summary(model: type[BaseModel]) -> str:
+    """What a section is: its docstring on one line."""
+    return " ".join((model.__doc__ or "").split())
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _join(place: str, name: str) -> str:
+    return f"{place}.{name}" if place else name
+
+
+if __name__ == "__main__":
+    for written in write(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")):
+        print(written)

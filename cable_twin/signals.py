@@ -1,0 +1,155 @@
+"""The table of signals: what of a run is shown over time, in plots, in the view, and in a comparison of two runs.
+
+A new signal is a row here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from cable_twin.records import FloatArray
+from cable_twin.snapshot import ENDS, Columns, Layout
+
+Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers"]
+
+
+class Driven(NamedTuple):
+    """State of what is driven, see `driven_names`."""
+
+    place: FloatArray  # (..., names) m
+    speed: FloatArray  # (..., names) m/s
+    force: FloatArray  # (..., names) N
+
+
+def driven_names(layout: Layout) -> tuple[str, ...]:
+    """Return what is driven: a moving cable for all that is clamped to it, else each vehicle."""
+    return layout.drives or tuple(layout.vehicles)
+
+
+def driven(layout: Layout, c: Columns) -> Driven:
+    """Return what is driven in one frame, or in several."""
+    if layout.drives:
+        return Driven(c.drive_position, c.drive_speed, c.moving_cable_force)
+    return Driven(c.arc_length, c.speed, c.drive_force)
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One quantity over time, a line for each that has it.
+
+    Attributes:
+        name: of the quantity; a line is NAME/WHOSE.
+        unit: of its values.
+        whose: what has it.
+        read: values (..., names) out of the columns of one frame, or of several.
+        label: of its panel in a plot of `review`, without unit.
+        plot: the plot with that panel, of `PLOTS`; signals of a plot are compared as well.
+        view: title of its plot in rerun, without unit; none where it is not in the view.
+        legend: of its lines there, where they are not called after what has it.
+        everywhere: whether each of them has it; where not, NaN is no gap.
+    """
+
+    name: str
+    unit: str
+    whose: Whose
+    read: Callable[[Layout, Columns], FloatArray]
+    label: str = ""
+    plot: str = ""
+    view: str = ""
+    legend: tuple[str, ...] = ()
+    everywhere: bool = True
+
+    def names(self, layout: Layout) -> Sequence[str]:
+        """What has it."""
+        return NAMES[self.whose](layout)
+
+    def values(self, layout: Layout, c: Columns) -> FloatArray:
+        """Values (..., names) in one frame, or in several; NaN is a gap, of what is off the cable."""
+        values = self.read(layout, c)
+        if self.whose not in ("vehicles", "bodies"):
+            return values
+        here = np.where(c.attached == 0.0, math.nan, 1.0)
+        return values * (np.repeat(here, np.diff(layout.first_body), axis=-1) if self.whose == "bodies" else here)
+
+
+NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
+    "rope": lambda _: ("highest", "start", "end"),
+    "driven": driven_names,
+    "vehicles": lambda layout: tuple(layout.vehicles),
+    "bodies": lambda layout: layout.bodies,
+    "supports": lambda layout: layout.supports,
+    "towers": lambda layout: layout.supports[len(ENDS) :],
+}
+
+
+def _tension(_: Layout, c: Columns) -> FloatArray:
+    tension = c.rope_tension
+    return np.stack([tension.max(axis=-1), tension[..., 0], tension[..., -1]], axis=-1)
+
+
+def _power(layout: Layout, c: Columns) -> FloatArray:
+    movers = driven(layout, c)
+    return movers.force * movers.speed
+
+
+SIGNALS: Mapping[str, Signal] = {
+    signal.name: signal
+    for signal in (
+        Signal("speed", "m/s", "driven", lambda of, c: driven(of, c).speed, "speed", "speed", "Speed"),
+        Signal("arc_length", "m", "vehicles", lambda _, c: c.arc_length, "arc length", "speed"),
+        Signal(
+            "tension",
+            "N",
+            "rope",
+            _tension,
+            "tension",
+            "tension",
+            "Tension",
+            legend=("highest", "at the start", "at the end"),
+        ),
+        Signal("swing", "deg", "bodies", lambda _, c: np.degrees(c.body_angles[..., 1]), "pitch", "swing", "Swing"),
+        Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
+        Signal("drive_power", "W", "driven", _power, "power", "drive"),
+        Signal(
+            "contact_force",
+            "N",
+            "vehicles",
+            lambda _, c: np.linalg.norm(c.contact_force, axis=-1),
+            "rope on carriage",
+            "contact_forces",
+        ),
+        Signal(
+            "support_force",
+            "N",
+            "supports",
+            lambda _, c: np.linalg.norm(c.support_force, axis=-1),
+            "support on rope",
+            "contact_forces",
+        ),
+        Signal(
+            "travel",
+            "m",
+            "supports",
+            lambda _, c: c.support_travel,
+            "counterweight travel",
+            "contact_forces",
+            everywhere=False,
+        ),
+        Signal("tower_load", "N", "towers", lambda _, c: c.tower_load[..., len(ENDS) :], view="Load on towers"),
+    )
+}
+PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in which they are drawn
+    "tension": "Rope tension",
+    "speed": "Speed and place along the rope",
+    "swing": "Swing along the track",
+    "drive": "Drive",
+    "contact_forces": "Contact and support forces",
+}
+
+
+__all__ = ["PLOTS", "SIGNALS", "Signal", "driven", "driven_names"]

@@ -1,0 +1,113 @@
+"""What each kind of command does: when it is refused, and what it changes. What it carries: `cable_twin.commands`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.commands import KINDS
+from cable_twin.mechanics.on_rope.payload import shift_centres
+from cable_twin.mechanics.parameters import FORCE, System
+from cable_twin.mechanics.state import State
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import Scenario
+from cable_twin.simulation.command_checks import check_drive, check_room, check_station, check_wind
+from cable_twin.simulation.driving import brake, drive, drive_mode
+from cable_twin.simulation.ropeway import Ropeway
+
+
+class Effect(NamedTuple):
+    """What a kind of command does; a check raises CommandError."""
+
+    change: Callable[[Ropeway, Command], None]
+    check: Callable[[Command, Scenario], None] | None = None  # refuses what no motion makes possible
+    check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # what the present one forbids
+
+
+def take_effect(ropeway: Ropeway, command: Command, *, ahead: bool = False) -> None:
+    """Carry out a command: whole or, with an error, not at all.
+
+    Args:
+        ropeway: What it acts on.
+        command: Of any kind.
+        ahead: Only refuse what no motion makes possible.
+
+    Raises:
+        CommandError: one line with what was given and what is allowed.
+    """
+    if command.kind not in EFFECTS:
+        raise CommandError(f"a command of kind {command.kind!r}; known: {', '.join(EFFECTS)}")
+    effect = EFFECTS[command.kind]
+    if KINDS[command.kind].drives and ropeway.stopped:
+        raise CommandError("the emergency stop is in force: release it before the next command")
+    if effect.check is not None:
+        effect.check(command, ropeway.scenario)
+    if effect.check_motion is not None and not ahead:
+        effect.check_motion(command, ropeway.scenario, ropeway.system, ropeway.state)
+    effect.change(ropeway, command)
+
+
+def _drive(ropeway: Ropeway, command: Command) -> None:
+    for name, value in command.values.items():
+        if name in ropeway.scenario.drives:
+            ropeway.state.rope_target[0] = value
+        else:
+            drive(ropeway.state, ropeway.rows[name], command.kind, value)
+        ropeway.commands[name] = Command(command.kind, {name: value})
+
+
+def _load(ropeway: Ropeway, command: Command) -> None:
+    before = ropeway.system.carriages.centre_offset
+    for name, mass in command.values.items():
+        ropeway.state.payload[ropeway.rows[name]] = mass
+    ropeway.carry(ropeway.state.payload)
+    shift_centres(ropeway.state, ropeway.system.carriages.centre_offset - before)
+
+
+def _blow(ropeway: Ropeway, command: Command) -> None:
+    ropeway.state.wind[0], ropeway.state.wind[-1] = command.values["x"], command.values["z"]
+
+
+def _stop(ropeway: Ropeway, _: Command) -> None:
+    state = ropeway.state
+    if not ropeway.stopped:
+        state.braking_time[:] = 0.0
+    ropeway.stopped = True
+    ropeway.commands.clear()
+    state.rope_target[0] = 0.0
+    state.rope_braking[0] = True
+    for row in ropeway.rows.values():
+        brake(ropeway.system, state, row)
+
+
+def _release(ropeway: Ropeway, _: Command) -> None:
+    state = ropeway.state
+    ropeway.stopped = False
+    for row in np.flatnonzero(state.drive_braking).tolist():
+        if drive_mode(state, row) == FORCE:  # let go for its track-rope brake alone: the drive holds again
+            drive(state, row, "speed", 0.0)
+    state.drive_braking[:] = False
+    state.rope_braking[:] = False
+
+
+def _reset(ropeway: Ropeway, _: Command) -> None:
+    ropeway.stopped = False
+    ropeway.commands.clear()
+    ropeway.go_back()
+
+
+EFFECTS: Mapping[str, Effect] = {
+    "speed": Effect(_drive, check_drive),
+    "force": Effect(_drive, check_drive),
+    "payload": Effect(_load, check_room, check_station),
+    "wind": Effect(_blow, check_wind),
+    "emergency_stop": Effect(_stop),
+    "release": Effect(_release),
+    "reset": Effect(_reset),
+}
+assert EFFECTS.keys() == KINDS.keys(), "a kind without an effect, or an effect without a kind"
+
+
+__all__ = ["take_effect"]

@@ -1,0 +1,114 @@
+"""What can be asked of a simulation beside its snapshots: shape, tension, clearance, energy, modes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from cable_twin.geometry.clearance import clearance_seen, ground_of
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import energies, groups, sample_positions, sample_tensions
+from cable_twin.mechanics.readout.ground import Ground, look_at_ground
+from cable_twin.records import Clearance, Energy
+from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.snapshot import CABLE, Snapshot
+
+ROPE_POINTS = 10  # of an element, at which its clearance is taken
+
+
+class Readings:
+    """Reads the present state of a ropeway, and changes nothing."""
+
+    _ropeway: Ropeway
+    _snapshot: Snapshot
+
+    def cable_positions(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
+        """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
+
+        Raises:
+            ValueError: when there is no rope of that name.
+        """
+        _check_rope(rope)
+        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")  # a copy: kernels want what may be written
+        positions = np.empty((arc_lengths.size, 3))
+        sample_positions(self._ropeway.system.cable, self._ropeway.state, arc_lengths, positions)
+        return positions
+
+    def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
+        """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m: linear between the means of the elements.
+
+        Raises:
+            ValueError: when there is no rope of that name.
+        """
+        _check_rope(rope)
+        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
+        tensions = np.empty(arc_lengths.size)
+        sample_tensions(self._ropeway.system.cable, self._ropeway.state, arc_lengths, tensions, self._means)
+        return tensions
+
+    def clearance(self) -> Clearance:
+        """Least heights of rope and vehicles above the ground, with their places.
+
+        Raises:
+            ValueError: when the scenario has no terrain.
+        """
+        scenario, cable = self._ropeway.scenario, self._ropeway.system.cable
+        if not scenario.terrain:
+            raise ValueError("clearance: the scenario has no terrain")
+        points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
+        seen = self._snapshot.layout.columns(self._snapshot.numbers.copy())  # kernels want what may be written
+        rope = self.cable_positions(points)
+        look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
+        return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
+
+    def energy(self) -> Energy:
+        """Mechanical energy now (J)."""
+        return Energy(*energies(self._ropeway.system, self._ropeway.state))
+
+    def natural_frequencies(self, count: int) -> FloatArray:
+        """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
+
+        Raises:
+            ValueError: when there are fewer.
+        """
+        return self._modes(count)[0]
+
+    def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
+        """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
+
+        Raises:
+            ValueError: when there are fewer.
+        """
+        _, shapes = self._modes(count)
+        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
+        result = np.empty((count, arc_lengths.size, 3))
+        for shape, positions in zip(shapes, result, strict=True):
+            nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
+            mode = self._ropeway.state._replace(nodes=nodes)
+            sample_positions(self._ropeway.system.cable, mode, arc_lengths, positions)
+        return result / np.abs(result).max(axis=(1, 2), keepdims=True)
+
+    def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
+        from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, which no start needs
+
+        return natural_modes(self._ropeway.system, self._ropeway.state, count)
+
+    @cached_property
+    def _ground(self) -> Ground:
+        """The ground, made when somebody asks for the clearance."""
+        return ground_of(self._ropeway.scenario)
+
+    @cached_property
+    def _means(self) -> FloatArray:
+        """Room for the mean tensions of groups of elements."""
+        return np.empty(groups(self._ropeway.system.cable))
+
+
+def _check_rope(rope: str | None) -> None:
+    """Refuse a rope that there is not."""
+    if rope not in (None, CABLE):
+        raise ValueError(f"rope {rope!r} is unknown; known: {CABLE}")
+
+
+__all__ = ["Readings"]

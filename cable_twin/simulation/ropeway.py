@@ -1,0 +1,99 @@
+"""What commands act on: parameters and state of one scenario, and what is in force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_twin.mechanics.drives.command import set_drive_mode
+from cable_twin.mechanics.drives.moving_rope import park
+from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.on_rope.payload import load_bodies
+from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
+from cable_twin.mechanics.solution.catenary import check_rest
+from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
+from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
+from cable_twin.records import Command
+from cable_twin.scenario import Scenario, build_payloads, build_system
+from cable_twin.simulation.driving import hang_in_ropes
+
+DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
+
+
+class Ropeway:
+    """A ropeway before its rest is found; then, with `begin`, as it starts.
+
+    Attributes:
+        scenario: what it is.
+        rows: number of each vehicle.
+        packed_system: parameters, with payloads, for kernels.
+        state: its motion, written in place.
+        start: to which a reset goes back.
+        stopped: whether an emergency stop is in force.
+        commands: the last drive command in force of each carriage or drive that has one.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Lay it out: vehicles at their places, with their payloads."""
+        self.scenario = scenario
+        self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
+        self._empty: System = build_system(scenario)
+        self._payloads: Payloads = build_payloads(scenario)
+        self.state = self.start = allocate_state(self._empty)
+        self.stopped = False
+        self.commands: dict[str, Command] = {}
+        self.state.wind[:] = scenario.air.wind
+        self._first_loads = np.array(
+            [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
+            dtype=np.float64,
+        )
+        self.carry(self._first_loads)
+        for row, vehicle in enumerate(scenario.vehicles.values()):
+            self.state.joints.position[row] = vehicle.arc_length
+            if vehicle.joint == "clamped" and vehicle.arc_length > scenario.cable.unstrained_length:
+                park(self.system, self.state, row, vehicle.arc_length)
+            if vehicle.joint == "sliding":
+                as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
+
+    def find_rest(self, work: Workspace) -> None:
+        """Bring the cable to where it starts, and its haul ropes.
+
+        Raises:
+            EquilibriumError: when it finds no rest with its carriages on it.
+        """
+        cable = self.scenario.cable
+        if cable.initial_shape == "straight":
+            ends = np.array([cable.start.position, cable.end.position])
+            lay_straight(self.system, self.state, ends[0], ends[1])
+        else:
+            check_rest(self.system, tuple(self.scenario.towers))
+            settle(self.system, self.state, work)
+        self.state.payload[:] = self._first_loads
+        hang_in_ropes(self.system, self.state, [*self.rows])
+
+    def begin(self) -> None:
+        """Let this be the start, to which a reset goes back."""
+        self.start = clone_state(self.state)
+
+    def go_back(self) -> None:
+        """Put the state back to the start; time runs on."""
+        clock = int(self.state.clock[0])
+        write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
+        self.state.clock[0] = clock
+        self.carry(self.state.payload)
+
+    def carry(self, masses: FloatArray) -> None:
+        """Put payloads (vehicles,) in kg into the system."""
+        self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
+
+    @property
+    def system(self) -> System:
+        """Parameters, with payloads."""
+        return self._system
+
+    @system.setter
+    def system(self, system: System) -> None:
+        self._system, self.packed_system = system, pack(system)
+
+
+__all__ = ["Ropeway"]

@@ -1,0 +1,99 @@
+"""The ceiling on numba: the language of the mechanics leans on its private parts, which a new version may change."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+from importlib import import_module
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numba
+import pytest
+from numba.core import types
+from numba.core.datamodel import default_manager
+
+from cable_twin.mechanics.language.compilation import _OPTIONS, MECHANICS, Kernel, kernel
+
+ROOT = Path(__file__).resolve().parents[2]
+LANGUAGE = MECHANICS / "language"
+ADVICE = """
+The kernels of cable_twin/mechanics/language lean on private parts of numba. Before the ceiling is raised in setup.cfg
+and package.xml, these have to pass with the new numba, from an empty cache (NUMBA_CACHE_DIR=$(mktemp -d)):
+  python -m pytest test/mechanics/test_numba.py            what is leant on, by name
+  python -m pytest test/mechanics test/test_first_compilation.py
+  python -m pytest test/offline                            the golden logs among them
+  python -m benchmarks startup frame                       a start and a frame take no longer than before
+docs/development.md says what each part is for."""
+
+
+def bounds() -> tuple[str, str]:
+    """The floor and the ceiling of setup.cfg."""
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / "setup.cfg")
+    (line,) = re.findall(r"^numba(.*)$", setup["options"]["install_requires"], re.MULTILINE)
+    floor, ceiling = re.fullmatch(r">=([\d.]+),<([\d.]+)", line).groups()
+    return floor, ceiling
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in re.findall(r"\d+", version)[:2])
+
+
+def imported() -> list[tuple[str, str, str]]:
+    """File, module and name of all that the language takes from numba and llvmlite."""
+    found = []
+    for file in sorted(LANGUAGE.glob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(("numba", "llvmlite")):
+                found += [(file.name, node.module or "", alias.name) for alias in node.names]
+    return found
+
+
+def test_numba_is_below_the_ceiling():
+    floor, ceiling = bounds()
+    assert numbers(floor) <= numbers(numba.__version__) < numbers(ceiling), (
+        f"numba {numba.__version__} is installed, setup.cfg allows {floor} to below {ceiling}.{ADVICE}"
+    )
+
+
+def test_package_xml_says_the_same():
+    (depend,) = (item for item in ET.parse(ROOT / "package.xml").iter("exec_depend") if item.text == "python3-numba")
+    assert (depend.get("version_gte"), depend.get("version_lt")) == bounds()
+
+
+@pytest.mark.parametrize(("file", "module", "name"), imported())
+def test_names_are_there(file, module, name):
+    try:
+        getattr(import_module(module), name)
+    except (ImportError, AttributeError):
+        pytest.fail(f"numba {numba.__version__} has no {module}.{name}, which {file} takes from it.{ADVICE}")
+
+
+def test_arrays_have_the_words_that_records_write():
+    """`by_reference` writes arrays as numba lays them out: two owners, sizes, the address, shape and strides."""
+    model = default_manager.lookup(types.Array(types.float64, 2, "C"))
+    words = [str(part.get_value_type()) for part in model._models]
+    assert words == ["i8*", "i8*", "i64", "i64", "double*", "[2 x i64]", "[2 x i64]"], (
+        f"numba {numba.__version__} lays arrays out otherwise: {words}.{ADVICE}"
+    )
+
+
+def test_options_are_known():
+    """`compilation` hands options to numba that its documentation does not name."""
+    options = numba.core.registry.cpu_target.options
+    known = {name for kind in options.__mro__ for name in vars(kind)}
+    needed = {*_OPTIONS, "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline", "inline"}
+    assert needed <= known, f"numba {numba.__version__} knows no option {', '.join(needed - known)}.{ADVICE}"
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="no kernels without the JIT")
+def test_a_kernel_is_what_numba_takes_for_a_function():
+    def twice(x):
+        return 2.0 * x
+
+    made = kernel(twice)
+    assert isinstance(made, Kernel)
+    assert isinstance(made._numba_type_, types.Dispatcher), ADVICE
+    assert made._from_python.targetoptions["_nrt"] is False, ADVICE

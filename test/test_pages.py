@@ -1,0 +1,48 @@
+"""README.md and docs/: short enough, their links lead somewhere, and their commands have the options they are given."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cable_twin.offline import replay, review, simulate
+from cable_twin.ros import drive, sim
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+COMMANDS = {"sim": sim, "drive": drive, "simulate": simulate, "review": review, "replay": replay}
+CALL = re.compile(rf"^(?: {{4}}|\$ |)(?:\.venv/bin/)?({'|'.join(COMMANDS)})((?: +[^#\n]*|))", re.MULTILINE)
+
+
+def test_readme_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def test_quick_start_has_two_blocks():
+    """`.ci/run` runs them."""
+    (section,) = re.findall(r"^## Quick start\n(.*?)^## ", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    first, second = re.findall(r"^```sh\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
+    assert first.splitlines()[-1] == ".venv/bin/sim"
+    assert "pytest" in second
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    links = re.findall(r"\]\(([^)#\s\\]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+    assert not [link for link in links if "://" not in link and not (page.parent / link).exists()]
+
+
+def test_every_page_is_reached_from_the_readme():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert not [page.name for page in PAGES[1:] if f"docs/{page.name}" not in text]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_have_the_options_they_are_given(page):
+    for command, arguments in CALL.findall(page.read_text(encoding="utf-8")):
+        known = COMMANDS[command].parser()._option_string_actions
+        assert not [option for option in re.findall(r"(?<= )--[a-z][a-z-]+", arguments) if option not in known], (
+            arguments
+        )

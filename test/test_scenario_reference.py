@@ -1,0 +1,81 @@
+"""The reference of scenario files: current, complete, and printed by `simulate --explain`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cable_twin.offline.simulate import main
+from cable_twin.scenario import config_directory, load_scenario, reference, scenario_names
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+AGAIN = "write it anew: python -m cable_twin.scenario.reference"
+
+
+def test_page_and_json_schema_are_current():
+    assert (DOCS / reference.PAGE).read_text(encoding="utf-8") == reference.page(), AGAIN
+    assert json.loads((DOCS / reference.JSON_SCHEMA).read_text(encoding="utf-8")) == reference.json_schema(), AGAIN
+
+
+def test_every_key_says_what_it_means():
+    for entry in reference.entries():
+        assert entry.meaning, entry.key
+        assert entry.allowed, entry.key
+        number = "number" in entry.allowed
+        assert bool(entry.unit) == number, entry.key
+
+
+def test_every_key_of_the_scenarios_is_in_it():
+    def keys(node, path=()):
+        items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+        for key, value in items:
+            yield ".".join(map(str, (*path, key)))
+            yield from keys(value, (*path, key))
+
+    for name in scenario_names():
+        for key in keys(load_scenario(name).resolved()):
+            if not key.rpartition(".")[2].isdigit():  # a number of a vector, or of a list, which is its own entry
+                assert reference.explained(key), key
+
+
+def test_scenarios_name_the_json_schema():
+    for name in scenario_names():
+        file = config_directory() / f"{name}.yaml"
+        first = file.read_text(encoding="utf-8").splitlines()[0]
+        schema = first.removeprefix("# yaml-language-server: $schema=")
+        assert (file.parent / schema).resolve() == DOCS / reference.JSON_SCHEMA
+
+
+def test_explain_prints_an_entry(capsys):
+    assert main(["--explain", "cable.damping_time"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "cable.damping_time (s): Kelvin-Voigt relaxation time of EA and EI",
+        "  default: 0",
+        "  allowed: a finite number at least 0",
+    ]
+
+
+def test_explain_prints_a_section_whatever_a_carriage_is_called(capsys):
+    assert main(["--explain", "carriages.cabin.drive.limits"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any("carriages.NAME.drive.limits.emergency_deceleration" in line and "m/s^2" in line for line in lines)
+    assert not any("haul_rope" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("cable.dampin_time", "did you mean cable.damping_time,"),
+        ("damping_time", "did you mean cable.damping_time,"),
+        ("zzz", "sections: name, description, gravity,"),
+        ("", "sections: name, "),
+    ],
+)
+def test_a_key_that_does_not_exist_is_one_line(capsys, key, hint):
+    assert main(["--explain", key]) == 2
+    output = capsys.readouterr()
+    (line,) = output.err.splitlines()
+    assert line.startswith(f"simulate: --explain {key}: this key does not exist; {hint}")
+    assert output.out == ""
