@@ -15,12 +15,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numba
 
 from cable_twin.mechanics.language.compilation import Kernel, is_compiled, keeps_kernels
 from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
@@ -65,18 +66,21 @@ def kernels_below(kernel: Kernel) -> list[Kernel]:
 
 
 def begin_with(integrator: Kernel, system: System, state: State, work: Workspace) -> dict[Kernel, tuple[Any, ...]]:
-    """Kernels below an integrator, with arguments of the types they get, from the end of a step to its begin.
+    """Kernels below an integrator, with arguments of the types they get, to compile while the other process starts.
 
-    The static start compiles what it needs from the begin on, and most of that is in a step, too: each process finds
-    what the other one has compiled by then, so less is compiled twice. Arguments go by their names; a kernel that has
-    others comes with its caller.
+    That needs much of the same, and goes from its begin on: so here the second half of that comes first, from its end
+    on, then what a step alone has. The first half is there by then, and is not compiled twice. Arguments go by their
+    names; a kernel that has others comes with its caller.
     """
     whole = {"system": system, "state": state, "before": state, "work": work}
     known: dict[str, Any] = whole | system._asdict() | {"gravity": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
     known |= dict.fromkeys(("carriage", "contact", "tower", "end", "body"), 0)
     known |= dict.fromkeys(("mass_factor", "rate_factor", "stiffness_factor", "duration"), 1.0)
     chosen = {}
-    for kernel in reversed(kernels_below(integrator)):
+    in_step = kernels_below(integrator)
+    shared = [kernel for kernel in kernels_below(cast(Kernel, relax)) if kernel in in_step]
+    own = [kernel for kernel in in_step if kernel not in shared]
+    for kernel in (*reversed(shared[len(shared) // 2 :]), *reversed(own)):
         names = list(inspect.signature(kernel.py_func).parameters)
         if kernel.targetoptions.get("inline") != "always" and known.keys() >= set(names):
             chosen[kernel] = tuple(known[name] for name in names)
