@@ -21,8 +21,8 @@ from rich.progress import Progress
 from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
-from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.sliding_joint import friction_force, joint_tangent
+from cable_twin.mechanics.on_rope.friction import friction_force, mobilise
+from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State

@@ -81,6 +81,8 @@ class Carriages(NamedTuple):
     inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass
     upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
     lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
+    hinge_stiffness: FloatArray  # (bodies,) N m/rad, of a spring against the body above; first of a chain: the cable
+    hinge_damping: FloatArray  # (bodies,) N m s/rad, of a damper beside it
     centre_offset: FloatArray  # (bodies, 2) m, of the centre of mass with its payload from that without
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
     clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop

@@ -232,6 +232,8 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         inertia=_array([body.inertia for body in bodies]),
         upper_pivot=_array([body.upper_pivot for body in bodies], 2),
         lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
+        hinge_stiffness=_array([body.stiffness for body in bodies]),
+        hinge_damping=_array([body.damping for body in bodies]),
         centre_offset=np.zeros((len(bodies), 2)),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),

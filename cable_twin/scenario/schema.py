@@ -229,6 +229,10 @@ class Body(Section):
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
     upper_pivot: Vector = quantity("m", "place of the pin from which it hangs")
     lower_pivot: Vector | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
+    damping: float = quantity(
+        "N m s/rad", "of a damper of its turning against the body above, or of the first against the cable", 0.0, ge=0
+    )
+    stiffness: float = quantity("N m/rad", "of a spring beside it, at rest when both are in line", 0.0, ge=0)
     size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
     drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
 

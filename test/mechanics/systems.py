@@ -63,6 +63,8 @@ def make_carriages(chains=(), **changes):
         inertia=0.4 + 0.1 * numbers,
         upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
         lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
+        hinge_stiffness=np.zeros(bodies),
+        hinge_damping=np.zeros(bodies),
         centre_offset=np.zeros((bodies, 2)),
         fixed=np.zeros(count, dtype=np.bool_),
         clamped=np.zeros(count, dtype=np.bool_),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system, put
 
+from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
@@ -33,6 +34,12 @@ def balance_of_end_nodes(system, state, work):
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
+        if system.carriages.hinge_damping.any():
+            point = point_at(cable, state.joints.position[carriage])
+            held = slice(2 * point.element, 2 * point.element + 4)
+            r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
+            turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
+            nodal[held] -= grip_moment(system, state, carriage)[0] * np.outer(point.shape_x, turn)
     for contact in range(system.supports.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
     return -nodal[[0, -2]]
@@ -110,6 +117,16 @@ def test_each_part_is_in_the_end_forces():
 @pytest.mark.parametrize("supports", [[], [0.0, 3.5], [LENGTH, 1.75, 3.5 - LENGTH]])
 def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, supports):
     check(*in_motion(5, cars=cars, supports=supports))
+
+
+def test_moments_of_hinges_are_in_the_end_forces():
+    """Of carriages that turn against the cable, on the elements at both ends."""
+    system, state, work = in_motion(3)
+    bare = check(system, state, work)
+    for carriage in range(2):
+        place_joint(system.cable, state, carriage)
+    system.carriages.hinge_stiffness[:], system.carriages.hinge_damping[:] = 40.0, 6.0
+    assert (np.abs(check(system, state, work) - bare) > 1e-3).any(axis=1).all()
 
 
 def test_end_forces_of_a_tramway_under_way():

@@ -26,6 +26,7 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     subtract,
 )
+from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
@@ -74,31 +75,16 @@ def slid(state, contact):
 
 @kernel
 def normal_force(supports, contact, depth, depth_rate):
-    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m).
-
-    A contact of Hunt and Crossley, never pulling, whose stiffness sets in over the toe.
-    """
+    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
     stiffness, toe, damping = supports.stiffness[contact], supports.toe[contact], supports.damping[contact]
-    hysteresis = 1.0 + damping * depth_rate
-    if not (depth > 0.0 and hysteresis > 0.0):
-        return 0.0, 0.0, 0.0
-    if depth < toe:
-        elastic, stiff = 0.5 * stiffness * depth * depth / toe, stiffness * depth / toe
-    else:
-        elastic, stiff = stiffness * (depth - 0.5 * toe), stiffness
-    return elastic * hysteresis, stiff * hysteresis, elastic * damping
+    return buffer_force(stiffness, toe, damping, depth, depth_rate)
 
 
 @kernel
 def contact_energy(cable, supports, state, contact):
     """Elastic energy (J) of a contact."""
     depth = contact_frame(cable, supports, state, contact)[4]
-    stiffness, toe = supports.stiffness[contact], supports.toe[contact]
-    if depth <= 0.0:
-        return 0.0
-    if depth < toe:
-        return stiffness * depth * depth * depth / (6.0 * toe)
-    return 0.5 * stiffness * (depth * (depth - toe) + toe * toe / 3.0)
+    return buffer_energy(supports.stiffness[contact], supports.toe[contact], depth)
 
 
 @kernel

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, root
 
-from cable_twin.mechanics.parameters import FloatArray, System
+from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
 
 ENDS = ("start", "end")
 
@@ -61,6 +61,29 @@ def elastic_catenary(pull: FloatArray, s: FloatArray, weight: float, stiffness: 
     return np.stack([along, above], axis=-1)
 
 
+def _plane(whole: FloatArray, up: FloatArray) -> FloatArray:
+    """Unit vectors (2, dim) along and up the plane of a cable whose end is `whole` (dim,) in m from its start."""
+    level = whole - (whole @ up) * up
+    width = float(np.linalg.norm(level))
+    return np.stack([level / width if width > 0.0 else np.eye(up.size)[0], up])
+
+
+def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[int, FloatArray, float]:
+    """End that a counterweight pulls, direction (2,) and force (N) of that; -1 and zeros where there is none."""
+    weighted = np.flatnonzero(counterweights.mass > 0.0)
+    if weighted.size == 0:
+        return -1, np.zeros(2), 0.0
+    end = int(weighted[0])
+    return end, basis @ counterweights.direction[end], float(counterweights.force[end])
+
+
+def _too_light(end: int, force: float, reach: str, weight: float) -> EquilibriumError:
+    return EquilibriumError(
+        f"cable.{ENDS[end]}.mass: with a counterweight of {force:g} N, no catenary {reach}: it is too light to "
+        f"hold a cable of {weight:.3g} N; allowed: a heavier one"
+    )
+
+
 def rest_over_supports(system: System) -> Rest:
     """The cable at rest over its towers, both ends held or one of them by a counterweight.
 
@@ -74,19 +97,11 @@ def rest_over_supports(system: System) -> Rest:
     gravity = np.array(cable.gravity)
     strength = float(np.linalg.norm(gravity))
     corner = np.concatenate([cable.support_position[:1], system.supports.top, cable.support_position[1:]])
-    up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
-    whole = corner[-1] - corner[0]
-    level = whole - (whole @ up) * up
-    width = float(np.linalg.norm(level))
-    level = level / width if width > 0.0 else np.eye(gravity.size)[0]
-    basis = np.stack([level, up])
+    basis = _plane(corner[-1] - corner[0], -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1])
     stiffness, length = cable.axial_stiffness, cable.unstrained_length
     # a cable without weight is taken as one of hardly any
     weight = max(cable.mass_per_length * strength, 1e-7 * stiffness / length if strength == 0.0 else 0.0)
-    weighted = counterweights.mass > 0.0
-    end = int(np.flatnonzero(weighted)[0]) if weighted.any() else -1
-    outwards = basis @ counterweights.direction[end] if end >= 0 else np.zeros(2)
-    given = counterweights.force[end] if end >= 0 else 0.0
+    end, outwards, given = _weighted_end(counterweights, basis)
 
     def spans_at(travel: float) -> FloatArray:
         moved = corner.copy()
@@ -97,8 +112,7 @@ def rest_over_supports(system: System) -> Rest:
     spans = spans_at(0.0)
     spans[:, 0] = np.maximum(spans[:, 0], 1e-3 * length / spans.shape[0])
     pulls, lengths = _first_guess(spans, weight, stiffness, length, given)
-    scale = float(np.abs(pulls[0]).sum())
-    count = lengths.size
+    scale, count = float(np.abs(pulls[0]).sum()), lengths.size
 
     def miss(unknown: FloatArray) -> FloatArray:
         pull, s = unknown[: 2 * count].reshape(count, 2) * scale, unknown[2 * count : 3 * count] * length
@@ -121,15 +135,12 @@ def rest_over_supports(system: System) -> Rest:
         missed = np.abs(miss(found.x)).max()
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
     if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
-        height = float(whole @ up)
+        across, height = basis @ (corner[-1] - corner[0])
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
-        reach = f"of {length:g} m reaches over {width:g} m and up {height:g} m{towers}"
-        if end >= 0:
-            raise EquilibriumError(
-                f"cable.{ENDS[end]}.mass: with a counterweight of {given:g} N, no catenary {reach}: it is too light to "
-                f"hold a cable of {weight * length:.3g} N; allowed: a heavier one"
-            )
-        raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+        reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
+        if end < 0:
+            raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+        raise _too_light(end, given, reach, weight * length)
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
     return Rest(corner, basis, pulls, lengths, weight, stiffness)

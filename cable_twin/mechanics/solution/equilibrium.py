@@ -6,12 +6,13 @@ from math import isfinite
 
 import numpy as np
 
+from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force
 from cable_twin.mechanics.on_rope.tower import settle_supports
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
@@ -183,9 +184,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
             array[:] = 0
     lay_cable(system, state)
     state.friction_origin[:] = state.joints.position
-    modes = state.drive_mode.copy()
-    state.drive_mode[:] = SPEED
-    state.reference.position[:] = state.joints.position
+    modes = hold_all(state)
     smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
@@ -198,7 +197,4 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"allowed are {tolerance:.3g} m"
         )
     state.tower_load[:, 1] = state.tower_load[:, 0]
-    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
-    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
-        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(cable, state, carriage))
-    state.drive_mode[:] = modes
+    let_go(system, state, modes)

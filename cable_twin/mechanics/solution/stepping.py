@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
-from cable_twin.mechanics.on_rope.sliding_joint import settle_friction
+from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import settle_supports
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
 
