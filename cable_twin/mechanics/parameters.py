@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+ELASTIC_MODELS = ("continuum", "element_frame")  # each stands for its number
 CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
 ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each element's chord
 

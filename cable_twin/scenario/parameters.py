@@ -11,7 +11,6 @@ from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.scenario.mesh import even_nodes, nodes_of
 from cable_twin.scenario.schema import Cable, Carriage, Drive, Scenario, Support, Tower
 
-ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
@@ -40,7 +39,7 @@ def build_system(scenario: Scenario) -> parameters.System:
             axial_stiffness=cable.axial_stiffness,
             bending_stiffness=cable.bending_stiffness,
             damping_time=cable.damping_time,
-            elastic_model=ELASTIC_MODELS[cable.elastic_model],
+            elastic_model=parameters.ELASTIC_MODELS.index(cable.elastic_model),
             gravity=(0.0, -scenario.gravity),
             support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
             support_projector=np.array([_free_part(end) for end in ends]),

@@ -13,6 +13,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Fiel
 from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
+from cable_twin.mechanics.parameters import ELASTIC_MODELS, INTEGRATORS
+
 
 class _Representer(SafeRepresenter):
     """Floats as every YAML reads them: 1e-06 is a text in YAML 1.1, 1.0e-06 is not."""
@@ -27,6 +29,9 @@ class _Representer(SafeRepresenter):
 _Representer.add_representer(float, _Representer.represent_float)
 
 MOST_ELEMENTS = 100_000
+# whatever the mechanics have; without a stub's idea of a literal
+ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
+Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]
 
@@ -117,7 +122,7 @@ class Cable(Section):
             "and growth",
         },
     )
-    elastic_model: Literal["continuum", "element_frame"] = Field(
+    elastic_model: ElasticModel = Field(
         default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
@@ -293,7 +298,7 @@ class Carriers(Section):
 class Solver(Section):
     """Time integration; `python -m benchmarks accuracy convergence` shows what other values cost and give."""
 
-    integrator: Literal["generalized_alpha", "runge_kutta"] = Field(
+    integrator: Integrator = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
     step: float = quantity("s", "time step", 0.001, gt=0)
