@@ -17,6 +17,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.typed_passes import NopythonTypeInference
 from cable_twin.simulation.first_compilation import begin_with
+from cable_twin.mechanics.solution.equations_of_motion import assemble
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
@@ -50,7 +51,8 @@ advance = integrator_named("generalized_alpha")
 system = build_system(load_scenario("seed_example"))
 state, work = allocate_state(system), allocate_workspace(system)
 chosen = begin_with(advance, system, state, work)
-for caller, arguments in {advance: (system, state, state, state, work, 0), **chosen}.items():
+callers = {advance: (system, state, state, state, work, 0), assemble: (system, state, 1.0, 1.0, 1.0, work), **chosen}
+for caller, arguments in callers.items():
     try:
         numba.njit(caller.py_func, error_model="numpy", _nrt=False, pipeline_class=TypesAlone).compile(types(arguments))
     except Typed:
