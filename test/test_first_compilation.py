@@ -76,8 +76,8 @@ def test_kernels_compiled_ahead_are_those_that_are_called():
     assert result.returncode == 0, result.stderr
     lines = [line.split() for line in result.stdout.splitlines()]
     names = [name for name, _, _ in lines]
-    assert {"add_supports", "solve", "find_saturated", "move_drives"} < set(names)
-    assert names.index("solve") < names.index("add_supports") < names.index("move_drives")  # a step alone has the last
+    assert {"add_towers", "solve", "find_saturated", "move_drives"} < set(names)
+    assert names.index("solve") < names.index("add_towers") < names.index("move_drives")  # a step alone has the last
     assert "add_cable" not in names  # the other process begins with it
     asked = [line for line in lines if line[1] != "0"]
     assert len(asked) > 0.8 * len(lines)

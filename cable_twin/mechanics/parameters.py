@@ -47,9 +47,9 @@ class Cable(NamedTuple):
     damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
     elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
-    support_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
-    support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
-    support_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
+    end_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
+    end_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
+    end_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
@@ -107,7 +107,7 @@ class Carriages(NamedTuple):
 
 
 @by_reference
-class Supports(NamedTuple):
+class Towers(NamedTuple):
     """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
 
     contact_offset: IntArray  # (towers + 1,)
@@ -128,7 +128,7 @@ class Counterweights(NamedTuple):
     direction: FloatArray  # (2, dim) unit vectors in which start and end are pulled
     mass: FloatArray  # (2,) kg, of the inertia along that direction
     force: FloatArray  # (2,) N
-    travel: FloatArray  # (2, 2) m, least and most from `support_position` along the direction; infinite without
+    travel: FloatArray  # (2, 2) m, least and most from `end_position` along the direction; infinite without
     stiffness: FloatArray  # (2,) N/m, of the buffers at both limits
     damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
 
@@ -197,7 +197,7 @@ class System(NamedTuple):
 
     cable: Cable
     carriages: Carriages
-    supports: Supports
+    towers: Towers
     counterweights: Counterweights
     haul_ropes: HaulRopes
     air: Air

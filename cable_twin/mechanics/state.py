@@ -118,7 +118,7 @@ def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
-    contacts = system.supports.stiffness.size
+    contacts = system.towers.stiffness.size
     modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
     modes = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes).astype(np.int64)
     return State(
@@ -145,7 +145,7 @@ def allocate_state(system: System) -> State:
         contact_arc_length=np.zeros(contacts),
         contact_deflection=np.zeros(contacts),
         contact_origin=np.zeros(contacts),
-        tower_load=np.zeros((system.supports.top.shape[0], 2)),
+        tower_load=np.zeros((system.towers.top.shape[0], 2)),
         wind=np.zeros(dim),
         newton_curvature=np.zeros(1),
         clock=np.zeros(1, dtype=np.int64),

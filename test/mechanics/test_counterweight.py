@@ -13,7 +13,7 @@ DIRECTION = np.array([0.6, 0.8])
 def weighted(travel=(-0.4, 0.3)):
     """A counterweight of 7 kg and 50 N at the end of a cable in general position."""
     system = make_system(
-        cable={"support_position": np.array([[0.0, 0.0], [2.2, 0.4]])},
+        cable={"end_position": np.array([[0.0, 0.0], [2.2, 0.4]])},
         counterweights={
             "direction": np.stack([np.full(2, np.nan), DIRECTION]),
             "mass": np.array([0.0, 7.0]),

@@ -121,7 +121,7 @@ def rows(system, state, work):
             on_sliding.append(norm * (along - pull) + moments[0] * turn @ r_xx)
     for end, node in ((0, 0), (1, -2)):
         for slot in range(2):
-            free = cable.support_projector[end, slot].reshape(2, 2)
+            free = cable.end_projector[end, slot].reshape(2, 2)
             on_cable[node + slot] = free @ on_cable[node + slot]
     return np.concatenate([on_cable.ravel(), *on_bodies, np.array(on_sliding), constraints(system, state)])
 
@@ -140,7 +140,7 @@ def held(system):
     for end, first in ((0, 0), (1, size - 4)):
         for slot in range(2):
             place = slice(first + 2 * slot, first + 2 * slot + 2)
-            matrix[place, place] = np.eye(2) - system.cable.support_projector[end, slot].reshape(2, 2)
+            matrix[place, place] = np.eye(2) - system.cable.end_projector[end, slot].reshape(2, 2)
     return matrix
 
 
@@ -278,7 +278,7 @@ def test_newton_step_of_a_clamped_and_of_a_free_end():
             np.stack([np.eye(2).ravel(), np.eye(2).ravel()]),
         ]
     )
-    check_newton_step(*setup([1], cable={**ELASTIC, "support_projector": projector}))
+    check_newton_step(*setup([1], cable={**ELASTIC, "end_projector": projector}))
 
 
 def test_gaps_are_those_of_the_constraints():

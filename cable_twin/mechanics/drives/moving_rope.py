@@ -28,7 +28,7 @@ from cable_twin.mechanics.rope.point import point_at, position_on_cable, slope, 
 
 
 @kernel
-def haul_force(system, state):
+def moving_rope_force(system, state):
     """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
     λ and m, the force and moment of a hinge, are of what is clamped, F of the contacts of towers on the cable: their
@@ -45,9 +45,9 @@ def haul_force(system, state):
             r_x = joint_tangent(cable, state, carriage)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
             force += grip_moment(system, state, carriage)[1]
-    for contact in range(system.supports.stiffness.size):
+    for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
-        force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
+        force -= dot(contact_force(cable, system.towers, state, contact)[0], r_x)
     return force
 
 

@@ -13,9 +13,7 @@ def counterweight_motion(counterweights, cable, state, end):
     like = cable.gravity
     node = 0 if end == 0 else cable.element_count
     direction = load(counterweights.direction[end], like)
-    travel = dot(
-        subtract(load(state.nodes.position[node, 0], like), load(cable.support_position[end], like)), direction
-    )
+    travel = dot(subtract(load(state.nodes.position[node, 0], like), load(cable.end_position[end], like)), direction)
     speed = dot(load(state.nodes.velocity[node, 0], like), direction)
     return travel, speed, dot(load(state.nodes.acceleration[node, 0], like), direction)
 

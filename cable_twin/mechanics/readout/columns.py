@@ -6,7 +6,7 @@ from math import cos, nan, sin
 from typing import NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import haul_energies
-from cable_twin.mechanics.drives.moving_rope import haul_force
+from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -81,7 +81,7 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     observe_supports(system, state, rest_loads, columns)
     for drive in range(columns.drive_position.size):
         columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
-        columns.moving_cable_force[drive] = haul_force(system, state)
+        columns.moving_cable_force[drive] = moving_rope_force(system, state)
 
 
 @kernel
@@ -125,9 +125,9 @@ def observe_supports(system, state, rest_loads, columns):
             travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
         columns.support_travel[end] = travel
         columns.tower_load[end], columns.tower_lowest_load[end], columns.tower_rest_load[end] = nan, nan, nan
-    for tower in range(system.supports.top.shape[0]):
+    for tower in range(system.towers.top.shape[0]):
         row = 2 + tower
-        force = tower_force(system.cable, system.supports, state, tower)
+        force = tower_force(system.cable, system.towers, state, tower)
         store_in_space(force, columns.support_force[row])
         columns.support_travel[row] = nan
         columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
@@ -210,10 +210,10 @@ def end_force(system, state, end):
             force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             total = add_scaled(-share, force, total)
             total = add_scaled(1.0, grip_force(system, state, carriage, element, row), total)
-    for contact in range(system.supports.stiffness.size):
+    for contact in range(system.towers.stiffness.size):
         share = share_of_node(cable, state.contact_arc_length[contact], element, row)
         if share != 0.0:
-            total = add_scaled(share, contact_force(cable, system.supports, state, contact)[0], total)
+            total = add_scaled(share, contact_force(cable, system.towers, state, contact)[0], total)
     return scale(-1.0, total)
 
 
@@ -260,8 +260,8 @@ def energies(system, state):
             elastic += spring_energy(system, state, carriage, body)
             q = state.bodies.position[body]
             gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
-    for contact in range(system.supports.stiffness.size):
-        elastic += contact_energy(cable, system.supports, state, contact)
+    for contact in range(system.towers.stiffness.size):
+        elastic += contact_energy(cable, system.towers, state, contact)
     for end in range(2):
         moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
         kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted

@@ -96,7 +96,7 @@ def rest_over_supports(system: System) -> Rest:
     cable, counterweights = system.cable, system.counterweights
     gravity = np.array(cable.gravity)
     strength = float(np.linalg.norm(gravity))
-    corner = np.concatenate([cable.support_position[:1], system.supports.top, cable.support_position[1:]])
+    corner = np.concatenate([cable.end_position[:1], system.towers.top, cable.end_position[1:]])
     basis = _plane(corner[-1] - corner[0], -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1])
     stiffness, length = cable.axial_stiffness, cable.unstrained_length
     # a cable without weight is taken as one of hardly any
@@ -146,31 +146,31 @@ def rest_over_supports(system: System) -> Rest:
     return Rest(corner, basis, pulls, lengths, weight, stiffness)
 
 
-def check_rest(system: System, towers: Sequence[str]) -> None:
+def check_rest(system: System, names: Sequence[str]) -> None:
     """Refuse towers that the bare cable does not touch at rest, and a counterweight that rests at a limit.
 
     Args:
         system: parameters.
-        towers: their names.
+        names: of the towers.
 
     Raises:
         EquilibriumError: naming the first one, how it misses and what is allowed.
     """
-    supports, counterweights, cable = system.supports, system.counterweights, system.cable
+    towers, counterweights, cable = system.towers, system.counterweights, system.cable
     weighted = np.flatnonzero(counterweights.mass > 0.0)
-    if supports.top.size == 0 and weighted.size == 0:
+    if towers.top.size == 0 and weighted.size == 0:
         return
     rest = rest_over_supports(system)
-    for tower, (name, load) in enumerate(zip(towers, rest.load(), strict=True)):
-        first, end = supports.contact_offset[tower : tower + 2]
-        side = supports.normal[first:end].mean(axis=0)
+    for tower, (name, load) in enumerate(zip(names, rest.load(), strict=True)):
+        first, end = towers.contact_offset[tower : tower + 2]
+        side = towers.normal[first:end].mean(axis=0)
         if load @ side <= 0.0:
-            others = supports._replace(top=np.delete(supports.top, tower, axis=0))
-            passing = rest_over_supports(system._replace(supports=others))
+            others = towers._replace(top=np.delete(towers.top, tower, axis=0))
+            passing = rest_over_supports(system._replace(towers=others))
             places, _ = passing.place(np.linspace(0.0, cable.unstrained_length, 10_001))
             up = rest.basis[1]
-            away = float(np.interp(supports.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
-            away -= float(supports.top[tower] @ up)
+            away = float(np.interp(towers.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
+            away -= float(towers.top[tower] @ up)
             where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
             raise EquilibriumError(
                 f"towers.{name}.position: the bare cable at rest passes {abs(away):.3g} m {where} its top and would "
@@ -178,7 +178,7 @@ def check_rest(system: System, towers: Sequence[str]) -> None:
                 f"or hold_down the other way round"
             )
     for end in weighted:
-        travel = float((rest.corner[-end] - cable.support_position[end]) @ counterweights.direction[end])
+        travel = float((rest.corner[-end] - cable.end_position[end]) @ counterweights.direction[end])
         low, high = counterweights.travel[end]
         if not low < travel < high:
             cause = (

@@ -42,7 +42,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     recover_turn,
     velocity_acceleration,
 )
-from cable_twin.mechanics.on_rope.tower import add_supports
+from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
@@ -124,9 +124,9 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
             )
             condense_drive(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
-    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    hold_supports(cable, work)
+    hold_ends(cable, work)
 
 
 @inlined_kernel
@@ -164,7 +164,7 @@ def add_loads(cable, state, stiffness_factor, work):
 
 
 @kernel
-def hold_supports(cable, work):
+def hold_ends(cable, work):
     """Take out of the equations of both end nodes what their supports hold.
 
     With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
@@ -178,11 +178,11 @@ def hold_supports(cable, work):
         node = 0 if end == 0 else last
         out, back = (work.upper[0], work.lower[0]) if end == 0 else (work.lower[last - 1], work.upper[last - 1])
         for i in range(2):
-            free_i = load(cable.support_projector[end, i], square)
+            free_i = load(cable.end_projector[end, i], square)
             right = load(work.right_side[node, i], like)
             store(apply(free_i, right), work.right_side[node, i])
             for j in range(2):
-                free_j = load(cable.support_projector[end, j], square)
+                free_j = load(cable.end_projector[end, j], square)
                 inner = multiply(multiply(free_i, load(work.diagonal[node, i, j], square)), free_j)
                 store(inner, work.diagonal[node, i, j])
                 store(multiply(free_i, load(out[i, j], square)), out[i, j])

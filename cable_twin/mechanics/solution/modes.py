@@ -17,7 +17,7 @@ from cable_twin.mechanics.on_rope.chain import pivot
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.grip import pitch_by_slope, pitch_by_slope_twice
 from cable_twin.mechanics.on_rope.sliding_joint import grip_moment
-from cable_twin.mechanics.on_rope.tower import add_supports
+from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
 from cable_twin.mechanics.rope.point import element_at
@@ -52,7 +52,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
 
     inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
-    support_stiffness, counterweight_mass = _support_matrices(system, state)
+    support_stiffness, counterweight_mass = _tower_matrices(system, state)
     mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
     mass = mass + bodies.T @ _diagonal(inertias) @ bodies
     cable_stiffness = _cable_stiffness(system, state) + support_stiffness
@@ -99,7 +99,7 @@ def _free_directions(system: System) -> csc_array:
     rows: list[IntArray] = []
     for end, first in ((0, 0), (1, size - 2 * dim)):
         for slot in range(2):
-            values, vectors = np.linalg.eigh(cable.support_projector[end, slot].reshape(dim, dim))
+            values, vectors = np.linalg.eigh(cable.end_projector[end, slot].reshape(dim, dim))
             for vector in vectors[:, values > 0.5].T:
                 columns.append(vector)
                 rows.append(first + slot * dim + np.arange(dim))
@@ -152,15 +152,15 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
     return _assemble(system, matrices)
 
 
-def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
+def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
     """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
     state, work = clone_state(state), allocate_workspace(system)
     state.nodes.velocity[:] = 0.0
-    smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
+    smooth = system.towers._replace(friction=np.zeros_like(system.towers.friction))
     matrices = []
     for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
         work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0
-        add_supports(system.cable, smooth, state, 0.0, stiffness_factor, work)
+        add_towers(system.cable, smooth, state, 0.0, stiffness_factor, work)
         add_counterweights(system.counterweights, system.cable, state, mass_factor, 0.0, stiffness_factor, work)
         matrices.append(_nodal_matrix(work))
     return matrices[0], matrices[1]

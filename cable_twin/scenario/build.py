@@ -41,9 +41,9 @@ def build_system(scenario: Scenario) -> parameters.System:
             damping_time=cable.damping_time,
             elastic_model=parameters.ELASTIC_MODELS.index(cable.elastic_model),
             gravity=(0.0, -scenario.gravity),
-            support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
-            support_projector=np.array([_free_part(end) for end in ends]),
-            support_direction=np.array(
+            end_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
+            end_projector=np.array([_free_part(end) for end in ends]),
+            end_direction=np.array(
                 [_direction(end) if end.support == "clamped" else np.full(2, np.nan) for end in ends]
             ),
             load_arc_length=_array([load.arc_length for load in cable.loads]),
@@ -51,7 +51,7 @@ def build_system(scenario: Scenario) -> parameters.System:
             end_moment=_end_moments(cable),
         ),
         carriages=_build_carriages(scenario),
-        supports=_build_supports(scenario),
+        towers=_build_towers(scenario),
         counterweights=_build_counterweights(scenario),
         moving_cable=_build_moving_cable(scenario),
         haul_ropes=_build_haul_ropes(scenario),
@@ -140,13 +140,13 @@ def _end_moments(cable: Cable) -> FloatArray:
     return moments
 
 
-def _build_supports(scenario: Scenario) -> parameters.Supports:
+def _build_towers(scenario: Scenario) -> parameters.Towers:
     towers = list(scenario.towers.values())
     corners = np.array([scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position])
     contacts = [
         _contacts(tower, *corners[number : number + 3] - corners[number + 1]) for number, tower in enumerate(towers)
     ]
-    return parameters.Supports(
+    return parameters.Towers(
         contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
         top=corners[1:-1].copy(),
         position=_array([row for places, _ in contacts for row in places], 2),
