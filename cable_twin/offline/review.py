@@ -28,13 +28,11 @@ from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
-from cable_twin.offline.signals import Comparison, compare
+from cable_twin.offline.signal_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, LogError, read_log
 
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
-FIGURES_AGE = 1.5  # s before the end at which the last key figures may have been recorded without a word
-BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 EPILOG = """\
 exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read, 130 ended by Ctrl-C
 

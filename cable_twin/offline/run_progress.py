@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 @contextmanager
 def run_progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
-    """A bar with simulated time, speed in times real time, and the time that remains; yields what sets the first (s)."""
+    """A bar with simulated time, speed in times real time, and the time that remains; what it gives sets the first."""
     columns = (
         TextColumn("simulate"),
         BarColumn(),
