@@ -94,10 +94,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         logs = [read_log(bag) for bag in options.bags]
         if options.repair:
             return _repair(logs, console)
-        return _review(logs, options, Export(options), console)
-    except OSError as error:
-        print(f"review: {error.filename}: {error.strerror}", file=sys.stderr)
-        return NOT_WRITTEN
+        try:
+            export = Export(options)
+        except OSError as error:
+            print(f"review: {error.filename}: {error.strerror}", file=sys.stderr)
+            return NOT_WRITTEN
+        return _review(logs, options, export, console)
     except LogError as error:
         for line in str(error).splitlines():
             print(f"review: {line}", file=sys.stderr)

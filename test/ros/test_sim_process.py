@@ -270,7 +270,7 @@ BAD_PARAMETERS = [
         ["--keep-age", "600"],
         "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
     ),
-    (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
+    (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
 ]
 
