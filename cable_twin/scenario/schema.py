@@ -245,6 +245,9 @@ class Payload(Section):
     station_distance: float | None = quantity(
         "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
     )
+    loading_time: float = quantity(
+        "s", "time in which as much as the capacity gets in or out; 0: at once, a shock", 0.0, ge=0
+    )
     station_speed: float = quantity("m/s", "below what speed it counts as standing", 0.05, gt=0)
 
 

@@ -13,7 +13,6 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State, allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
@@ -24,6 +23,7 @@ from cable_twin.records import (
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
+from cable_twin.simulation.loading import in_parts
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
@@ -163,6 +163,7 @@ class Simulation(Readings):
             clone_state(self._ropeway.start),
             self._ropeway.stopped,
             dict(self._ropeway.commands),
+            dict(self._ropeway.loading),
             self._at_start,
         )
 
@@ -176,6 +177,7 @@ class Simulation(Readings):
         full.copy_to(ropeway.state, ropeway.start, self.scenario)
         ropeway.carry(ropeway.state.payload)
         ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
+        ropeway.loading = dict(full.loading)
         self._at_start = full.at_start
         self._snapshot = self._observe(NOTHING_DONE)
 
@@ -202,7 +204,7 @@ class Simulation(Readings):
         return self.apply(Command("emergency_stop" if active else "release", {}))
 
     def payload(self, name: str, mass: float) -> AppliedCommand:
-        """Let a carriage that stands in a station carry `mass` (kg) from now on.
+        """Let a carriage that stands in a station be loaded, or unloaded, until it carries `mass` (kg).
 
         Raises:
             CommandError: when it is refused: no room, more than the capacity, under way, outside the stations.
@@ -252,7 +254,7 @@ class Simulation(Readings):
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = Outcome(*self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps))
+        outcome = in_parts(self._ropeway, steps, self._take_steps)
         self._snapshot = self._observe(
             SolverReport(
                 steps=int(outcome.steps),
@@ -270,6 +272,9 @@ class Simulation(Readings):
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot
+
+    def _take_steps(self, steps: int) -> tuple:
+        return self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps)
 
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
