@@ -6,14 +6,11 @@ shakes for minutes; no load gets out like that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from cable_twin.mechanics.on_rope.payload import shift_centres
-from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.scenario.schema import Payload
 from cable_twin.simulation.ropeway import Ropeway
-
-PERIOD = 0.05  # s of simulated time from one part of a load to the next: a person in four of them
 
 
 def load(ropeway: Ropeway, masses: Mapping[str, float]) -> None:
@@ -23,27 +20,10 @@ def load(ropeway: Ropeway, masses: Mapping[str, float]) -> None:
     put_in(ropeway, at_once)
 
 
-def in_parts(ropeway: Ropeway, steps: int, advance: Callable[[int], tuple]) -> Outcome:
-    """Take `steps` solver steps by calls of `advance`; loads go on at times that no caller can shift.
-
-    Returns:
-        What came of all of them, or until the one that failed.
-    """
-    period = max(round(PERIOD / ropeway.system.solver.step), 1)
-    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0)
-    while total.converged and total.steps < steps:
-        rest = steps - total.steps
-        until = period - int(ropeway.state.clock[0]) % period if ropeway.loading else rest
-        part = Outcome(*advance(min(rest, until)))
-        total = part._replace(
-            steps=total.steps + part.steps,
-            iterations=total.iterations + part.iterations,
-            halvings=total.halvings + part.halvings,
-            gap=max(total.gap, part.gap),
-        )
-        if ropeway.loading and total.converged and int(ropeway.state.clock[0]) % period == 0:
-            put_in(ropeway, _next_loads(ropeway, period * ropeway.system.solver.step))
-    return total
+def load_on(ropeway: Ropeway, time: float) -> None:
+    """Let what gets in or out go on by `time` (s)."""
+    if ropeway.loading:
+        put_in(ropeway, _next_loads(ropeway, time))
 
 
 def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
@@ -73,4 +53,4 @@ def _room(ropeway: Ropeway, name: str) -> Payload:
     return room
 
 
-__all__ = ["PERIOD", "in_parts", "load", "put_in"]
+__all__ = ["load", "load_on", "put_in"]

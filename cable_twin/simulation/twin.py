@@ -21,9 +21,10 @@ from cable_twin.records import (
     SolverReport,
 )
 from cable_twin.scenario import Scenario
+from cable_twin.simulation.advance import in_parts
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
-from cable_twin.simulation.loading import in_parts
+from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
@@ -50,12 +51,12 @@ class Simulation(Readings):
         samples: points (at least 2) at which snapshots hold the cable.
 
     Raises:
-        EquilibriumError: when the cable finds no rest with its carriages on it.
+        EquilibriumError: the cable finds no rest with its carriages on it, or they start within each other.
     """
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
         self.scenario = scenario
-        self._ropeway = Ropeway(scenario)
+        self._ropeway, self._meeting = Ropeway(scenario), Meeting(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
         self.supports = (*ENDS, *scenario.towers)
@@ -244,7 +245,7 @@ class Simulation(Readings):
         """Run until `time` (s), to the nearest whole step; never back.
 
         Raises:
-            SolverError: when a step fails; `snapshot` then is the last good one.
+            SolverError: a step fails, `snapshot` then is the last good one; or two vehicles have met.
             ValueError: when `time` is not finite.
         """
         if not math.isfinite(time):
@@ -254,15 +255,12 @@ class Simulation(Readings):
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = in_parts(self._ropeway, steps, self._take_steps)
+        outcome = in_parts(self._ropeway, self._meeting, steps, self._take)
         self._snapshot = self._observe(
-            SolverReport(
-                steps=int(outcome.steps),
-                iterations=int(outcome.iterations),
-                halvings=int(outcome.halvings),
-                constraint_residual=float(outcome.gap),
-            )
+            SolverReport(int(outcome.steps), int(outcome.iterations), int(outcome.halvings), float(outcome.gap))
         )
+        if met := self._meeting.found(self._state):
+            raise SolverError(f"{met}; the state is that at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
@@ -273,7 +271,7 @@ class Simulation(Readings):
             )
         return self._snapshot
 
-    def _take_steps(self, steps: int) -> tuple:
+    def _take(self, steps: int) -> tuple:
         return self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps)
 
     def _time_at(self, clock: int) -> float:
