@@ -9,14 +9,14 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 
 
-def two_cabins(**places):
+def two_cabins(size=(2.0, 3.0), **places):
     """Cabins 2 m long at 10 and 40 m, driven without haul ropes."""
     data = test_loads.scenario().resolved()
     cabins = {
         name: {
             "arc_length": places.get(name, place),
             "drive": {"mode": "speed", "limits": {"acceleration": 2.0}},
-            "bodies": {"cabin": test_loads.CABIN},
+            "bodies": {"cabin": {**test_loads.CABIN, "size": list(size)}},
         }
         for name, place in (("down", 40.0), ("up", 10.0))  # the order of the file is none of theirs
     }
@@ -48,6 +48,13 @@ def test_two_cabins_do_not_pass_through_each_other_whatever_the_pacing():
         simulation.advance_to(30.0)
     simulation.reset()
     assert simulation.advance_to(simulation.time + 0.5).carriages["up"].arc_length == pytest.approx(10.0)
+
+
+def test_points_without_size_may_pass():
+    simulation = Simulation(two_cabins(size=[0.0, 0.0]), samples=5)
+    simulation.command("up", speed=5.0)
+    cabins = simulation.advance_to(9.0).carriages
+    assert cabins["up"].arc_length > cabins["down"].arc_length
 
 
 def test_cabins_that_start_within_each_other_are_refused():

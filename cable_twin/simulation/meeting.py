@@ -16,7 +16,8 @@ from cable_twin.scenario.schema import Carriage
 class Meeting:
     """Watches that vehicles which move on a rope keep their order and their distance along it.
 
-    Their bodies count as they hang upright. What is clamped to a moving cable keeps its distance anyway.
+    Their bodies count as they hang upright; two points, of a `size` of 0, may pass each other. What is clamped to a
+    moving cable keeps its distance anyway.
 
     Args:
         scenario: what runs.
@@ -30,7 +31,8 @@ class Meeting:
         self._rows = np.array([row for _, row in sorted(on_rope)], dtype=np.int64)
         self._names = [list(scenario.vehicles)[row] for row in self._rows]
         reach = [_reach(scenario.vehicles[name]) for name in self._names]
-        self._room = np.array([before[1] + after[0] for before, after in pairwise(reach)], dtype=np.float64)
+        room = np.array([before[1] + after[0] for before, after in pairwise(reach)], dtype=np.float64)
+        self._room = np.where(room > 0.0, room, -np.inf)
         for number, (before, after) in enumerate(pairwise(sorted(on_rope))):
             if after[0] - before[0] < self._room[number]:
                 raise EquilibriumError(
@@ -41,7 +43,7 @@ class Meeting:
     @property
     def possible(self) -> bool:
         """Whether there are vehicles that could meet."""
-        return self._room.size > 0
+        return bool(np.any(self._room > 0.0))
 
     def found(self, state: State) -> str:
         """The line about two vehicles that have met, or nothing."""
