@@ -1,4 +1,4 @@
-"""The static start as meshes become finer and cables stiffer."""
+"""The static start as meshes become finer and cables stiffer, and the numbers with which a step can be taken."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 
 
 def bent(elements: int, model: str) -> float:
@@ -48,3 +48,28 @@ def test_where_there_is_no_rest_the_line_says_what_to_change():
         EquilibriumError, match=r"no static equilibrium .* lost in rounding: lower cable.axial_stiffness"
     ):
         Simulation(load_scenario("seed_example", {"cable.axial_stiffness": 1e14}))
+
+
+def test_a_cable_without_bending_stiffness_is_no_strut():
+    """300 m of it on 100 m without gravity; with gravity it hangs."""
+    ends = {"start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
+    rope = {"unstrained_length": 300.0, "mass_per_length": 1.0, "axial_stiffness": 1e6, "elements": 60}
+    slack = {"gravity": 0.0, "cable": {**rope, "bending_stiffness": 0.0, **ends}}
+    with pytest.raises(EquilibriumError, match=r"cable.bending_stiffness: given 0, .* pressure of 6.667e\+05 N"):
+        Simulation(load_scenario(slack))
+    assert Simulation(load_scenario(slack, {"gravity": 9.81})).snapshot.cable.tensions.min() > 0.0
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.7, 0.8])
+@pytest.mark.parametrize("share", [1.0, 0.1, 0.01])
+def test_radii_that_are_sure_halve_no_step_whatever_the_load(radius, share):
+    body = {"mass": share * 2.67, "inertia": share * 0.2242}
+    changes = {f"carriages.carriage.bodies.{name}.{key}": body[key] for name in ("rb1", "rb2") for key in body}
+    simulation = Simulation(load_scenario("seed_example", {**changes, "solver.spectral_radius": radius}))
+    assert simulation.advance_to(1.0).solver.halvings == 0
+
+
+def test_a_step_that_fails_names_a_radius_that_is_none_of_them():
+    simulation = Simulation(load_scenario("seed_example", {"solver.spectral_radius": 1.0}))
+    with pytest.raises(SolverError, match=r"solver.spectral_radius is 1, .* up to 0.8 is sure"):
+        simulation.advance_to(2.0)

@@ -296,7 +296,9 @@ class Solver(Section):
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
     step: float = quantity("s", "time step", 0.001, gt=0)
-    spectral_radius: float = quantity("-", "what is left of the highest frequencies in a step", 0.7, ge=0, le=1)
+    spectral_radius: float = quantity(
+        "-", "what is left of the highest frequencies in a step; more than 0.8 fails now and then", 0.7, ge=0, le=1
+    )
     tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-9, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)

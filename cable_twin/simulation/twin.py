@@ -21,11 +21,12 @@ from cable_twin.records import (
     SolverReport,
 )
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.advance import in_parts
+from cable_twin.simulation.advance import in_parts, undamped
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer
+from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
@@ -67,7 +68,8 @@ class Simulation(Readings):
         with compiling_ahead(scenario.solver.integrator):
             self._ropeway.find_rest(self._work)
             # compiles what reads the state, while the other process is still at it
-            self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
+            first = self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
+            check_pressure(self.system, first)
         self._packed_state = pack(self._state)
         self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
         self._at_start = True
@@ -266,7 +268,7 @@ class Simulation(Readings):
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
                 f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
-                f"an error of {self.system.solver.tolerance:g} m may be left; "
+                f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot
