@@ -69,6 +69,22 @@ WITHIN_MECHANICS = {
 }
 MOST_ARROWS = 25
 
+# what a reader keeps in mind at once; what is longer says why
+MOST_LINES = {"file": 300, "function": 60}
+LONGER = {
+    "mechanics.language.vectors": "each operation is written out for each dimension",
+    "mechanics.rope.elastic_models": "two models side by side, of which each reads like its formulas",
+    "mechanics.rope.elastic_models.continuum": "one formula: force and tangent share all that they are made of",
+    "mechanics.rope.elastic_models.element_frame": "one formula: force and tangent share all that they are made of",
+    "scenario.schema": "all of a scenario file, field by field",
+    "offline.review": "not divided yet",
+    "offline.replay.replay": "not divided yet",
+    "offline.scripted_run.simulate": "not divided yet",
+    "offline.simulate_options.parser": "the list of options",
+    "recording.recorder": "not divided yet",
+    "recording.rerun_view.RerunView.__init__": "not divided yet",
+}
+
 
 def modules() -> dict[str, Path]:
     """All modules by name within the package."""
@@ -140,6 +156,36 @@ def test_kernels_call_what_their_cache_knows():
             assert folder, f"{name}: kernels stand in a folder, whose sources are few"
             wrong = {item for item in imports(name, path) if not is_within(item, "mechanics")}
             assert all(item.rpartition(".")[0] == folder for item in wrong), f"{name}: {wrong}"
+
+
+def lengths(name: str, path: Path) -> dict[str, tuple[str, int]]:
+    """Kind and number of lines of a module, and of all functions in it by name."""
+    text = path.read_text(encoding="utf-8")
+    found = {name: ("file", len(text.splitlines()))}
+
+    def visit(node: ast.AST, within: str) -> None:
+        for inner in ast.iter_child_nodes(node):
+            called = within
+            if isinstance(inner, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                called = f"{within}.{inner.name}"
+                if not isinstance(inner, ast.ClassDef):
+                    found[called] = ("function", (inner.end_lineno or inner.lineno) - inner.lineno + 1)
+            visit(inner, called)
+
+    visit(ast.parse(text), name)
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(modules()))
+def test_files_and_functions_are_short(name):
+    """Or there is a reason why they are not."""
+    found = lengths(name, modules()[name])
+    assert not {key: count for key, (kind, count) in found.items() if count > MOST_LINES[kind] and key not in LONGER}
+
+
+def test_what_is_longer_for_a_reason_is_still_there():
+    everything = {key for name, path in modules().items() for key in lengths(name, path)}
+    assert not set(LONGER) - everything
 
 
 def decorators(path: Path) -> list[ast.expr]:

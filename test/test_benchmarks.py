@@ -136,7 +136,10 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["speed"], "'speed' is no part; allowed are exudyn, scaling, startup, frame, accuracy, convergence, live"),
+        (
+            ["speed"],
+            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, live",
+        ),
         (["--repetitions", "0"], "--repetitions"),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
         (["live", "--minutes", "-1"], "'-1' given; allowed are numbers above 0"),

@@ -43,7 +43,7 @@ def test_towers_are_found_where_the_rope_lies_on_them():
     scenario = load_scenario("gondola")
     simulation = Simulation(scenario)
     zones = short_zones(scenario, simulation.system)[1:-1]
-    offset = simulation.system.supports.contact_offset
+    offset = simulation.system.towers.contact_offset
     for tower, (first, last) in enumerate(zones):
         places = simulation.state.contact_arc_length[offset[tower] : offset[tower + 1]]
         assert (places > first).all()

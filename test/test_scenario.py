@@ -157,7 +157,7 @@ def test_seed_example_has_the_printed_values():
     assert cable.mass_per_length * cable.unstrained_length == pytest.approx(0.148, rel=1e-12)
     assert (cable.element_count, cable.element_length[0]) == (24, pytest.approx(4.02 / 24))
     assert cable.gravity == (0.0, -9.81)
-    assert cable.support_position.tolist() == [[0.0, 0.0], [3.6, 0.0]]
+    assert cable.end_position.tolist() == [[0.0, 0.0], [3.6, 0.0]]
     assert carriages.mass.tolist() == [2.67, 2.67]
     assert carriages.inertia.tolist() == [0.2242, 0.2242]
     assert SEED.carriages["carriage"].arc_length == 3.2
@@ -183,13 +183,13 @@ def test_supports_become_projectors_onto_what_they_leave_free():
     data["cable"]["start"] |= {"support": "clamped", "direction": [3.0, 4.0]}
     data["cable"]["end"] |= {"support": "free"}
     cable = build_system(Scenario.model_validate(data)).cable  # not through load_scenario, which refuses both for now
-    (start_position, start_slope), (end_position, end_slope) = cable.support_projector.reshape(2, 2, 2, 2)
+    (start_position, start_slope), (end_position, end_slope) = cable.end_projector.reshape(2, 2, 2, 2)
     assert not start_position.any()
     np.testing.assert_allclose(start_slope, [[0.36, 0.48], [0.48, 0.64]])
     np.testing.assert_array_equal(end_position, np.eye(2))
     np.testing.assert_array_equal(end_slope, np.eye(2))
-    assert np.isnan(cable.support_position).tolist() == [[False, False], [True, True]]
-    pinned = build_system(SEED).cable.support_projector.reshape(2, 2, 2, 2)
+    assert np.isnan(cable.end_position).tolist() == [[False, False], [True, True]]
+    pinned = build_system(SEED).cable.end_projector.reshape(2, 2, 2, 2)
     assert not pinned[:, 0].any()
     np.testing.assert_array_equal(pinned[:, 1], [np.eye(2)] * 2)
 

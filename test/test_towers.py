@@ -99,7 +99,7 @@ def test_what_finds_no_rest_is_said_in_one_line(overrides, text):
 
 
 def test_contacts_are_even_on_a_circle_with_its_top_at_the_tower():
-    supports = build_system(load_scenario(TRAMWAY)).supports
+    supports = build_system(load_scenario(TRAMWAY)).towers
     np.testing.assert_allclose(supports.position[6], [500.0, 80.0])
     centre = supports.position - 40.0 * supports.normal
     np.testing.assert_allclose(centre, np.broadcast_to(centre[0], centre.shape))
@@ -112,7 +112,7 @@ def test_contacts_are_even_on_a_circle_with_its_top_at_the_tower():
 
 def test_a_hold_down_presses_from_above_and_straight_trains_are_straight():
     overrides = {"towers.tower.hold_down": True, "towers.tower.radius": None, "towers.tower.kind": "sheaves"}
-    supports = build_system(load_scenario(TRAMWAY, overrides)).supports
+    supports = build_system(load_scenario(TRAMWAY, overrides)).towers
     assert (supports.normal[:, 1] < -0.9).all()
     np.testing.assert_allclose(np.diff(supports.position, axis=0, n=2), 0.0, atol=1e-10)
     np.testing.assert_allclose(supports.friction, 0.03)

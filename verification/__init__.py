@@ -19,6 +19,7 @@ MODULES = (
     "conservation",
     "drives",
     "carriages",
+    "hinges",
     "supports",
     "counterweights",
     "moving_cable",

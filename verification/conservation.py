@@ -169,8 +169,14 @@ FREE_CHAIN: dict[str, Any] = {
 }
 
 
-def thrown_cable(step: float, gravity: float, elements: int = 8) -> Simulation:
-    """A cable with nothing that holds it, thrown and turning, with a carriage of two bodies free to slide on it."""
+def thrown_cable(
+    step: float, gravity: float, elements: int = 8, hinges: dict[str, float] | None = None, **solver: Any
+) -> Simulation:
+    """A cable with nothing that holds it, thrown and turning, with a carriage of two bodies free to slide on it.
+
+    `hinges` has what is above each body, `solver` what else that section of the scenario is to hold.
+    """
+    bodies = {name: body | (hinges or {}) for name, body in FREE_CHAIN["car"]["bodies"].items()}
     simulation = beam(
         length=2.0,
         mass_per_length=0.6,
@@ -179,9 +185,10 @@ def thrown_cable(step: float, gravity: float, elements: int = 8) -> Simulation:
         elements=elements,
         supports=("free", "free"),
         gravity=gravity,
-        carriages=FREE_CHAIN,
+        carriages={"car": FREE_CHAIN["car"] | {"bodies": bodies}},
         step=step,
         tolerance=1e-12,
+        **solver,
     )
     # a turn of the whole about the origin, and a throw: nothing moves against anything at first
     spin, throw = 3.0, np.array([0.4, 2.0])

@@ -21,8 +21,8 @@ from rich.progress import Progress
 from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
-from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.sliding_joint import friction_force, joint_tangent
+from cable_twin.mechanics.on_rope.friction import friction_force, mobilise
+from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
@@ -51,22 +51,17 @@ Event = tuple[float, Callable[[Simulation], object]]
 def tower_losses(system: System, state: State) -> float:
     """Power (W) that friction and damping of all contacts of towers take from the rope."""
     total = 0.0
-    for contact in range(system.supports.stiffness.size):
-        _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.supports, state, contact)
+    for contact in range(system.towers.stiffness.size):
+        _, r_x, _, normal, depth, moving = contact_frame(system.cable, system.towers, state, contact)
         rate = -dot(normal, moving)
-        force, _, _ = normal_force(system.supports, contact, depth, rate)
-        elastic, _, _ = normal_force(system.supports, contact, depth, 0.0)
+        force, _, _ = normal_force(system.towers, contact, depth, rate)
+        elastic, _, _ = normal_force(system.towers, contact, depth, 0.0)
         if force > 0.0:
             total += (force - elastic) * rate
-            z, _ = mobilise(
-                slid(state, contact), state.contact_deflection[contact], system.supports.presliding[contact]
-            )
+            z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], system.towers.presliding[contact])
             norm = sqrt(dot(r_x, r_x))
             total -= (
-                system.supports.friction[contact]
-                * force
-                * z
-                * (dot(moving, r_x) / norm + state.rope.velocity[0] * norm)
+                system.towers.friction[contact] * force * z * (dot(moving, r_x) / norm + state.rope.velocity[0] * norm)
             )
     return total
 

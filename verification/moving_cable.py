@@ -137,7 +137,7 @@ def moving_catenary() -> Iterator[Result]:
         system = simulation.system
         flow = 10.0 * speed**2
         scale = 2e7 / (2e7 - flow)
-        at_rest = system._replace(cable=system.cable._replace(support_position=system.cable.support_position / scale))
+        at_rest = system._replace(cable=system.cable._replace(end_position=system.cable.end_position / scale))
         places = np.array([25.25, 50.5])
         positions, slopes = catenary(at_rest, np.array([0.0, 25.25, 50.5]))
         got = simulation.cable_positions(places)[:, [0, 2]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from cable_twin.mechanics.on_rope.tower import settle_supports
+from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.state import allocate_workspace, clone_state
@@ -60,11 +60,11 @@ def over_a_circle(simulation: Simulation, radius: float) -> tuple[Array, Array, 
     Returns:
         Force (2,) in N of the tower, forces (2,) in N at start and end, and the travel of the counterweight (m).
     """
-    cable, supports, weights = simulation.system.cable, simulation.system.supports, simulation.system.counterweights
+    cable, supports, weights = simulation.system.cable, simulation.system.towers, simulation.system.counterweights
     weight, stiffness, length = cable.mass_per_length * GRAVITY, cable.axial_stiffness, cable.unstrained_length
     centre = supports.position[0] - radius * supports.normal[0]
     direction, given = weights.direction[1], float(weights.force[1])
-    start, end = cable.support_position
+    start, end = cable.end_position
     scale = np.array([given, given, length, 1.0, given, given, length, 1.0, length])
 
     def ends(unknown: Array) -> tuple[Array, ...]:
@@ -185,7 +185,7 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
             system = system._replace(counterweights=weights)
             used, _ = relax(system, state, clone_state(state), work, 5000, 1e-9)
             assert used < 5000
-            settle_supports(system.cable, system.supports, state)
+            settle_towers(system.cable, system.towers, state)
         start, end = (float(np.hypot(*end_force(system, state, end))) for end in range(2))
     return start, end
 

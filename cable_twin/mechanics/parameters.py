@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+ELASTIC_MODELS = ("continuum", "element_frame")  # each stands for its number
 CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
 ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each element's chord
 
@@ -46,9 +47,9 @@ class Cable(NamedTuple):
     damping_time: float  # Kelvin-Voigt relaxation time of EA and EI, s
     elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
-    support_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
-    support_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
-    support_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
+    end_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
+    end_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
+    end_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
@@ -81,6 +82,8 @@ class Carriages(NamedTuple):
     inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass
     upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
     lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
+    hinge_stiffness: FloatArray  # (bodies,) N m/rad, of a spring against the body above; first of a chain: the cable
+    hinge_damping: FloatArray  # (bodies,) N m s/rad, of a damper beside it
     centre_offset: FloatArray  # (bodies, 2) m, of the centre of mass with its payload from that without
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
     clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
@@ -104,7 +107,7 @@ class Carriages(NamedTuple):
 
 
 @by_reference
-class Supports(NamedTuple):
+class Towers(NamedTuple):
     """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
 
     contact_offset: IntArray  # (towers + 1,)
@@ -125,7 +128,7 @@ class Counterweights(NamedTuple):
     direction: FloatArray  # (2, dim) unit vectors in which start and end are pulled
     mass: FloatArray  # (2,) kg, of the inertia along that direction
     force: FloatArray  # (2,) N
-    travel: FloatArray  # (2, 2) m, least and most from `support_position` along the direction; infinite without
+    travel: FloatArray  # (2, 2) m, least and most from `end_position` along the direction; infinite without
     stiffness: FloatArray  # (2,) N/m, of the buffers at both limits
     damping: FloatArray  # (2,) s/m, of the buffer force, per unit of its elastic part
 
@@ -194,7 +197,7 @@ class System(NamedTuple):
 
     cable: Cable
     carriages: Carriages
-    supports: Supports
+    towers: Towers
     counterweights: Counterweights
     haul_ropes: HaulRopes
     air: Air

@@ -90,15 +90,22 @@ class Workspace(NamedTuple):
     body_residual: FloatArray  # (bodies, 3)
     body_increment: FloatArray  # (bodies, 3)
     pitch_pivot: FloatArray  # (bodies,) eliminated row of the pitch: its pivot
-    pitch_row: FloatArray  # (bodies, 2) coefficients of the upper pivot's displacement
+    pitch_row: FloatArray  # (bodies, 3) coefficients of the upper pivot's displacement and of the pitch above
     pitch_right: FloatArray  # (bodies,)
     impedance: FloatArray  # (bodies + 1, 3) D of the chain from this body down: xx, xz, zz
-    impedance_force: FloatArray  # (bodies + 1, 2) b of the same: Δλ = D Δp + b
+    impedance_turning: FloatArray  # (bodies, 3) D of the same: xθ, zθ, θθ
+    impedance_force: FloatArray  # (bodies + 1, 3) b of the same: Δ(λ, m) = D Δ(p, θ) + b
+    hinge: FloatArray  # (bodies, 3) moment (N m) on each body at its upper pivot, minus its derivatives by angle, rate
+    grip_row: FloatArray  # (carriages, 4, dim) turn of the cable as the hinge sees it, by the nodal coordinates
+    grip_by_s: FloatArray  # (carriages,) rad/m, the same by the arc length
     sliding_pivot: FloatArray  # (carriages,) eliminated row of the sliding coordinate
     sliding_row: FloatArray  # (carriages, 4, dim)
+    sliding_column: FloatArray  # (4, dim) of the carriage at hand
     sliding_right: FloatArray  # (carriages,)
     sliding_increment: FloatArray  # (carriages,)
     saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
+    driven: NDArray[np.bool_]  # (carriages,) the joint follows a reference
+    given_force: FloatArray  # (carriages,) N along the cable
     haul_force: FloatArray  # (carriages,) N on the arc length, the sheave eliminated
     haul_by_s: FloatArray  # (carriages,) N/m, its derivative by the arc length
     sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of s, right side
@@ -111,7 +118,7 @@ def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
-    contacts = system.supports.stiffness.size
+    contacts = system.towers.stiffness.size
     modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
     modes = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes).astype(np.int64)
     return State(
@@ -138,7 +145,7 @@ def allocate_state(system: System) -> State:
         contact_arc_length=np.zeros(contacts),
         contact_deflection=np.zeros(contacts),
         contact_origin=np.zeros(contacts),
-        tower_load=np.zeros((system.supports.top.shape[0], 2)),
+        tower_load=np.zeros((system.towers.top.shape[0], 2)),
         wind=np.zeros(dim),
         newton_curvature=np.zeros(1),
         clock=np.zeros(1, dtype=np.int64),
@@ -163,15 +170,22 @@ def allocate_workspace(system: System) -> Workspace:
         body_residual=np.zeros((bodies, 3)),
         body_increment=np.zeros((bodies, 3)),
         pitch_pivot=np.zeros(bodies),
-        pitch_row=np.zeros((bodies, 2)),
+        pitch_row=np.zeros((bodies, 3)),
         pitch_right=np.zeros(bodies),
         impedance=np.zeros((bodies + 1, 3)),
-        impedance_force=np.zeros((bodies + 1, 2)),
+        impedance_turning=np.zeros((bodies, 3)),
+        impedance_force=np.zeros((bodies + 1, 3)),
+        hinge=np.zeros((bodies, 3)),
+        grip_row=np.zeros((carriages, 4, dim)),
+        grip_by_s=np.zeros(carriages),
         sliding_pivot=np.zeros(carriages),
         sliding_row=np.zeros((carriages, 4, dim)),
+        sliding_column=np.zeros((4, dim)),
         sliding_right=np.zeros(carriages),
         sliding_increment=np.zeros(carriages),
         saturation=np.zeros(carriages),
+        driven=np.zeros(carriages, dtype=np.bool_),
+        given_force=np.zeros(carriages),
         haul_force=np.zeros(carriages),
         haul_by_s=np.zeros(carriages),
         sheave_row=np.zeros((carriages, 3)),

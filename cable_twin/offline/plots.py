@@ -21,7 +21,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from cable_twin.offline.signals import Signals
+from cable_twin.offline.signal_series import Signals
 from cable_twin.signals import PLOTS, SIGNALS, Signal
 
 INK = "#22303C"

@@ -33,7 +33,7 @@ from cable_twin.figure_messages import figures_of_statuses
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.figure_table import print_figures, shown_unit, table_console
 from cable_twin.offline.repair import repair
-from cable_twin.offline.signals import Comparison, Difference, Signals, compare, signal_values, unit_of
+from cable_twin.offline.signal_series import Comparison, Difference, Signals, compare, signal_values, unit_of
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
 from cable_twin.records import AppliedCommand

@@ -9,7 +9,7 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
 from cable_twin.rates import fault
-from cable_twin.ros.parameters import PARAMETERS, Parameter, splitting_of
+from cable_twin.ros.node_parameters import PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs

@@ -25,9 +25,9 @@ from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rat
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.endpoints import publisher_of, subscribe
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.node_parameters import PARAMETERS, splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
-from cable_twin.ros.parameters import PARAMETERS, splitting_of
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services

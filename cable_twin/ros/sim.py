@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
-from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.ros.node_parameters import PARAMETERS
 
 EPILOG = """\
 Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and parameter files work as well.

@@ -1,7 +1,7 @@
 """Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
 
+from cable_twin.scenario.build import build_payloads, build_system
 from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_names
-from cable_twin.scenario.parameters import build_payloads, build_system
 from cable_twin.scenario.schema import Grading, Scenario
 
 __all__ = [

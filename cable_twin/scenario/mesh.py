@@ -49,13 +49,13 @@ def _rest_at_towers(system: System) -> FloatArray:
     """Arc length (towers,) in m of the bare cable at rest at each tower; as the crow flies where it has no rest."""
     from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports  # noqa: PLC0415 - scipy
 
-    towers = system.supports.top
+    towers = system.towers.top
     if towers.shape[0] == 0:
         return np.zeros(0)
     try:
         return np.cumsum(rest_over_supports(system).length)[:-1]
     except EquilibriumError:  # whoever starts it will say so
-        corners = np.concatenate([system.cable.support_position[:1], towers, system.cable.support_position[1:]])
+        corners = np.concatenate([system.cable.end_position[:1], towers, system.cable.end_position[1:]])
         way = np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))
         return way[:-1] / way[-1] * system.cable.unstrained_length
 

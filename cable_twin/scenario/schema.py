@@ -13,6 +13,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Fiel
 from ruamel.yaml import YAML
 from ruamel.yaml.representer import SafeRepresenter
 
+from cable_twin.mechanics.parameters import ELASTIC_MODELS, INTEGRATORS
+
 
 class _Representer(SafeRepresenter):
     """Floats as every YAML reads them: 1e-06 is a text in YAML 1.1, 1.0e-06 is not."""
@@ -27,6 +29,9 @@ class _Representer(SafeRepresenter):
 _Representer.add_representer(float, _Representer.represent_float)
 
 MOST_ELEMENTS = 100_000
+# whatever the mechanics have; without a stub's idea of a literal
+ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
+Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]
 
@@ -117,7 +122,7 @@ class Cable(Section):
             "and growth",
         },
     )
-    elastic_model: Literal["continuum", "element_frame"] = Field(
+    elastic_model: ElasticModel = Field(
         default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
@@ -229,6 +234,10 @@ class Body(Section):
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
     upper_pivot: Vector = quantity("m", "place of the pin from which it hangs")
     lower_pivot: Vector | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
+    damping: float = quantity(
+        "N m s/rad", "of a damper of its turning against the body above, or of the first against the cable", 0.0, ge=0
+    )
+    stiffness: float = quantity("N m/rad", "of a spring beside it, at rest when both are in line", 0.0, ge=0)
     size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
     drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
 
@@ -292,7 +301,7 @@ class Carriers(Section):
 class Solver(Section):
     """Time integration; `python -m benchmarks accuracy convergence` shows what other values cost and give."""
 
-    integrator: Literal["generalized_alpha", "runge_kutta"] = Field(
+    integrator: Integrator = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
     step: float = quantity("s", "time step", 0.001, gt=0)

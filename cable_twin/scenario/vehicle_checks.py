@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from math import ceil
 from re import fullmatch
 
+from cable_twin.scenario.build import BRAKES, stop_stroke
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.parameters import BRAKES, stop_stroke
 from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cable_twin.mechanics.drives.command import set_drive_mode, take_over
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope
+from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError

@@ -8,28 +8,20 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import inspect
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numba
 
-from cable_twin.mechanics.drives.haul_rope import condense_sheave
-from cable_twin.mechanics.drives.motion import find_saturated
-from cable_twin.mechanics.drives.moving_rope import attach_carriers, move_rope
-from cable_twin.mechanics.drives.reference import advance_reference
-from cable_twin.mechanics.language.compilation import is_compiled, keeps_kernels
-from cable_twin.mechanics.on_rope.chain import condense_chain
-from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.sliding_joint import add_joint, driven_force
-from cable_twin.mechanics.on_rope.tower import add_supports, settle_supports
+from cable_twin.mechanics.language.compilation import Kernel, is_compiled, keeps_kernels
 from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.solution.equations_of_motion import hold_supports, solve
-from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
@@ -58,28 +50,41 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
         yield
 
 
-def begin_with(system: System, state: State, work: Workspace) -> dict[Callable[..., Any], tuple[Any, ...]]:
-    """Kernels, with arguments of the types they get, to compile while the static start is at those of the cable.
+def kernels_below(kernel: Kernel) -> list[Kernel]:
+    """All that a kernel calls, and what those call, each once: in the order of the code, callers before callees."""
+    found: dict[Kernel, None] = {}
 
-    Each process finds what the other one has compiled by then, so less is compiled twice.
+    def visit(caller: Kernel) -> None:
+        for name in caller.py_func.__code__.co_names:
+            callee = caller.py_func.__globals__.get(name)
+            if isinstance(callee, Kernel) and callee not in found:
+                found[callee] = None
+                visit(callee)
+
+    visit(kernel)
+    return list(found)
+
+
+def begin_with(integrator: Kernel, system: System, state: State, work: Workspace) -> dict[Kernel, tuple[Any, ...]]:
+    """Kernels below an integrator, with arguments of the types they get, to compile while the other process starts.
+
+    That needs much of the same, and goes from its begin on: so here the second half of that comes first, from its end
+    on, then what a step alone has. The first half is there by then, and is not compiled twice. Arguments go by their
+    names; a kernel that has others comes with its caller.
     """
-    cable, carriages = system.cable, system.carriages
-    return {
-        hold_supports: (cable, work),
-        add_counterweights: (system.counterweights, cable, state, 1.0, 1.0, 1.0, work),
-        add_supports: (cable, system.supports, state, 1.0, 1.0, work),
-        condense_sheave: (system, state, 0, 1.0, 1.0, work),
-        solve: (system, state, work),
-        settle_supports: (cable, system.supports, state),
-        find_saturated: (system, state, state, work),
-        attach_carriers: (system, state),
-        move_rope: (system, state, 1.0),
-        condense_chain: (carriages, cable.gravity, state, 0, 1.0, 1.0, work),
-        add_joint: (system, state, 0, 1.0, 1.0, work),
-        largest_increment: (system, work),
-        driven_force: (system, state, 0),
-        advance_reference: (carriages, cable, state, 0, 1.0),
-    }
+    whole = {"system": system, "state": state, "before": state, "work": work}
+    known: dict[str, Any] = whole | system._asdict() | {"gravity": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
+    known |= dict.fromkeys(("carriage", "contact", "tower", "end", "body"), 0)
+    known |= dict.fromkeys(("mass_factor", "rate_factor", "stiffness_factor", "duration"), 1.0)
+    chosen = {}
+    in_step = kernels_below(integrator)
+    shared = [kernel for kernel in kernels_below(cast(Kernel, relax)) if kernel in in_step]
+    own = [kernel for kernel in in_step if kernel not in shared]
+    for kernel in (*reversed(shared[len(shared) // 2 :]), *reversed(own)):
+        names = list(inspect.signature(kernel.py_func).parameters)
+        if kernel.targetoptions.get("inline") != "always" and known.keys() >= set(names):
+            chosen[kernel] = tuple(known[name] for name in names)
+    return chosen
 
 
 def _end_with_parent(parent: int) -> None:
@@ -95,9 +100,11 @@ def main() -> None:
     _end_with_parent(int(parent))
     system = build_system(load_scenario("seed_example", {"solver.integrator": integrator}))
     state, work = allocate_state(system), allocate_workspace(system)
-    for function, arguments in begin_with(system, state, work).items():
-        numba.typeof(function).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
-    integrator_named(integrator)(system, state, state, state, work, 0)
+    advance = integrator_named(integrator)
+    if isinstance(advance, Kernel):
+        for kernel, arguments in begin_with(advance, system, state, work).items():
+            numba.typeof(kernel).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
+    advance(system, state, state, state, work, 0)
 
 
 if __name__ == "__main__":

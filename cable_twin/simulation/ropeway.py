@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.drives.command import set_drive_mode
 from cable_twin.mechanics.drives.moving_rope import park
+from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.payload import load_bodies

@@ -13,8 +13,8 @@ from cable_twin.mechanics.parameters import (
     Counterweights,
     HaulRopes,
     Solver,
-    Supports,
     System,
+    Towers,
     mesh_fields,
 )
 from cable_twin.mechanics.state import RECORDS, allocate_state, allocate_workspace, fields_of, state_of
@@ -42,9 +42,9 @@ def make_cable(dim=2, **changes):
         damping_time=0.0,
         elastic_model=CONTINUUM,
         gravity=gravity,
-        support_position=np.zeros((2, dim)),
-        support_projector=np.stack([pinned, pinned]),
-        support_direction=np.full((2, dim), np.nan),
+        end_position=np.zeros((2, dim)),
+        end_projector=np.stack([pinned, pinned]),
+        end_direction=np.full((2, dim), np.nan),
         load_arc_length=np.zeros(0),
         load_force=np.zeros((0, dim)),
         end_moment=np.zeros(2),
@@ -63,6 +63,8 @@ def make_carriages(chains=(), **changes):
         inertia=0.4 + 0.1 * numbers,
         upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
         lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
+        hinge_stiffness=np.zeros(bodies),
+        hinge_damping=np.zeros(bodies),
         centre_offset=np.zeros((bodies, 2)),
         fixed=np.zeros(count, dtype=np.bool_),
         clamped=np.zeros(count, dtype=np.bool_),
@@ -87,12 +89,12 @@ def make_carriages(chains=(), **changes):
     return carriages._replace(**changes)
 
 
-def make_supports(dim=2, contacts=0, **changes):
+def make_towers(dim=2, contacts=0, **changes):
     """Towers of one contact each, rough, over which the cable of `disturbed_state` passes."""
     numbers = np.arange(contacts, dtype=float)
     side = np.zeros((contacts, dim))
     side[:, -1] = 1.0
-    supports = Supports(
+    towers = Towers(
         contact_offset=np.arange(contacts + 1, dtype=np.int64),
         top=np.zeros((contacts, dim)),
         position=np.zeros((contacts, dim)),
@@ -103,7 +105,7 @@ def make_supports(dim=2, contacts=0, **changes):
         presliding=np.full(contacts, 0.02),
         toe=np.full(contacts, 0.01),
     )
-    return supports._replace(**changes)
+    return towers._replace(**changes)
 
 
 def make_counterweights(dim=2, **changes):
@@ -135,14 +137,14 @@ def make_haul_ropes(count, **changes):
 
 
 def make_system(
-    dim=2, *, chains=(), cable=None, carriages=None, supports=None, counterweights=None, haul_ropes=None, air=None
+    dim=2, *, chains=(), cable=None, carriages=None, towers=None, counterweights=None, haul_ropes=None, air=None
 ):
     """System of those above; no drag unless `air` is given."""
     bodies = sum(chains)
     return System(
         cable=make_cable(dim, **(cable or {})),
         carriages=make_carriages(chains, **(carriages or {})),
-        supports=make_supports(dim, **(supports or {})),
+        towers=make_towers(dim, **(towers or {})),
         counterweights=make_counterweights(dim, **(counterweights or {})),
         haul_ropes=make_haul_ropes(len(chains), **(haul_ropes or {})),
         air=Air(rope_drag=0.0, body_drag=np.zeros(bodies), present=False) if air is None else air,

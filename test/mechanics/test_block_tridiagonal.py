@@ -45,7 +45,7 @@ def test_block_without_inverse_is_named(dim, node, slot, value):
 
 
 def test_supported_rows_are_solved_as_identity():
-    """A node whose rows are those of `hold_supports` gives exactly zero."""
+    """A node whose rows are those of `hold_ends` gives exactly zero."""
     diagonal, upper, lower, right = random_blocks(4, 2)
     diagonal[0, 0], diagonal[0, :, 0], upper[0, 0], lower[0, :, 0], right[0, 0] = 0.0, 0.0, 0.0, 0.0, 0.0
     diagonal[0, 0, 0] = np.eye(2).ravel()

@@ -92,9 +92,20 @@ def test_accelerations_of_the_gaps(count, feedback):
     np.testing.assert_allclose(work.joint_gap.ravel(), exact, atol=1e-7)
 
 
-def chain_residual(carriages, q, multipliers, accelerations):
-    """M q_ddot - Q - Φ_qᵀ λ of all bodies (3 bodies,), written from the virtual work of the joint forces."""
+def hinge_moments(carriages, pitches, spins, direction):
+    """Moments (bodies,) in N m on the bodies of a chain, from their pitches and rates and those of the cable."""
+    angle = np.diff(np.concatenate([[direction[0]], pitches]))
+    rate = np.diff(np.concatenate([[direction[1]], spins]))
+    return -carriages.hinge_stiffness * angle - carriages.hinge_damping * rate
+
+
+def chain_residual(carriages, q, multipliers, accelerations, moments=None):
+    """M q_ddot - Q - Φ_qᵀ λ of all bodies (3 bodies,), written from the virtual work of the joint forces.
+
+    A hinge has a moment on the body below it, and the opposite one on the body above.
+    """
     rows = []
+    moments = np.zeros(len(q)) if moments is None else moments
     last = len(q) - 1
     for body, (_, _, pitch) in enumerate(q):
         force = multipliers[body]
@@ -103,28 +114,38 @@ def chain_residual(carriages, q, multipliers, accelerations):
         row = carriages.mass[body] * (accelerations[body, :2] - GRAVITY) - force + below
         # the moment about y of a force F at (x, z) is z F_x - x F_z
         moment = up[1] * force[0] - up[0] * force[1] - low[1] * below[0] + low[0] * below[1]
+        moment += moments[body] - (moments[body + 1] if body < last else 0.0)
         rows.append([*row, carriages.inertia[body] * accelerations[body, 2] - moment])
     return np.ravel(rows)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("stiffness_factor", [0.0, 1.0])
-def test_elimination_of_a_chain_is_a_dense_solution(count, stiffness_factor):
+@pytest.mark.parametrize("hinged", [False, True], ids=["bare", "hinged"])
+def test_elimination_of_a_chain_is_a_dense_solution(count, stiffness_factor, hinged):
     """D, b, increments and multipliers against a Newton step on all equations of the chain: to 1e-8.
 
-    The joint's place moves by a given (x, z); the derivatives of the dense system are differences of the residual.
+    The joint's place moves by a given (x, z), the cable there turns by a given angle; the derivatives of the dense
+    system are differences of the residual.
     """
-    system = make_system(chains=(count,))
+    springs = {"hinge_stiffness": np.array([70.0, 30.0, 50.0]), "hinge_damping": np.array([6.0, 9.0, 4.0])}
+    system = make_system(chains=(count,), carriages={key: value[:count] for key, value in springs.items() if hinged})
     carriages = system.carriages
     state, work = disturbed_state(system)
-    mass_factor = 40.0
-    place, moved = np.array([0.2, -0.1]), np.array([0.03, -0.05])
+    mass_factor, rate_factor = 40.0, 7.0
+    place, moved, turned = np.array([0.2, -0.1]), np.array([0.03, -0.05]), 0.04
+    direction = np.array([0.3, -0.6])
     size = 3 * count
 
-    def equations(unknown):
-        delta, forces = unknown[:size].reshape(count, 3), unknown[size:].reshape(count, 2)
+    def residual(delta, forces, turn):
         q = state.bodies.position + stiffness_factor * delta
-        return chain_residual(carriages, q, forces, state.bodies.acceleration + mass_factor * delta)
+        spins = state.bodies.velocity[:, 2] + rate_factor * delta[:, 2]
+        above = direction + turn * np.array([stiffness_factor, rate_factor])
+        moments = hinge_moments(carriages, q[:, 2], spins, above)
+        return chain_residual(carriages, q, forces, state.bodies.acceleration + mass_factor * delta, moments)
+
+    def equations(unknown):
+        return residual(unknown[:size].reshape(count, 3), unknown[size:].reshape(count, 2), 0.0)
 
     start = np.concatenate([np.zeros(size), state.multipliers.ravel()])
     top = difference(equations, start, 1e-3)
@@ -133,19 +154,30 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, stiffness_factor):
     matrix = np.block([[top], [jacobian, np.zeros((2 * count, 2 * count))]])
     gap = gaps(carriages, place, q)
     gap[:2] += moved
-    right = -np.concatenate([equations(start), gap])
+    right = -np.concatenate([residual(np.zeros((count, 3)), state.multipliers, turned), gap])
     exact = np.linalg.solve(matrix, right)
 
     close_joints(carriages, state, 0, *place, work)
-    condense_chain(carriages, tuple(GRAVITY), state, 0, mass_factor, stiffness_factor, work)
-    before = state.multipliers[0].copy()
-    xx, xz, zz = work.impedance[0]
-    force = before + np.array([[xx, xz], [xz, zz]]) @ moved + work.impedance_force[0]
-    recover_chain(carriages, state, 0, *moved, work)
+    condense_chain(
+        carriages, tuple(GRAVITY), state, 0, tuple(direction), mass_factor, rate_factor, stiffness_factor, work
+    )
+    before = np.append(state.multipliers[0], work.hinge[0, 0])
+    (xx, xz, zz), (xt, zt, tt) = work.impedance[0], work.impedance_turning[0]
+    matrix = np.array([[xx, xz, xt], [xz, zz, zt], [xt, zt, tt]])
+    force = before + matrix @ np.append(moved, turned) + work.impedance_force[0]
+    recover_chain(carriages, state, 0, tuple(moved), turned, work)
     np.testing.assert_allclose(work.body_increment.ravel(), exact[:size], atol=1e-8)
     scale = np.abs(exact[size:]).max()
     np.testing.assert_allclose(state.multipliers.ravel(), start[size:] + exact[size:], atol=1e-8 * scale)
-    np.testing.assert_allclose(state.multipliers[0], force, atol=1e-12 * scale)
+    np.testing.assert_allclose(state.multipliers[0], force[:2], atol=1e-12 * scale)
+    delta = exact[:size].reshape(count, 3)[:, 2]
+    after = hinge_moments(
+        carriages,
+        state.bodies.position[:, 2] + stiffness_factor * delta,
+        state.bodies.velocity[:, 2] + rate_factor * delta,
+        direction + turned * np.array([stiffness_factor, rate_factor]),
+    )
+    assert force[2] == pytest.approx(after[0], abs=1e-8)
 
 
 def test_mass_of_a_carriage():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system, put
 
+from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
@@ -33,8 +34,14 @@ def balance_of_end_nodes(system, state, work):
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
-    for contact in range(system.supports.stiffness.size):
-        act(state.contact_arc_length[contact], contact_force(cable, system.supports, state, contact)[0])
+        if system.carriages.hinge_damping.any():
+            point = point_at(cable, state.joints.position[carriage])
+            held = slice(2 * point.element, 2 * point.element + 4)
+            r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
+            turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
+            nodal[held] -= grip_moment(system, state, carriage)[0] * np.outer(point.shape_x, turn)
+    for contact in range(system.towers.stiffness.size):
+        act(state.contact_arc_length[contact], contact_force(cable, system.towers, state, contact)[0])
     return -nodal[[0, -2]]
 
 
@@ -48,8 +55,8 @@ def check(system, state, work):
 def in_motion(elements, dim=2, **options):
     """A cable in general position with all that acts on its ends, and what of it `options` take away or change."""
     whole = elements * LENGTH
-    loads = {"places": [0.0, 0.3, 0.5 * whole, whole - 0.2, whole], "supports": [0.25, whole - 0.1], **options}
-    places, count = np.array(loads["places"]), len(loads["supports"])
+    loads = {"places": [0.0, 0.3, 0.5 * whole, whole - 0.2, whole], "towers": [0.25, whole - 0.1], **options}
+    places, count = np.array(loads["places"]), len(loads["towers"])
     rng = np.random.default_rng(3)
     cars = options.get("cars", [0.2, whole - 0.3] if dim == 2 else [])
     system = make_system(
@@ -63,7 +70,7 @@ def in_motion(elements, dim=2, **options):
             "load_force": 50.0 * rng.standard_normal((places.size, dim)),
             "end_moment": np.array([3.0, -2.0]) if dim == 2 else np.zeros(2),
         },
-        supports={"contacts": count},
+        towers={"contacts": count},
         air=Air(rope_drag=2.5, body_drag=np.ones(sum(1 + k % 2 for k in range(len(cars)))), present=True),
     )
     system = system._replace(moving_cable=MOVING)
@@ -71,12 +78,12 @@ def in_motion(elements, dim=2, **options):
     put(state.rope, 0.3, 1.7, 0.6)
     state.wind[:] = rng.standard_normal(dim) * 4.0
     state.joints.position[:] = cars
-    for contact, place in enumerate(loads["supports"]):
+    for contact, place in enumerate(loads["towers"]):
         state.contact_arc_length[contact] = place
-        system.supports.position[contact] = np.array(position_on_cable(system.cable, state, place))
-        system.supports.position[contact, -1] += 0.03  # pressed in
-        find_contact(system.cable, system.supports, state, contact)
-        assert contact_force(system.cable, system.supports, state, contact)[1] > 1.0
+        system.towers.position[contact] = np.array(position_on_cable(system.cable, state, place))
+        system.towers.position[contact, -1] += 0.03  # pressed in
+        find_contact(system.cable, system.towers, state, contact)
+        assert contact_force(system.cable, system.towers, state, contact)[1] > 1.0
     state.contact_origin[:] = state.contact_arc_length - 0.004
     state.contact_deflection[:] = 0.2
     return system, state, work
@@ -99,7 +106,7 @@ def test_each_part_is_in_the_end_forces():
         (system._replace(moving_cable=MOVING._replace(moving=False)), state),
         (system._replace(air=system.air._replace(present=False)), state),
         (system._replace(cable=system.cable._replace(load_force=0.0 * system.cable.load_force)), state),
-        (system._replace(supports=system.supports._replace(stiffness=0.0 * system.supports.stiffness)), state),
+        (system._replace(towers=system.towers._replace(stiffness=0.0 * system.towers.stiffness)), state),
         (system, still),
     ]
     for other, moved in less:
@@ -107,9 +114,19 @@ def test_each_part_is_in_the_end_forces():
 
 
 @pytest.mark.parametrize("cars", [[0.0, 3.5], [LENGTH, 3.5 - LENGTH], [1.0, 2.0], [0.1, 0.1]])
-@pytest.mark.parametrize("supports", [[], [0.0, 3.5], [LENGTH, 1.75, 3.5 - LENGTH]])
-def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, supports):
-    check(*in_motion(5, cars=cars, supports=supports))
+@pytest.mark.parametrize("towers", [[], [0.0, 3.5], [LENGTH, 1.75, 3.5 - LENGTH]])
+def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, towers):
+    check(*in_motion(5, cars=cars, towers=towers))
+
+
+def test_moments_of_hinges_are_in_the_end_forces():
+    """Of carriages that turn against the cable, on the elements at both ends."""
+    system, state, work = in_motion(3)
+    bare = check(system, state, work)
+    for carriage in range(2):
+        place_joint(system.cable, state, carriage)
+    system.carriages.hinge_stiffness[:], system.carriages.hinge_damping[:] = 40.0, 6.0
+    assert (np.abs(check(system, state, work) - bare) > 1e-3).any(axis=1).all()
 
 
 def test_end_forces_of_a_tramway_under_way():

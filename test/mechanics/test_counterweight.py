@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from systems import dense_blocks, difference, disturbed_state, make_system
 
-from cable_twin.mechanics.on_rope.counterweight import add_counterweights, buffer_force, counterweight_energies
+from cable_twin.mechanics.on_rope.counterweight import add_counterweights, counterweight_energies, limit_force
 from cable_twin.mechanics.state import clone_state
 
 DIRECTION = np.array([0.6, 0.8])
@@ -13,7 +13,7 @@ DIRECTION = np.array([0.6, 0.8])
 def weighted(travel=(-0.4, 0.3)):
     """A counterweight of 7 kg and 50 N at the end of a cable in general position."""
     system = make_system(
-        cable={"support_position": np.array([[0.0, 0.0], [2.2, 0.4]])},
+        cable={"end_position": np.array([[0.0, 0.0], [2.2, 0.4]])},
         counterweights={
             "direction": np.stack([np.full(2, np.nan), DIRECTION]),
             "mass": np.array([0.0, 7.0]),
@@ -64,13 +64,13 @@ def test_tangent_is_the_derivative_of_the_force(limits):
 def test_buffers_push_back_into_the_travel_and_never_pull():
     system, _, _ = weighted()
     weights = system.counterweights
-    assert buffer_force(weights, 1, -0.5, 0.0)[0] == pytest.approx(900.0 * 0.1)
-    assert buffer_force(weights, 1, 0.5, 0.0)[0] == pytest.approx(-900.0 * 0.2)
-    assert buffer_force(weights, 1, -0.5, -1.0)[0] == pytest.approx(900.0 * 0.1 * 1.3)
-    assert buffer_force(weights, 1, 0.5, 1.0)[0] == pytest.approx(-900.0 * 0.2 * 1.3)
+    assert limit_force(weights, 1, -0.5, 0.0)[0] == pytest.approx(900.0 * 0.1)
+    assert limit_force(weights, 1, 0.5, 0.0)[0] == pytest.approx(-900.0 * 0.2)
+    assert limit_force(weights, 1, -0.5, -1.0)[0] == pytest.approx(900.0 * 0.1 * 1.3)
+    assert limit_force(weights, 1, 0.5, 1.0)[0] == pytest.approx(-900.0 * 0.2 * 1.3)
     for travel, speed in ((0.0, 5.0), (-0.5, 4.0), (0.5, -4.0), (np.nan, 0.0)):
-        assert buffer_force(weights, 1, travel, speed) == (0.0, 0.0, 0.0)
-    assert buffer_force(weights, 0, 1e6, 1e6) == (0.0, 0.0, 0.0)
+        assert limit_force(weights, 1, travel, speed) == (0.0, 0.0, 0.0)
+    assert limit_force(weights, 0, 1e6, 1e6) == (0.0, 0.0, 0.0)
 
 
 def test_energies_are_those_of_mass_force_and_buffer():

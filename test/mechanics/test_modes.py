@@ -43,13 +43,29 @@ def test_double_pendulum():
     np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=2e-5)
 
 
-def test_modes_solve_equation_16():
+def test_pendulums_with_springs():
+    """The same two with springs: k on the diagonal of each body, against its neighbour too; dampers change nothing."""
+    body = {"mass": 4.0, "inertia": 0.7, "upper_pivot": [0.0, 0.5], "stiffness": 9.0, "damping": 3.0}
+    exact = np.sqrt((4.0 * 9.81 * 0.5 + 9.0) / (0.7 + 4.0 * 0.25)) / (2.0 * np.pi)
+    assert hung_from_a_wall({"body": body}).natural_frequencies(1)[0] == pytest.approx(exact, rel=1e-4)
+    mass, inertia = 2.67, 0.2242
+    rod = {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5]}
+    rods = {"upper": {**rod, "lower_pivot": [0.0, -0.5], "stiffness": 7.0}, "lower": {**rod, "stiffness": 4.0}}
+    inertias = np.array([[inertia + 1.25 * mass, 0.5 * mass], [0.5 * mass, inertia + 0.25 * mass]])
+    stiffness = mass * 9.81 * np.diag([1.5, 0.5]) + [[7.0 + 4.0, -4.0], [-4.0, 4.0]]
+    exact = np.sqrt(eigh(stiffness, inertias, eigvals_only=True)) / (2.0 * np.pi)
+    np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=1e-4)
+
+
+@pytest.mark.parametrize("spring", [0.0, 3e4], ids=["pivots", "springs"])
+def test_modes_solve_equation_16(spring):
     """Each mode, laid on the equilibrium, makes accelerations of -ω² times itself: to 1e-4 of the largest.
 
     A span with two bodies on it; accelerations by differences of `solve_accelerations` over the motion of the nodes
     and bodies that keeps the joints closed.
     """
-    system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed"}))
+    changes = {f"carriages.one.bodies.{name}.stiffness": spring for name in ("upper", "lower")}
+    system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed", **changes}))
     settle(system, state, work)
     frequencies, shapes = natural_modes(system, state, 4)
     still = state.bodies.position.copy()

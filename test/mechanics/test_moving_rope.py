@@ -5,7 +5,7 @@ import pytest
 from systems import changed, dense_blocks, difference, disturbed_state, make_system, put
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
-from cable_twin.mechanics.drives.moving_rope import attach_carriers, haul_force, loop_coordinate, move_rope
+from cable_twin.mechanics.drives.moving_rope import attach_carriers, loop_coordinate, move_rope, moving_rope_force
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, MovingCable
 from cable_twin.mechanics.rope.flow import add_flow, flow_energy, flow_integrals
@@ -164,7 +164,7 @@ def test_haul_force_is_the_rate_of_its_momentum():
     r_tx, weights = fields(system, state.nodes.velocity, shape_functions_x)
     r_t, _ = fields(system, state.nodes.velocity, shape_functions)
     ends = system.cable.mass_per_length * np.sum(weights[:, None] * r_tx * r_t)
-    assert haul_force(system, state) == pytest.approx(rate - ends, rel=1e-9)
+    assert moving_rope_force(system, state) == pytest.approx(rate - ends, rel=1e-9)
 
 
 @pytest.mark.parametrize("rope", [(0.0, 1.7, 0.6), (0.0, -2.5, -0.4)])

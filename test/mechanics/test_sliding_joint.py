@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from systems import changed, difference, disturbed_state, make_system, second_difference
 
+from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.friction import deflection, friction_force, settle_friction
 from cable_twin.mechanics.on_rope.sliding_joint import (
-    deflection,
     driven_force,
-    friction_force,
     joint_position,
     joint_velocity,
     place_joint,
-    settle_friction,
-    stop_force,
     velocity_acceleration,
 )
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable

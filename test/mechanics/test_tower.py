@@ -5,12 +5,12 @@ import pytest
 from systems import dense_blocks, difference, disturbed_state, make_system
 
 from cable_twin.mechanics.on_rope.tower import (
-    add_supports,
+    add_towers,
     contact_energy,
     contact_force,
     find_contact,
     normal_force,
-    settle_supports,
+    settle_towers,
 )
 from cable_twin.mechanics.rope.point import point_at, slope, value
 from cable_twin.mechanics.state import clone_state
@@ -26,7 +26,7 @@ def on_rope(cable, state, s):
 
 def touching(depth=0.03, places=PLACES, **changes):
     """A cable in general position pressed by `depth` (m) onto a contact at each place; system, state, workspace."""
-    system = make_system(supports={"contacts": len(places)})
+    system = make_system(towers={"contacts": len(places)})
     state, work = disturbed_state(system)
     position, normal = [], []
     for s in places:
@@ -34,20 +34,20 @@ def touching(depth=0.03, places=PLACES, **changes):
         across = np.array([-r_x[1], r_x[0]]) / np.hypot(*r_x)
         position.append(r + depth * across)
         normal.append(across + 0.2 * r_x)  # only the side counts
-    supports = system.supports._replace(
+    towers = system.towers._replace(
         position=np.array(position), normal=np.array(normal) / np.linalg.norm(normal, axis=1)[:, None], **changes
     )
     state.contact_arc_length[:] = np.array(places) + 0.05
     state.contact_origin[:] = np.array(places) - 0.004
     state.contact_deflection[:] = 0.2
-    return system._replace(supports=supports), state, work
+    return system._replace(towers=towers), state, work
 
 
 def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
     """What all contacts add to the right side (nodes 2 2,)."""
     for array in (work.right_side, work.diagonal, work.upper, work.lower):
         array[:] = 0.0
-    add_supports(system.cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_towers(system.cable, system.towers, state, rate_factor, stiffness_factor, work)
     return work.right_side.ravel().copy()
 
 
@@ -56,14 +56,14 @@ def test_the_contact_is_the_nearest_point_of_the_rope(start):
     system, state, _ = touching()
     state.contact_arc_length[:] = np.array(PLACES) + start
     for contact, s in enumerate(PLACES):
-        find_contact(system.cable, system.supports, state, contact)
+        find_contact(system.cable, system.towers, state, contact)
         assert state.contact_arc_length[contact] == pytest.approx(s, abs=1e-11)
 
 
 def test_beyond_an_end_the_contact_stays_at_the_end():
     system, state, _ = touching(places=(0.3,))
-    system.supports.position[0] = [-5.0, 0.0]
-    find_contact(system.cable, system.supports, state, 0)
+    system.towers.position[0] = [-5.0, 0.0]
+    find_contact(system.cable, system.towers, state, 0)
     assert state.contact_arc_length[0] == 0.0
 
 
@@ -94,8 +94,8 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
         moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
         total = 0.0
         for contact in range(3):
-            find_contact(system.cable, system.supports, moved, contact)
-            total += contact_energy(system.cable, system.supports, moved, contact)
+            find_contact(system.cable, system.towers, moved, contact)
+            total += contact_energy(system.cable, system.towers, moved, contact)
         return np.array([total])
 
     slope = difference(energy, np.zeros(state.nodes.position.size), 2e-5)[0]
@@ -109,7 +109,7 @@ def test_the_force_is_normal_and_along_the_rope_and_the_nodes_take_all_of_it():
     total = np.zeros(2)
     forces_on_nodes(system, state, work)
     for contact in range(3):
-        force, normal = contact_force(system.cable, system.supports, state, contact)
+        force, normal = contact_force(system.cable, system.towers, state, contact)
         _, r_x = on_rope(system.cable, state, state.contact_arc_length[contact])
         tangent = r_x / np.hypot(*r_x)
         assert np.array([-tangent[1], tangent[0]]) @ force == pytest.approx(normal)
@@ -124,19 +124,19 @@ def test_it_never_pulls():
     system, state, work = touching(depth=-0.01)
     assert not forces_on_nodes(system, state, work, 5.0, 1.0).any()
     assert not dense_blocks(work).any()
-    supports = system.supports
-    assert normal_force(supports, 0, 0.01, -1.0 / 0.2) == (0.0, 0.0, 0.0)  # it leaves faster than the contact follows
-    assert normal_force(supports, 0, np.nan, 0.0) == (0.0, 0.0, 0.0)
+    towers = system.towers
+    assert normal_force(towers, 0, 0.01, -1.0 / 0.2) == (0.0, 0.0, 0.0)  # it leaves faster than the contact follows
+    assert normal_force(towers, 0, np.nan, 0.0) == (0.0, 0.0, 0.0)
 
 
 def test_stiffness_sets_in_smoothly():
     """Force and stiffness are the same on both sides of the toe and at its start; damping adds its share."""
-    supports = make_system(supports={"contacts": 1}).supports
-    near = [normal_force(supports, 0, supports.toe[0] + change, 0.0) for change in (-1e-12, 1e-12)]
+    towers = make_system(towers={"contacts": 1}).towers
+    near = [normal_force(towers, 0, towers.toe[0] + change, 0.0) for change in (-1e-12, 1e-12)]
     np.testing.assert_allclose(near[0], near[1], rtol=1e-6)
-    np.testing.assert_allclose(normal_force(supports, 0, 1e-9, 0.0)[:2], [0.0, 0.0], atol=1e-3)
-    elastic, _, _ = normal_force(supports, 0, 0.02, 0.0)
-    force, stiffness, by_rate = normal_force(supports, 0, 0.02, 0.7)
+    np.testing.assert_allclose(normal_force(towers, 0, 1e-9, 0.0)[:2], [0.0, 0.0], atol=1e-3)
+    elastic, _, _ = normal_force(towers, 0, 0.02, 0.0)
+    force, stiffness, by_rate = normal_force(towers, 0, 0.02, 0.7)
     assert force == pytest.approx(elastic * (1.0 + 0.2 * 0.7))
     assert stiffness == pytest.approx(3000.0 * (1.0 + 0.2 * 0.7))
     assert by_rate == pytest.approx(0.2 * elastic)
@@ -147,9 +147,9 @@ def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
     state.tower_load[:, 1] = [1e9, 1.0, 1e9]
     loads = []
     for contact in range(3):
-        find_contact(system.cable, system.supports, state, contact)
-        loads.append(contact_force(system.cable, system.supports, state, contact)[1])
-    settle_supports(system.cable, system.supports, state)
+        find_contact(system.cable, system.towers, state, contact)
+        loads.append(contact_force(system.cable, system.towers, state, contact)[1])
+    settle_towers(system.cable, system.towers, state)
     np.testing.assert_allclose(state.tower_load[:, 0], loads)
     np.testing.assert_allclose(state.tower_load[:, 1], [loads[0], 1.0, loads[2]])
     np.testing.assert_array_equal(state.contact_origin, state.contact_arc_length)

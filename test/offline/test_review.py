@@ -20,7 +20,7 @@ from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.review import Reading, main
-from cable_twin.offline.signals import POINTS, Series, compare
+from cable_twin.offline.signal_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.snapshot import Snapshot

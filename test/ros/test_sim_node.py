@@ -11,7 +11,7 @@ from itertools import pairwise
 import pytest
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
-from cable_twin.ros.parameters import PARAMETERS
+from cable_twin.ros.node_parameters import PARAMETERS
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.command import set_drive_mode, take_over
 from cable_twin.mechanics.drives.haul_rope import sheave_force
 from cable_twin.mechanics.drives.moving_rope import move_rope
 from cable_twin.mechanics.drives.reference import advance_reference, follows_reference, force_limit
+from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force
 from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED

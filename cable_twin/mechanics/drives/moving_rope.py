@@ -15,6 +15,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import (
+    grip_moment,
     joint_point,
     joint_tangent,
     joint_velocity,
@@ -27,12 +28,13 @@ from cable_twin.mechanics.rope.point import point_at, position_on_cable, slope, 
 
 
 @kernel
-def haul_force(system, state):
-    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ λ·r_x - Σ F·r_x.
+def moving_rope_force(system, state):
+    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
-    λ is of what is clamped, F of the contacts of towers on the cable: their friction, since they press across r_x.
-    The equation of motion of the cable that has gone by. Times v it is the power into the strand and all that hangs
-    on it, when what the cable itself carries out at one end it brings back at the other: round a closed loop.
+    λ and m, the force and moment of a hinge, are of what is clamped, F of the contacts of towers on the cable: their
+    friction, since they press across r_x. The equation of motion of the cable that has gone by. Times v it is the power
+    into the strand and all that hangs on it, when what the cable itself carries out at one end it brings back at the
+    other: round a closed loop.
     """
     cable = system.cable
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
@@ -42,9 +44,10 @@ def haul_force(system, state):
         if system.carriages.clamped[carriage] and state.attached[carriage]:
             r_x = joint_tangent(cable, state, carriage)
             force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
-    for contact in range(system.supports.stiffness.size):
+            force += grip_moment(system, state, carriage)[1]
+    for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
-        force -= dot(contact_force(cable, system.supports, state, contact)[0], r_x)
+        force -= dot(contact_force(cable, system.towers, state, contact)[0], r_x)
     return force
 
 

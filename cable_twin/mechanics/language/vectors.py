@@ -103,6 +103,19 @@ def _add_scaled(c, a, b):
     }[a.count]
 
 
+def quarter_turn(c: float, a: Vector) -> Vector:
+    """Vector `a` times c, turned by a quarter about y: z becomes x, x becomes -z, what is across the plane goes."""
+    return (c * a[-1], *(0.0,) * (len(a) - 2), -c * a[0])
+
+
+@overload(quarter_turn, jit_options=_OPTIONS)
+def _quarter_turn(c, a):
+    return {
+        2: lambda c, a: (c * a[1], -c * a[0]),
+        3: lambda c, a: (c * a[2], 0.0, -c * a[0]),
+    }[a.count]
+
+
 def symmetric(c: float, d: float, a: Vector) -> Matrix:
     """Symmetric matrix c I + d a aᵀ."""
     dim = len(a)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import accumulate, dot, load, outer, scale, subtract
+from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 
 
 @kernel
@@ -12,26 +13,19 @@ def counterweight_motion(counterweights, cable, state, end):
     like = cable.gravity
     node = 0 if end == 0 else cable.element_count
     direction = load(counterweights.direction[end], like)
-    travel = dot(
-        subtract(load(state.nodes.position[node, 0], like), load(cable.support_position[end], like)), direction
-    )
+    travel = dot(subtract(load(state.nodes.position[node, 0], like), load(cable.end_position[end], like)), direction)
     speed = dot(load(state.nodes.velocity[node, 0], like), direction)
     return travel, speed, dot(load(state.nodes.acceleration[node, 0], like), direction)
 
 
 @kernel
-def buffer_force(counterweights, end, travel, speed):
-    """Force (N) of the buffers at the limits of the travel in its direction, and its derivatives by travel and speed.
-
-    A buffer of Hunt and Crossley as at the ends of the track, never pulling.
-    """
+def limit_force(counterweights, end, travel, speed):
+    """Force (N) of the buffers at the limits of the travel in its direction, and derivatives by travel and speed."""
     low, high = counterweights.travel[end, 0], counterweights.travel[end, 1]
     sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
     stiffness, damping = counterweights.stiffness[end], counterweights.damping[end]
-    hysteresis = 1.0 - sign * damping * speed
-    if not (depth > 0.0 and hysteresis > 0.0):
-        return 0.0, 0.0, 0.0
-    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
+    force, by_depth, by_rate = buffer_force(stiffness, 0.0, damping, depth, -sign * speed)
+    return sign * force, -by_depth, -by_rate
 
 
 @kernel
@@ -43,7 +37,7 @@ def add_counterweights(counterweights, cable, state, mass_factor, rate_factor, s
             node = 0 if end == 0 else cable.element_count
             direction = load(counterweights.direction[end], cable.gravity)
             travel, speed, acceleration = counterweight_motion(counterweights, cable, state, end)
-            buffer, by_travel, by_speed = buffer_force(counterweights, end, travel, speed)
+            buffer, by_travel, by_speed = limit_force(counterweights, end, travel, speed)
             pull = counterweights.force[end] + buffer - mass * acceleration
             accumulate(scale(pull, direction), work.right_side[node, 0])
             stiff = mass_factor * mass - stiffness_factor * (by_travel + rate_factor * by_speed)
@@ -56,9 +50,9 @@ def counterweight_energies(counterweights, cable, state, end):
     if not counterweights.mass[end] > 0.0:
         return 0.0, 0.0, 0.0
     travel, speed, _ = counterweight_motion(counterweights, cable, state, end)
-    depth = max(counterweights.travel[end, 0] - travel, travel - counterweights.travel[end, 1], 0.0)
+    depth = max(counterweights.travel[end, 0] - travel, travel - counterweights.travel[end, 1])
     return (
         0.5 * counterweights.mass[end] * speed * speed,
-        0.5 * counterweights.stiffness[end] * depth * depth,
+        buffer_energy(counterweights.stiffness[end], 0.0, depth),
         -counterweights.force[end] * travel,
     )

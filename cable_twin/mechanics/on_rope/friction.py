@@ -1,10 +1,15 @@
-"""Friction that holds at rest and slips beyond a limit."""
+"""Friction that holds at rest and slips beyond a limit: the law, and what it is for a carriage on its cable.
+
+Towers have the same law over the way of the rope (`mobilise`). What else a law needs is the normal force at hand.
+"""
 
 from __future__ import annotations
 
 from math import exp
 
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.parameters import TRACK_ROPE
 
 
 @kernel
@@ -18,3 +23,32 @@ def mobilise(way, before, presliding):
     sign = 1.0 if way >= 0.0 else -1.0
     left = (before - sign) * exp(-abs(way) / presliding)
     return sign + left, -sign * left / presliding
+
+
+@kernel
+def deflection(carriages, state, carriage):
+    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
+    way = state.joints.position[carriage] - state.friction_origin[carriage]
+    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
+
+
+@kernel
+def friction_force(carriages, state, carriage, normal):
+    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
+
+    A track-rope brake grips with its own force, and holds and slips by the same law.
+    """
+    z, z_by_s = deflection(carriages, state, carriage)
+    rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
+    grip = rolling * normal
+    if state.drive_braking[carriage]:
+        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
+    force = -grip * z - viscous * state.joints.velocity[carriage]
+    return force, -grip * z_by_s, -viscous, -rolling * z
+
+
+@kernel
+def settle_friction(carriages, state, carriage):
+    """End a step: what is mobilised now is where the next one starts from."""
+    state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
+    state.friction_origin[carriage] = state.joints.position[carriage]

@@ -11,9 +11,11 @@ from math import sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, full, load, minus, outer, scale, store
-from cable_twin.mechanics.on_rope.brake import brake_force
-from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.parameters import HAULED, SPEED, TRACK_ROPE
+from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.chain import hinge_of
+from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.grip import add_grip, pitch_by_slope, tangent_pitch
+from cable_twin.mechanics.on_rope.hinge import hinge_energy, is_hinged
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -50,6 +52,49 @@ def joint_velocity(cable, state, carriage):
 
 
 @kernel
+def joint_direction(cable, state, carriage):
+    """Pitch α (rad) of the cable at the joint, its rate g·(S_x ė + ṡ S_xx e) there (rad/s), and ∂α/∂s (rad/m)."""
+    point, like = joint_point(cable, state, carriage), cable.gravity
+    r_x = slope(state.nodes.position, point, like)
+    g = pitch_by_slope(r_x)
+    along = dot(g, bend(state.nodes.position, point, like))
+    turning = dot(g, slope(state.nodes.velocity, point, like))
+    return tangent_pitch(r_x), turning + state.joints.velocity[carriage] * along, along
+
+
+@kernel
+def grip_moment(system, state, carriage):
+    """Moment m (N m) of the cable on the first body of a carriage, and m ∂α/∂s (N), its share in the row of s."""
+    first = system.carriages.body_offset[carriage]
+    if not is_hinged(system.carriages, first):
+        return 0.0, 0.0
+    pitch, rate, along = joint_direction(system.cable, state, carriage)
+    moment, _, _ = hinge_of(system.carriages, state, first, True, (pitch, rate))
+    return moment, moment * along
+
+
+@kernel
+def grip_force(system, state, carriage, element, row):
+    """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -m S_x g; 0 on another one."""
+    moment, _ = grip_moment(system, state, carriage)
+    point = joint_point(system.cable, state, carriage)
+    g = pitch_by_slope(slope(state.nodes.position, point, system.cable.gravity))
+    return scale(-moment * point.shape_x[row] if point.element == element else 0.0, g)
+
+
+@kernel
+def spring_energy(system, state, carriage, body):
+    """Elastic energy (J) of the spring above a body of a carriage."""
+    carriages, first = system.carriages, system.carriages.body_offset[carriage]
+    if not is_hinged(carriages, body):
+        return 0.0
+    above = state.bodies.position[body - 1, 2]
+    if body == first:
+        above, _, _ = joint_direction(system.cable, state, carriage)
+    return hinge_energy(carriages, body, state.bodies.position[body, 2] - above)
+
+
+@kernel
 def velocity_acceleration(cable, state, carriage):
     """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     point = joint_point(cable, state, carriage)
@@ -58,57 +103,12 @@ def velocity_acceleration(cable, state, carriage):
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bend(state.nodes.position, point, cable.gravity)))
 
 
-@kernel
-def stop_force(carriages, cable, carriage, s, s_dot):
-    """Force (N) of the end stops along the cable and its derivatives by s and ṡ.
-
-    A buffer of Hunt and Crossley: k d (1 + c ḋ) over the penetration d, never pulling.
-    """
-    stroke = carriages.stop_stroke[carriage]
-    sign, depth = 1.0, stroke - s
-    if s > 0.5 * cable.unstrained_length:
-        sign, depth = -1.0, s - (cable.unstrained_length - stroke)
-    stiffness, damping = carriages.stop_stiffness[carriage], carriages.stop_damping[carriage]
-    hysteresis = 1.0 - sign * damping * s_dot
-    if depth <= 0.0 or hysteresis <= 0.0:
-        return 0.0, 0.0, 0.0
-    return sign * stiffness * depth * hysteresis, -stiffness * hysteresis, -stiffness * depth * damping
-
-
-@kernel
-def deflection(carriages, state, carriage):
-    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
-    way = state.joints.position[carriage] - state.friction_origin[carriage]
-    return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
-
-
-@kernel
-def friction_force(carriages, state, carriage, normal):
-    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
-
-    A track-rope brake grips with its own force, and holds and slips by the same law.
-    """
-    z, z_by_s = deflection(carriages, state, carriage)
-    rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
-    grip = rolling * normal
-    if state.drive_braking[carriage]:
-        grip += brake_force(carriages, state, carriage, TRACK_ROPE)
-    force = -grip * z - viscous * state.joints.velocity[carriage]
-    return force, -grip * z_by_s, -viscous, -rolling * z
-
-
-@kernel
-def settle_friction(carriages, state, carriage):
-    """End a step: what is mobilised now is where the next one starts from."""
-    state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
-    state.friction_origin[carriage] = state.joints.position[carriage]
-
-
 @inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
-    Needs the chain condensed (`condense_chain`), and `sliding_increment` where the joint is driven.
+    Needs the chain and the drive condensed (`condense_chain`, `condense_drive`), and `sliding_increment` where the
+    joint is driven.
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
@@ -129,12 +129,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     )
 
     d_r_x = apply_impedance(impedance, r_x)
-    if state.drive_mode[carriage] == SPEED:
+    if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
-        d_along, across = scale(0.0, like), scale(0.0, like)
+        along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     else:
-        given = state.drive_force[carriage] if state.drive_mode[carriage] != HAULED else 0.0
-        f_t = given + f_friction + f_stop
+        f_t = work.given_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, r_x)
@@ -143,24 +142,26 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
-        if state.drive_mode[carriage] == HAULED:
-            right += work.haul_force[carriage]
-            pivot -= work.haul_by_s[carriage]
+        right += work.haul_force[carriage]
+        pivot -= work.haul_by_s[carriage]
+
+    shape, shape_x, rows, columns = point.shape, point.shape_x, work.sliding_row[carriage], work.sliding_column
+    for i in range(4):
+        store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
+        store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
+    if is_hinged(carriages, first):
+        more = add_grip(cable, state, carriage, first, point, along, rate_factor, stiffness_factor, work)
+        pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
     d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
-    shape, shape_x, rows = point.shape, point.shape_x, work.sliding_row
     for i in range(4):
-        row = add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across))
-        store(row, rows[carriage, i])
-        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
+        column = load(columns[i], like)
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
         add_to(scale(-1.0, pull), work.right_side, point.element, i)
-    for i in range(4):
-        column = add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force))
         for j in range(4):
-            condensed = outer(1.0 / pivot, column, load(rows[carriage, j], like))
+            condensed = outer(1.0 / pivot, column, load(rows[j], like))
             add_block(minus(full(shape[i] * shape[j], d, 0.0), condensed), point.element, i, j, work)
 
 
@@ -177,7 +178,8 @@ def driven_force(system, state, carriage):
     normal = sqrt(dot(normal_force, normal_force))
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
-    return tangential - f_friction - f_stop
+    _, turning = grip_moment(system, state, carriage)
+    return tangential + turning / norm - f_friction - f_stop
 
 
 @kernel
@@ -205,3 +207,15 @@ def recover_joint(system, state, carriage, work):
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta
     return add_scaled(delta, r_x, moved)
+
+
+@kernel
+def recover_turn(system, state, carriage, work):
+    """Increment (rad) of the direction of the cable at the joint, as a hinge there sees it; needs that of s."""
+    if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):
+        return 0.0
+    element, like = state.joint_element[carriage], system.cable.gravity
+    turned = work.grip_by_s[carriage] * work.sliding_increment[carriage]
+    for i in range(4):
+        turned += dot(load(work.grip_row[carriage, i], like), coordinate(work.right_side, element, i, like))
+    return turned

@@ -26,6 +26,7 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     subtract,
 )
+from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
@@ -34,9 +35,9 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 
 
 @kernel
-def find_contact(cable, supports, state, contact):
+def find_contact(cable, towers, state, contact):
     """Bring the arc length of a contact to the nearest point of the rope."""
-    point = load(supports.position[contact], cable.gravity)
+    point = load(towers.position[contact], cable.gravity)
     state.contact_arc_length[contact] = nearest(cable, state.nodes.position, point, state.contact_arc_length[contact])
 
 
@@ -73,36 +74,21 @@ def slid(state, contact):
 
 
 @kernel
-def normal_force(supports, contact, depth, depth_rate):
-    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m).
-
-    A contact of Hunt and Crossley, never pulling, whose stiffness sets in over the toe.
-    """
-    stiffness, toe, damping = supports.stiffness[contact], supports.toe[contact], supports.damping[contact]
-    hysteresis = 1.0 + damping * depth_rate
-    if not (depth > 0.0 and hysteresis > 0.0):
-        return 0.0, 0.0, 0.0
-    if depth < toe:
-        elastic, stiff = 0.5 * stiffness * depth * depth / toe, stiffness * depth / toe
-    else:
-        elastic, stiff = stiffness * (depth - 0.5 * toe), stiffness
-    return elastic * hysteresis, stiff * hysteresis, elastic * damping
+def normal_force(towers, contact, depth, depth_rate):
+    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
+    stiffness, toe, damping = towers.stiffness[contact], towers.toe[contact], towers.damping[contact]
+    return buffer_force(stiffness, toe, damping, depth, depth_rate)
 
 
 @kernel
-def contact_energy(cable, supports, state, contact):
+def contact_energy(cable, towers, state, contact):
     """Elastic energy (J) of a contact."""
-    depth = contact_frame(cable, supports, state, contact)[4]
-    stiffness, toe = supports.stiffness[contact], supports.toe[contact]
-    if depth <= 0.0:
-        return 0.0
-    if depth < toe:
-        return stiffness * depth * depth * depth / (6.0 * toe)
-    return 0.5 * stiffness * (depth * (depth - toe) + toe * toe / 3.0)
+    depth = contact_frame(cable, towers, state, contact)[4]
+    return buffer_energy(towers.stiffness[contact], towers.toe[contact], depth)
 
 
 @kernel
-def contact_frame(cable, supports, state, contact):
+def contact_frame(cable, towers, state, contact):
     """What a contact sees of the rope at its arc length.
 
     Returns:
@@ -112,41 +98,41 @@ def contact_frame(cable, supports, state, contact):
     like = cable.gravity
     point = point_at(cable, state.contact_arc_length[contact])
     r_x = slope(state.nodes.position, point, like)
-    apart = subtract(value(state.nodes.position, point, like), load(supports.position[contact], like))
+    apart = subtract(value(state.nodes.position, point, like), load(towers.position[contact], like))
     moving = value(state.nodes.velocity, point, like)
-    side = load(supports.normal[contact], like)
+    side = load(towers.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
     return point, r_x, apart, normal, -dot(apart, normal), moving
 
 
 @kernel
-def contact_force(cable, supports, state, contact):
+def contact_force(cable, towers, state, contact):
     """Force (dim,) of a contact on the rope and its normal part, both in N."""
-    _, r_x, _, normal, depth, moving = contact_frame(cable, supports, state, contact)
-    n, _, _ = normal_force(supports, contact, depth, -dot(normal, moving))
-    z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
-    friction = supports.friction[contact] * n * z
+    _, r_x, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
+    n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
+    z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
+    friction = towers.friction[contact] * n * z
     return add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal)), n
 
 
 @kernel
-def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
+def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     """Add the forces of all contacts on the rope, and their tangent, to the elements that they touch.
 
     The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
     """
     like = cable.gravity
-    for contact in range(supports.stiffness.size):
-        find_contact(cable, supports, state, contact)
-        point, r_x, apart, normal, depth, moving = contact_frame(cable, supports, state, contact)
-        n, n_by_depth, n_by_rate = normal_force(supports, contact, depth, -dot(normal, moving))
+    for contact in range(towers.stiffness.size):
+        find_contact(cable, towers, state, contact)
+        point, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
+        n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, -dot(normal, moving))
         if n == 0.0:
             continue
         norm = sqrt(dot(r_x, r_x))
         t = scale(1.0 / norm, r_x)
-        coefficient = supports.friction[contact]
-        z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], supports.presliding[contact])
+        coefficient = towers.friction[contact]
+        z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
         add_force(force, point, work.right_side)
@@ -176,16 +162,16 @@ def add_supports(cable, supports, state, rate_factor, stiffness_factor, work):
 
 
 @kernel
-def settle_supports(cable, supports, state):
+def settle_towers(cable, towers, state):
     """End a step: find the contacts, keep what friction is mobilised and the normal load of each tower."""
-    for tower in range(supports.top.shape[0]):
+    for tower in range(towers.top.shape[0]):
         total = 0.0
-        for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
-            find_contact(cable, supports, state, contact)
-            _, n = contact_force(cable, supports, state, contact)
+        for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
+            find_contact(cable, towers, state, contact)
+            _, n = contact_force(cable, towers, state, contact)
             total += n
             state.contact_deflection[contact], _ = mobilise(
-                slid(state, contact), state.contact_deflection[contact], supports.presliding[contact]
+                slid(state, contact), state.contact_deflection[contact], towers.presliding[contact]
             )
             state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
         state.tower_load[tower, 0] = total
@@ -193,10 +179,10 @@ def settle_supports(cable, supports, state):
 
 
 @kernel
-def tower_force(cable, supports, state, tower):
+def tower_force(cable, towers, state, tower):
     """Force (dim,) in N of a tower on the rope."""
     total = scale(0.0, cable.gravity)
-    for contact in range(supports.contact_offset[tower], supports.contact_offset[tower + 1]):
-        force, _ = contact_force(cable, supports, state, contact)
+    for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
+        force, _ = contact_force(cable, towers, state, contact)
         total = add_scaled(1.0, force, total)
     return total

@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import cos, nan, sin
 from typing import NamedTuple
 
-from cable_twin.mechanics.drives.haul_rope import haul_energies, rope_force
-from cable_twin.mechanics.drives.moving_rope import haul_force
+from cable_twin.mechanics.drives.haul_rope import haul_energies
+from cable_twin.mechanics.drives.moving_rope import moving_rope_force
+from cable_twin.mechanics.drives.pull import observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
@@ -15,8 +16,9 @@ from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, 
 from cable_twin.mechanics.on_rope.air import drag_on_end
 from cable_twin.mechanics.on_rope.chain import pivot
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
+from cable_twin.mechanics.on_rope.sliding_joint import grip_force, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
-from cable_twin.mechanics.parameters import HAULED, Cable, FloatArray
+from cable_twin.mechanics.parameters import Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow, flow_energy
@@ -79,7 +81,7 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     observe_supports(system, state, rest_loads, columns)
     for drive in range(columns.drive_position.size):
         columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
-        columns.moving_cable_force[drive] = haul_force(system, state)
+        columns.moving_cable_force[drive] = moving_rope_force(system, state)
 
 
 @kernel
@@ -94,10 +96,7 @@ def observe_vehicles(system, state, columns):
         contact = load(state.multipliers[system.carriages.body_offset[vehicle]], system.cable.gravity)
         store_in_space(contact, columns.contact_force[vehicle])
         columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
-        travel, speed, force = nan, nan, nan
-        if state.drive_mode[vehicle] == HAULED:
-            travel, speed = state.sheaves.position[vehicle], state.sheaves.velocity[vehicle]
-            force, _, _, _ = rope_force(system, state, vehicle)
+        travel, speed, force = observe_haul(system, state, vehicle)
         columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
 
 
@@ -126,9 +125,9 @@ def observe_supports(system, state, rest_loads, columns):
             travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
         columns.support_travel[end] = travel
         columns.tower_load[end], columns.tower_lowest_load[end], columns.tower_rest_load[end] = nan, nan, nan
-    for tower in range(system.supports.top.shape[0]):
+    for tower in range(system.towers.top.shape[0]):
         row = 2 + tower
-        force = tower_force(system.cable, system.supports, state, tower)
+        force = tower_force(system.cable, system.towers, state, tower)
         store_in_space(force, columns.support_force[row])
         columns.support_travel[row] = nan
         columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
@@ -210,10 +209,11 @@ def end_force(system, state, end):
             share = share_of_node(cable, state.joints.position[carriage], element, row)
             force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             total = add_scaled(-share, force, total)
-    for contact in range(system.supports.stiffness.size):
+            total = add_scaled(1.0, grip_force(system, state, carriage, element, row), total)
+    for contact in range(system.towers.stiffness.size):
         share = share_of_node(cable, state.contact_arc_length[contact], element, row)
         if share != 0.0:
-            total = add_scaled(share, contact_force(cable, system.supports, state, contact)[0], total)
+            total = add_scaled(share, contact_force(cable, system.towers, state, contact)[0], total)
     return scale(-1.0, total)
 
 
@@ -257,10 +257,11 @@ def energies(system, state):
             v = state.bodies.velocity[body]
             kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
             kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            elastic += spring_energy(system, state, carriage, body)
             q = state.bodies.position[body]
             gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
-    for contact in range(system.supports.stiffness.size):
-        elastic += contact_energy(cable, system.supports, state, contact)
+    for contact in range(system.towers.stiffness.size):
+        elastic += contact_energy(cable, system.towers, state, contact)
     for end in range(2):
         moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
         kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted

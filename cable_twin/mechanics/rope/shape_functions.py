@@ -92,3 +92,10 @@ def shape_functions_xx(x, length):
     u = x / length
     s = (6 - 12 * u) / (length * length)
     return -s, (6 * u - 4) / length, s, (6 * u - 2) / length
+
+
+@kernel
+def shape_functions_xxx(length):
+    """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; the same all over an element."""
+    s = 12 / (length * length * length)
+    return s, 6 / (length * length), -s, 6 / (length * length)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, root
 
-from cable_twin.mechanics.parameters import FloatArray, System
+from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
 
 ENDS = ("start", "end")
 
@@ -61,6 +61,29 @@ def elastic_catenary(pull: FloatArray, s: FloatArray, weight: float, stiffness: 
     return np.stack([along, above], axis=-1)
 
 
+def _plane(whole: FloatArray, up: FloatArray) -> FloatArray:
+    """Unit vectors (2, dim) along and up the plane of a cable whose end is `whole` (dim,) in m from its start."""
+    level = whole - (whole @ up) * up
+    width = float(np.linalg.norm(level))
+    return np.stack([level / width if width > 0.0 else np.eye(up.size)[0], up])
+
+
+def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[int, FloatArray, float]:
+    """End that a counterweight pulls, direction (2,) and force (N) of that; -1 and zeros where there is none."""
+    weighted = np.flatnonzero(counterweights.mass > 0.0)
+    if weighted.size == 0:
+        return -1, np.zeros(2), 0.0
+    end = int(weighted[0])
+    return end, basis @ counterweights.direction[end], float(counterweights.force[end])
+
+
+def _too_light(end: int, force: float, reach: str, weight: float) -> EquilibriumError:
+    return EquilibriumError(
+        f"cable.{ENDS[end]}.mass: with a counterweight of {force:g} N, no catenary {reach}: it is too light to "
+        f"hold a cable of {weight:.3g} N; allowed: a heavier one"
+    )
+
+
 def rest_over_supports(system: System) -> Rest:
     """The cable at rest over its towers, both ends held or one of them by a counterweight.
 
@@ -73,20 +96,12 @@ def rest_over_supports(system: System) -> Rest:
     cable, counterweights = system.cable, system.counterweights
     gravity = np.array(cable.gravity)
     strength = float(np.linalg.norm(gravity))
-    corner = np.concatenate([cable.support_position[:1], system.supports.top, cable.support_position[1:]])
-    up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
-    whole = corner[-1] - corner[0]
-    level = whole - (whole @ up) * up
-    width = float(np.linalg.norm(level))
-    level = level / width if width > 0.0 else np.eye(gravity.size)[0]
-    basis = np.stack([level, up])
+    corner = np.concatenate([cable.end_position[:1], system.towers.top, cable.end_position[1:]])
+    basis = _plane(corner[-1] - corner[0], -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1])
     stiffness, length = cable.axial_stiffness, cable.unstrained_length
     # a cable without weight is taken as one of hardly any
     weight = max(cable.mass_per_length * strength, 1e-7 * stiffness / length if strength == 0.0 else 0.0)
-    weighted = counterweights.mass > 0.0
-    end = int(np.flatnonzero(weighted)[0]) if weighted.any() else -1
-    outwards = basis @ counterweights.direction[end] if end >= 0 else np.zeros(2)
-    given = counterweights.force[end] if end >= 0 else 0.0
+    end, outwards, given = _weighted_end(counterweights, basis)
 
     def spans_at(travel: float) -> FloatArray:
         moved = corner.copy()
@@ -97,8 +112,7 @@ def rest_over_supports(system: System) -> Rest:
     spans = spans_at(0.0)
     spans[:, 0] = np.maximum(spans[:, 0], 1e-3 * length / spans.shape[0])
     pulls, lengths = _first_guess(spans, weight, stiffness, length, given)
-    scale = float(np.abs(pulls[0]).sum())
-    count = lengths.size
+    scale, count = float(np.abs(pulls[0]).sum()), lengths.size
 
     def miss(unknown: FloatArray) -> FloatArray:
         pull, s = unknown[: 2 * count].reshape(count, 2) * scale, unknown[2 * count : 3 * count] * length
@@ -121,45 +135,42 @@ def rest_over_supports(system: System) -> Rest:
         missed = np.abs(miss(found.x)).max()
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
     if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
-        height = float(whole @ up)
+        across, height = basis @ (corner[-1] - corner[0])
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
-        reach = f"of {length:g} m reaches over {width:g} m and up {height:g} m{towers}"
-        if end >= 0:
-            raise EquilibriumError(
-                f"cable.{ENDS[end]}.mass: with a counterweight of {given:g} N, no catenary {reach}: it is too light to "
-                f"hold a cable of {weight * length:.3g} N; allowed: a heavier one"
-            )
-        raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+        reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
+        if end < 0:
+            raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+        raise _too_light(end, given, reach, weight * length)
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
     return Rest(corner, basis, pulls, lengths, weight, stiffness)
 
 
-def check_rest(system: System, towers: Sequence[str]) -> None:
+def check_rest(system: System, names: Sequence[str]) -> None:
     """Refuse towers that the bare cable does not touch at rest, and a counterweight that rests at a limit.
 
     Args:
         system: parameters.
-        towers: their names.
+        names: of the towers.
 
     Raises:
         EquilibriumError: naming the first one, how it misses and what is allowed.
     """
-    supports, counterweights, cable = system.supports, system.counterweights, system.cable
+    towers, counterweights, cable = system.towers, system.counterweights, system.cable
     weighted = np.flatnonzero(counterweights.mass > 0.0)
-    if supports.top.size == 0 and weighted.size == 0:
+    if towers.top.size == 0 and weighted.size == 0:
         return
     rest = rest_over_supports(system)
-    for tower, (name, load) in enumerate(zip(towers, rest.load(), strict=True)):
-        first, end = supports.contact_offset[tower : tower + 2]
-        side = supports.normal[first:end].mean(axis=0)
+    for tower, (name, load) in enumerate(zip(names, rest.load(), strict=True)):
+        first, end = towers.contact_offset[tower : tower + 2]
+        side = towers.normal[first:end].mean(axis=0)
         if load @ side <= 0.0:
-            others = supports._replace(top=np.delete(supports.top, tower, axis=0))
-            passing = rest_over_supports(system._replace(supports=others))
+            others = towers._replace(top=np.delete(towers.top, tower, axis=0))
+            passing = rest_over_supports(system._replace(towers=others))
             places, _ = passing.place(np.linspace(0.0, cable.unstrained_length, 10_001))
             up = rest.basis[1]
-            away = float(np.interp(supports.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
-            away -= float(supports.top[tower] @ up)
+            away = float(np.interp(towers.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
+            away -= float(towers.top[tower] @ up)
             where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
             raise EquilibriumError(
                 f"towers.{name}.position: the bare cable at rest passes {abs(away):.3g} m {where} its top and would "
@@ -167,7 +178,7 @@ def check_rest(system: System, towers: Sequence[str]) -> None:
                 f"or hold_down the other way round"
             )
     for end in weighted:
-        travel = float((rest.corner[-end] - cable.support_position[end]) @ counterweights.direction[end])
+        travel = float((rest.corner[-end] - cable.end_position[end]) @ counterweights.direction[end])
         low, high = counterweights.travel[end]
         if not low < travel < high:
             cause = (

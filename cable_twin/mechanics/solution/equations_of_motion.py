@@ -13,7 +13,7 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.haul_rope import condense_sheave, recover_sheave
+from cable_twin.mechanics.drives.pull import condense_drive, recover_drive, reference_acceleration, reference_gap
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array, copy_array
 from cable_twin.mechanics.language.vectors import (
@@ -31,16 +31,19 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.air import drag_bodies, drag_rope
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.hinge import is_hinged
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
+    joint_direction,
     joint_position,
     joint_velocity,
     place_joint,
     recover_joint,
+    recover_turn,
     velocity_acceleration,
 )
-from cable_twin.mechanics.on_rope.tower import add_supports
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, HAULED, SPEED
+from cable_twin.mechanics.on_rope.tower import add_towers
+from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
@@ -65,8 +68,7 @@ def measure_gaps(system, state, work, place):
             place_joint(system.cable, state, carriage)
         joint = joint_position(system.cable, state, carriage)
         close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
-        if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
+        reference_gap(state, carriage, work)
     for body in range(work.joint_gap.shape[0]):
         worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
     return worst
@@ -92,8 +94,7 @@ def measure_gap_accelerations(system, state, feedback, work):
         moving = joint_velocity(system.cable, state, carriage)
         turning = velocity_acceleration(system.cable, state, carriage)
         joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
-        if state.drive_mode[carriage] == SPEED:
-            work.sliding_increment[carriage] = state.reference.acceleration[carriage]
+        reference_acceleration(state, carriage, work)
 
 
 @inlined_kernel
@@ -108,21 +109,25 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         stiffness_factor: ∂coordinate/∂unknown, 1 (0 when the unknowns are accelerations).
         work: takes the result.
     """
-    cable = system.cable
+    cable, carriages = system.cable, system.carriages
     assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.air.present:
         drag_bodies(
             system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
         )
-    for carriage in range(system.carriages.fixed.size):
+    for carriage in range(carriages.fixed.size):
         if state.attached[carriage]:
-            condense_chain(system.carriages, cable.gravity, state, carriage, mass_factor, stiffness_factor, work)
-            if state.drive_mode[carriage] == HAULED:
-                condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+            direction = 0.0, 0.0, 0.0
+            if is_hinged(carriages, carriages.body_offset[carriage]):
+                direction = joint_direction(cable, state, carriage)
+            condense_chain(
+                carriages, cable.gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work
+            )
+            condense_drive(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
-    add_supports(cable, system.supports, state, rate_factor, stiffness_factor, work)
+    add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    hold_supports(cable, work)
+    hold_ends(cable, work)
 
 
 @inlined_kernel
@@ -166,7 +171,7 @@ def add_loads(cable, state, stiffness_factor, work):
 
 
 @kernel
-def hold_supports(cable, work):
+def hold_ends(cable, work):
     """Take out of the equations of both end nodes what their supports hold.
 
     With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
@@ -180,11 +185,11 @@ def hold_supports(cable, work):
         node = 0 if end == 0 else last
         out, back = (work.upper[0], work.lower[0]) if end == 0 else (work.lower[last - 1], work.upper[last - 1])
         for i in range(2):
-            free_i = load(cable.support_projector[end, i], square)
+            free_i = load(cable.end_projector[end, i], square)
             right = load(work.right_side[node, i], like)
             store(apply(free_i, right), work.right_side[node, i])
             for j in range(2):
-                free_j = load(cable.support_projector[end, j], square)
+                free_j = load(cable.end_projector[end, j], square)
                 inner = multiply(multiply(free_i, load(work.diagonal[node, i, j], square)), free_j)
                 store(inner, work.diagonal[node, i, j])
                 store(multiply(free_i, load(out[i, j], square)), out[i, j])
@@ -209,9 +214,9 @@ def solve(system, state, work):
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
-            recover_chain(system.carriages, state, carriage, moved[0], moved[1], work)
-            if state.drive_mode[carriage] == HAULED:
-                recover_sheave(carriage, work)
+            turned = recover_turn(system, state, carriage, work)
+            recover_chain(system.carriages, state, carriage, moved, turned, work)
+            recover_drive(state, carriage, work)
     return True
 
 

@@ -6,12 +6,13 @@ from math import isfinite
 
 import numpy as np
 
+from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
-from cable_twin.mechanics.on_rope.tower import settle_supports
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force
+from cable_twin.mechanics.on_rope.tower import settle_towers
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
@@ -40,7 +41,7 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     """
     cable = system.cable
     if not np.any(cable.gravity):
-        start, end = cable.support_position
+        start, end = cable.end_position
         slope = (end - start) / cable.unstrained_length
         return start + np.outer(arc_lengths, slope), np.tile(slope, (arc_lengths.size, 1))
     return rest_over_supports(system).place(arc_lengths)
@@ -94,7 +95,7 @@ def relax(system, state, good, work, max_relaxations, tolerance):
                 state.drive_force[carriage] = driven_force(system, state, carriage)
             for contact in range(state.contact_origin.size):
                 state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
-            settle_supports(cable, system.supports, state)
+            settle_towers(cable, system.towers, state)
             return iteration + 1, increment
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -112,8 +113,8 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
     """
     cable = system.cable
     arc_lengths = cable.node_arc_length
-    held = 0 if np.all(np.isfinite(cable.support_position[0])) else 1
-    direction = cable.support_direction[held]
+    held = 0 if np.all(np.isfinite(cable.end_position[0])) else 1
+    direction = cable.end_direction[held]
     if not np.all(np.isfinite(direction)):
         down = np.array(cable.gravity)
         strength = float(np.linalg.norm(down))
@@ -123,7 +124,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
             )
         direction = down / strength * (1.0 if held == 0 else -1.0)
     from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)
-    return cable.support_position[held] + np.outer(from_held, direction), np.tile(direction, (arc_lengths.size, 1))
+    return cable.end_position[held] + np.outer(from_held, direction), np.tile(direction, (arc_lengths.size, 1))
 
 
 def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
@@ -144,21 +145,21 @@ def lay_cable(system: System, state: State) -> None:
     Raises:
         EquilibriumError: when there is no such place.
     """
-    cable, supports = system.cable, system.supports
+    cable, towers = system.cable, system.towers
     arc_lengths = cable.node_arc_length
-    ends = cable.support_position.copy()
+    ends = cable.end_position.copy()
     if not np.all(np.isfinite(ends)):
         positions, slopes = hanging(system)
-    elif supports.top.size == 0 and not np.any(system.counterweights.mass):
+    elif towers.top.size == 0 and not np.any(system.counterweights.mass):
         positions, slopes = catenary(system, arc_lengths)
     else:
         rest = rest_over_supports(system)
         positions, slopes = rest.place(arc_lengths)
         ends = rest.corner[[0, -1]]
         for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
-            first, last = supports.contact_offset[tower : tower + 2]
+            first, last = towers.contact_offset[tower : tower + 2]
             state.contact_arc_length[first:last] = middle
-    for end, place, direction in zip((0, -1), ends, cable.support_direction, strict=True):
+    for end, place, direction in zip((0, -1), ends, cable.end_direction, strict=True):
         if np.all(np.isfinite(place)):
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
@@ -214,16 +215,14 @@ def settle(system: System, state: State, work: Workspace) -> None:
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
-    cable, supports = system.cable, system.supports
+    cable, towers = system.cable, system.towers
     for name, array in fields_of(state).items():
         if name not in GIVEN:
             array[:] = 0
     lay_cable(system, state)
     state.friction_origin[:] = state.joints.position
-    modes = state.drive_mode.copy()
-    state.drive_mode[:] = SPEED
-    state.reference.position[:] = state.joints.position
-    smooth = system._replace(supports=supports._replace(friction=np.zeros_like(supports.friction)))
+    modes = hold_all(state)
+    smooth = system._replace(towers=towers._replace(friction=np.zeros_like(towers.friction)))
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
         relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)
@@ -238,7 +237,4 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"{increment:.3g} m, allowed are {tolerance:.3g} m; {_advice(system)}"
         )
     state.tower_load[:, 1] = state.tower_load[:, 0]
-    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
-    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
-        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(cable, state, carriage))
-    state.drive_mode[:] = modes
+    let_go(system, state, modes)

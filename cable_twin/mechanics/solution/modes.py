@@ -15,11 +15,13 @@ from scipy.sparse.linalg import eigsh
 
 from cable_twin.mechanics.on_rope.chain import pivot
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.tower import add_supports
+from cable_twin.mechanics.on_rope.grip import pitch_by_slope, pitch_by_slope_twice
+from cable_twin.mechanics.on_rope.sliding_joint import grip_moment
+from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
 from cable_twin.mechanics.rope.point import element_at
-from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions
+from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions, shape_functions_x
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
 DENSE_LIMIT = 400  # unknowns up to which all frequencies are computed at once
@@ -50,11 +52,11 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
 
     inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
-    support_stiffness, counterweight_mass = _support_matrices(system, state)
+    support_stiffness, counterweight_mass = _tower_matrices(system, state)
     mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
     mass = mass + bodies.T @ _diagonal(inertias) @ bodies
     cable_stiffness = _cable_stiffness(system, state) + support_stiffness
-    stiffness = _block_diagonal(cable_stiffness, _pitch_stiffness(system, state))
+    stiffness = _block_diagonal(cable_stiffness, _pitch_stiffness(system, state)) + _spring_stiffness(system, state)
     mass, stiffness = basis.T @ mass @ basis, basis.T @ stiffness @ basis
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
 
@@ -97,7 +99,7 @@ def _free_directions(system: System) -> csc_array:
     rows: list[IntArray] = []
     for end, first in ((0, 0), (1, size - 2 * dim)):
         for slot in range(2):
-            values, vectors = np.linalg.eigh(cable.support_projector[end, slot].reshape(dim, dim))
+            values, vectors = np.linalg.eigh(cable.end_projector[end, slot].reshape(dim, dim))
             for vector in vectors[:, values > 0.5].T:
                 columns.append(vector)
                 rows.append(first + slot * dim + np.arange(dim))
@@ -150,15 +152,15 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
     return _assemble(system, matrices)
 
 
-def _support_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
+def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
     """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
     state, work = clone_state(state), allocate_workspace(system)
     state.nodes.velocity[:] = 0.0
-    smooth = system.supports._replace(friction=np.zeros_like(system.supports.friction))
+    smooth = system.towers._replace(friction=np.zeros_like(system.towers.friction))
     matrices = []
     for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
         work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0
-        add_supports(system.cable, smooth, state, 0.0, stiffness_factor, work)
+        add_towers(system.cable, smooth, state, 0.0, stiffness_factor, work)
         add_counterweights(system.counterweights, system.cable, state, mass_factor, 0.0, stiffness_factor, work)
         matrices.append(_nodal_matrix(work))
     return matrices[0], matrices[1]
@@ -237,3 +239,46 @@ def _pitch_stiffness(system: System, state: State) -> csc_array:
                 _, _, x, z = _arm(system, state, body, above)
                 stiffness[above] -= carriages.mass[body] * (gravity[0] * x + gravity[-1] * z)
     return _diagonal(stiffness)
+
+
+def _spring_stiffness(system: System, state: State) -> csc_array:
+    """Stiffness of the springs of hinges, square over nodal coordinates and pitches: k ∂φ ∂φᵀ of each angle φ."""
+    cable, carriages = system.cable, system.carriages
+    nodal = (cable.element_count + 1) * 2 * len(cable.gravity)
+    size = nodal + carriages.mass.size
+    total = csc_array((size, size))
+    for carriage in range(carriages.fixed.size):
+        first = int(carriages.body_offset[carriage])
+        for body in range(first, int(carriages.body_offset[carriage + 1])):
+            turn = np.zeros(size)
+            turn[nodal + body] = 1.0
+            if body > first:
+                turn[nodal + body - 1] = -1.0
+            elif carriages.hinge_stiffness[body] > 0.0:
+                columns, slope, bend = _turn_of_cable(system, state, carriage)
+                turn[columns] -= slope
+                total = total + coo_array(
+                    (bend.ravel(), np.indices(bend.shape).reshape(2, -1) + columns[0]), total.shape
+                )
+            row = csc_array(turn[None])
+            total = total + carriages.hinge_stiffness[body] * (row.T @ row)
+    return total
+
+
+def _turn_of_cable(system: System, state: State, carriage: int) -> tuple[IntArray, FloatArray, FloatArray]:
+    """How the cable turns at a joint.
+
+    Returns:
+        Nodal coordinates (4 dim,) of its element by number; the derivative (4 dim,) of its pitch by them; the second
+        one (4 dim, 4 dim) times the moment there (N m).
+    """
+    cable, s = system.cable, float(state.joints.position[carriage])
+    dim, element = len(cable.gravity), int(element_at(cable, s))
+    shape_x = np.array(shape_functions_x(s - cable.node_arc_length[element], cable.element_length[element]))
+    x, z = (shape_x @ state.nodes.position[element : element + 2].reshape(4, dim)).tolist()
+    still = clone_state(state)
+    still.nodes.velocity[:], still.joints.velocity[:], still.bodies.velocity[:] = 0.0, 0.0, 0.0
+    still.joint_element[carriage] = element
+    moment, _ = grip_moment(system, still, carriage)
+    bend = moment * np.kron(np.outer(shape_x, shape_x), np.reshape(pitch_by_slope_twice((x, z)), (dim, dim)))
+    return 2 * dim * element + np.arange(4 * dim), np.kron(shape_x, pitch_by_slope((x, z))), bend

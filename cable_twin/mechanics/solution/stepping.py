@@ -7,8 +7,8 @@ from typing import NamedTuple
 from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
-from cable_twin.mechanics.on_rope.sliding_joint import settle_friction
-from cable_twin.mechanics.on_rope.tower import settle_supports
+from cable_twin.mechanics.on_rope.friction import settle_friction
+from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
 
 
@@ -48,4 +48,4 @@ def settle(system, state):
     """What friction is mobilised now, and what each tower bears, is where the next step starts from."""
     for carriage in range(system.carriages.fixed.size):
         settle_friction(system.carriages, state, carriage)
-    settle_supports(system.cable, system.supports, state)
+    settle_towers(system.cable, system.towers, state)

@@ -11,7 +11,6 @@ from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.scenario.mesh import even_nodes, nodes_of
 from cable_twin.scenario.schema import Cable, Carriage, Drive, Scenario, Support, Tower
 
-ELASTIC_MODELS = {"continuum": parameters.CONTINUUM, "element_frame": parameters.ELEMENT_FRAME}
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
@@ -40,11 +39,11 @@ def build_system(scenario: Scenario) -> parameters.System:
             axial_stiffness=cable.axial_stiffness,
             bending_stiffness=cable.bending_stiffness,
             damping_time=cable.damping_time,
-            elastic_model=ELASTIC_MODELS[cable.elastic_model],
+            elastic_model=parameters.ELASTIC_MODELS.index(cable.elastic_model),
             gravity=(0.0, -scenario.gravity),
-            support_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
-            support_projector=np.array([_free_part(end) for end in ends]),
-            support_direction=np.array(
+            end_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
+            end_projector=np.array([_free_part(end) for end in ends]),
+            end_direction=np.array(
                 [_direction(end) if end.support == "clamped" else np.full(2, np.nan) for end in ends]
             ),
             load_arc_length=_array([load.arc_length for load in cable.loads]),
@@ -52,7 +51,7 @@ def build_system(scenario: Scenario) -> parameters.System:
             end_moment=_end_moments(cable),
         ),
         carriages=_build_carriages(scenario),
-        supports=_build_supports(scenario),
+        towers=_build_towers(scenario),
         counterweights=_build_counterweights(scenario),
         moving_cable=_build_moving_cable(scenario),
         haul_ropes=_build_haul_ropes(scenario),
@@ -141,13 +140,13 @@ def _end_moments(cable: Cable) -> FloatArray:
     return moments
 
 
-def _build_supports(scenario: Scenario) -> parameters.Supports:
+def _build_towers(scenario: Scenario) -> parameters.Towers:
     towers = list(scenario.towers.values())
     corners = np.array([scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position])
     contacts = [
         _contacts(tower, *corners[number : number + 3] - corners[number + 1]) for number, tower in enumerate(towers)
     ]
-    return parameters.Supports(
+    return parameters.Towers(
         contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
         top=corners[1:-1].copy(),
         position=_array([row for places, _ in contacts for row in places], 2),
@@ -232,6 +231,8 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         inertia=_array([body.inertia for body in bodies]),
         upper_pivot=_array([body.upper_pivot for body in bodies], 2),
         lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
+        hinge_stiffness=_array([body.stiffness for body in bodies]),
+        hinge_damping=_array([body.damping for body in bodies]),
         centre_offset=np.zeros((len(bodies), 2)),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),

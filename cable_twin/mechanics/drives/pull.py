@@ -1,0 +1,73 @@
+"""How a drive acts on a joint in the equations: the one place where they meet its mode.
+
+A joint follows a reference, or it is free along the cable: then a force along it is given, or a haul rope pulls.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from cable_twin.mechanics.drives.haul_rope import condense_sheave, recover_sheave, rope_force
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
+from cable_twin.mechanics.parameters import HAULED, SPEED, IntArray, System
+
+
+@inlined_kernel
+def reference_gap(state, carriage, work):
+    """Way (m) that a joint is off its reference, where it has one."""
+    if state.drive_mode[carriage] == SPEED:
+        work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
+
+
+@inlined_kernel
+def reference_acceleration(state, carriage, work):
+    """The same at acceleration level (m/s²)."""
+    if state.drive_mode[carriage] == SPEED:
+        work.sliding_increment[carriage] = state.reference.acceleration[carriage]
+
+
+@inlined_kernel
+def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
+    """Leave what the sliding joint needs: whether it is driven, the given force, and the pull of a haul rope."""
+    mode = state.drive_mode[carriage]
+    work.driven[carriage] = mode == SPEED
+    work.given_force[carriage] = state.drive_force[carriage] if mode != HAULED else 0.0
+    work.haul_force[carriage], work.haul_by_s[carriage] = 0.0, 0.0
+    if mode == HAULED:
+        condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+
+
+@inlined_kernel
+def recover_drive(state, carriage, work):
+    """Increment of a sheave, once that of s is known."""
+    if state.drive_mode[carriage] == HAULED:
+        recover_sheave(carriage, work)
+
+
+@kernel
+def observe_haul(system, state, carriage):
+    """Travel (m) and speed (m/s) of a haul rope at its sheave, and its force (N) on the joint; NaN without one."""
+    if state.drive_mode[carriage] != HAULED:
+        return nan, nan, nan
+    force, _, _, _ = rope_force(system, state, carriage)
+    return state.sheaves.position[carriage], state.sheaves.velocity[carriage], force
+
+
+def hold_all(state: Any) -> IntArray:
+    """Hold every joint where it is, as driven ones at rest; the modes (carriages,) that they had."""
+    modes = state.drive_mode.copy()
+    state.drive_mode[:] = SPEED
+    state.reference.position[:] = state.joints.position
+    return modes
+
+
+def let_go(system: System, state: Any, modes: IntArray) -> None:
+    """Give the drives their modes back; each that holds its joint, by itself or by a rope, keeps the force of that."""
+    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
+    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
+        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))
+    state.drive_mode[:] = modes
