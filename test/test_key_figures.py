@@ -18,11 +18,13 @@ from prescribed_frames import (
     scenario,
     snapshot,
     supported,
+    writable,
 )
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 
 
 def drive(figures: KeyFigures, speed_at, duration: float, *, start=100.0, begin=0.0) -> float:
@@ -187,6 +189,26 @@ def test_support_loads_margins_and_travel_against_their_limits():
     assert (nearest.value, nearest.limit, nearest.bound, nearest.kept) == (-1.0, -2.0, "at least", True)
     assert nearest.source == "scenario: cable.end.travel"
     assert "start: counterweight travel, highest" not in found
+
+
+def test_a_tower_that_the_rope_never_touches_is_told():
+    figures = KeyFigures(scenario(towers=TOWERS))
+    for moment in (0.0, 1.0):
+        one = supported(moment, loads=(2e5, 0.0), lowest=(2e5, 0.0))
+        writable(one).tower_rest_load[3] = 0.0
+        figures.update(one)
+    margin = gathered(figures)["upper: deropement margin, load over that at rest"]
+    assert (margin.value, margin.place, margin.kept) == (0.0, "does not touch", False)
+    assert gathered(figures)["lower: deropement margin, load over that at rest"].place == ""
+    assert "end: deropement margin, load over that at rest" not in gathered(figures)
+
+
+@pytest.mark.parametrize("name", ["aerial_tramway", "chairlift", "gondola", "single_span", "seed_example"])
+def test_shipped_scenarios_start_within_their_limits(name):
+    shipped = load_scenario(name)
+    figures = KeyFigures(shipped)
+    figures.update(Simulation(shipped).snapshot)
+    assert [figure.name for figure in figures.figures() if figure.kept is False] == []
 
 
 def test_clearance_of_rope_and_vehicle_with_place():

@@ -17,7 +17,7 @@ SPAN, ROPE = 3.9, 4.02  # m
 
 def particle(mass: float, arc_length: float, **more: Any) -> dict[str, Any]:
     """A carriage that is one point."""
-    bodies = {"body": {"mass": mass, "inertia": 0.01, "upper_pivot": [0.0, 0.0]}}
+    bodies = {"body": {"mass": mass, "inertia": 0.01, "upper_pivot": [0.0, 0.0], "size": [0.0, 0.0]}}
     return {"arc_length": arc_length, "bodies": bodies, **more}
 
 

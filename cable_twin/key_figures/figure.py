@@ -25,6 +25,7 @@ class KeyFigure:
     limit: float | None = None
     bound: Bound = "at most"
     source: str = ""  # of the limit
+    uncertainty: float | None = None  # difference from a finer mesh and step, where that was run
 
     @property
     def kept(self) -> bool | None:
@@ -33,6 +34,15 @@ class KeyFigure:
             return None
         beyond = self.value - self.limit if self.bound == "at most" else self.limit - self.value
         return beyond <= TOLERANCE * abs(self.limit)
+
+    @property
+    def verdict(self) -> str:
+        """Whether the limit is kept in words, "not decided" within the uncertainty; nothing without a limit."""
+        if self.limit is None:
+            return ""
+        if self.uncertainty is not None and abs(self.value - self.limit) <= self.uncertainty:
+            return "not decided"
+        return "kept" if self.kept else "exceeded"
 
 
 def values_of(figure: KeyFigure) -> dict[str, str]:

@@ -116,6 +116,8 @@ def take_supports(memory, time, columns):
         if columns.tower_rest_load[support] > 0.0:
             margin = columns.tower_lowest_load[support] / columns.tower_rest_load[support]
             take(memory.margin, support, margin, time, nan)
+        elif columns.tower_rest_load[support] == 0.0:  # not of an end, which has none
+            take(memory.margin, support, 0.0, time, nan)
         take(memory.farthest, support, travel, time, nan)
         take(memory.nearest, support, travel, time, nan)
 

@@ -154,6 +154,8 @@ class KeyFigures:
             yield self._limited(load, "support_load")
             yield figure_of(memory.lowest_load, number, f"{name}: support load, lowest", "N")
             margin = figure_of(memory.margin, number, f"{name}: deropement margin, load over that at rest", "-")
+            if margin.value == 0.0 and load.value == 0.0:
+                margin = replace(margin, place="does not touch")
             yield self._limited(margin, "deropement_margin", "at least")
             low, high = None, None
             if name in ENDS:

@@ -47,10 +47,10 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
         where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
-            table.add_row(name, *values, unit, limit, _verdict(found), *where)
+            table.add_row(name, *values, unit, limit, _verdict(found, scale), *where)
         else:
             below = ", ".join(filter(None, (limit, *where)))
-            table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found))
+            table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
     for number, source in enumerate(sources, start=1):
         console.print(f"  ({number}) {source}", markup=False)
@@ -69,8 +69,12 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
     return f"{figure.bound} {figure.limit * scale:.4g}{note}"
 
 
-def _verdict(figures: Sequence[KeyFigure | None]) -> str:
-    """Whether the limit is kept, and by which run it is not."""
+def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
+    """Whether the limit is kept, by which run it is not, and how sure the value is where that is known."""
+    lone = figures[0] if len(figures) == 1 else None
+    if lone is not None and lone.uncertainty is not None:
+        word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict
+        return ", ".join(filter(None, (word, f"± {_shown(lone.uncertainty, scale)}")))
     kept = [figure.kept if figure is not None else None for figure in figures]
     if False not in kept:
         return "kept" if True in kept else ""

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from cable_twin.command_line import left_at_once
-from cable_twin.key_figures import KeyFigures
+from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
+from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
 from cable_twin.offline.export import Export, RunTable, export_fault
 from cable_twin.offline.figure_table import print_figures, table_console
@@ -96,10 +97,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         faults += run.recorder.faults if run is not None else []
         if argv is None:
             signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # the log is closed: `simulate | head` ends without a word
+        shown = figures.figures()
         with export.words():
-            code = _report(plan.simulation.scenario, started, outcome, figures, run, faults)
+            if options.check and not faults:
+                shown = checked(
+                    shown,
+                    plan.simulation.scenario,
+                    plan.script,
+                    duration=plan.duration,
+                    frame_steps=plan.frame_steps,
+                )
+            code = _report(plan.simulation.scenario, started, outcome, shown, run, faults)
         if table is not None:
-            table.figures = figures.figures()
+            table.figures = shown
         return code if export.write("simulate") else FAILED
 
 
@@ -120,6 +130,8 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     if faults := splitting.faults(lambda name: f"--{name.replace('_', '-')}"):
         raise OptionError("\n".join(faults))
     log = read_log(options.from_bag) if options.from_bag is not None else None
+    if options.check and (options.snapshot is not None or (log is not None and log.snapshot is not None)):
+        raise OptionError("--check with a snapshot, which is of one mesh; allowed: a run from the start")
     script = read_script(options.script) if options.script is not None else []
     if log is not None:
         script = script_of_log(log)
@@ -251,10 +263,15 @@ def _signals(*, last: bool) -> Iterator[threading.Event]:
 
 
 def _report(
-    scenario: Scenario, start: float, outcome: Outcome, figures: KeyFigures, run: Run | None, faults: Sequence[str]
+    scenario: Scenario,
+    start: float,
+    outcome: Outcome,
+    figures: Sequence[KeyFigure],
+    run: Run | None,
+    faults: Sequence[str],
 ) -> int:
     """Say what was done and what it showed."""
-    print_figures(table_console(), [figures.figures()])
+    print_figures(table_console(), [figures])
     for line in outcome.refused[:5]:
         print(f"simulate: refused: {line}", file=sys.stderr)
     if len(outcome.refused) > 5:

@@ -135,6 +135,12 @@ def parser() -> OneLineParser:
         default="all",
         help="MCAP bag and rerun recording, the bag alone, or nothing; default: all",
     )
+    result.add_argument(
+        "--check",
+        action="store_true",
+        help="run again with half the mesh and half the step, at four times the time, and say by how much each key "
+        "figure differs; a limit within that is not decided",
+    )
     add_export(result)
     return result
 

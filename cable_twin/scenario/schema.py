@@ -254,6 +254,9 @@ class Payload(Section):
     station_distance: float | None = quantity(
         "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
     )
+    loading_time: float = quantity(
+        "s", "time in which as much as the capacity gets in or out; 0: at once, a shock", 0.0, ge=0
+    )
     station_speed: float = quantity("m/s", "below what speed it counts as standing", 0.05, gt=0)
 
 
@@ -302,7 +305,9 @@ class Solver(Section):
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
     step: float = quantity("s", "time step", 0.001, gt=0)
-    spectral_radius: float = quantity("-", "what is left of the highest frequencies in a step", 0.7, ge=0, le=1)
+    spectral_radius: float = quantity(
+        "-", "what is left of the highest frequencies in a step; more than 0.8 fails now and then", 0.7, ge=0, le=1
+    )
     tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-9, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.commands import KINDS
-from cable_twin.mechanics.on_rope.payload import shift_centres
 from cable_twin.mechanics.parameters import FORCE, System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.command_checks import check_drive, check_room, check_station, check_wind
 from cable_twin.simulation.driving import brake, drive, drive_mode
+from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
 
 
@@ -59,11 +59,7 @@ def _drive(ropeway: Ropeway, command: Command) -> None:
 
 
 def _load(ropeway: Ropeway, command: Command) -> None:
-    before = ropeway.system.carriages.centre_offset
-    for name, mass in command.values.items():
-        ropeway.state.payload[ropeway.rows[name]] = mass
-    ropeway.carry(ropeway.state.payload)
-    shift_centres(ropeway.state, ropeway.system.carriages.centre_offset - before)
+    load(ropeway, command.values)
 
 
 def _blow(ropeway: Ropeway, command: Command) -> None:

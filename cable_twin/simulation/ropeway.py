@@ -31,6 +31,7 @@ class Ropeway:
         start: to which a reset goes back.
         stopped: whether an emergency stop is in force.
         commands: the last drive command in force of each carriage or drive that has one.
+        loading: what vehicles shall carry (kg) that are being loaded or unloaded.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -42,6 +43,7 @@ class Ropeway:
         self.state = self.start = allocate_state(self._empty)
         self.stopped = False
         self.commands: dict[str, Command] = {}
+        self.loading: dict[str, float] = {}
         self.state.wind[:] = scenario.air.wind
         self._first_loads = np.array(
             [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
@@ -80,6 +82,7 @@ class Ropeway:
         clock = int(self.state.clock[0])
         write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
+        self.loading.clear()
         self.carry(self.state.payload)
 
     def carry(self, masses: FloatArray) -> None:

@@ -76,6 +76,7 @@ class FullState:
     start: State  # to which a reset goes back
     emergency_stopped: bool
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
+    loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
     at_start: bool = False  # of the scenario, with nothing done since; never so of a file
 
     def copy_to(self, state: State, start: State, scenario: Scenario) -> None:
@@ -97,6 +98,8 @@ class FullState:
                     )
         if strange := [name for name in self.commands if name not in driven]:
             raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
+        if strange := [name for name in self.loading if name not in scenario.vehicles]:
+            raise SnapshotError(f"{', '.join(strange)} being loaded; its scenario has: {', '.join(scenario.vehicles)}")
         for _, given, own in pairs:
             write_state(given, own)
 
@@ -116,6 +119,7 @@ class FullState:
             "time": self.time,
             "emergency_stopped": self.emergency_stopped,
             "commands": {name: [item.kind, item.values[name]] for name, item in self.commands.items()},
+            "loading": dict(self.loading),
             "scenario": self.scenario.resolved(),
         }
         arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
@@ -181,6 +185,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
+        loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
     except SnapshotError:
         raise
@@ -192,7 +197,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
     except ScenarioError as error:
         raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
     states = [_state(part, arrays, name, made) for part in PARTS]
-    return FullState(loaded, time, states[0], states[1], stopped, commands)
+    return FullState(loaded, time, states[0], states[1], stopped, commands, loading)
 
 
 def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:

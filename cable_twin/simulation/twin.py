@@ -13,7 +13,6 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State, allocate_workspace, clone_state
 from cable_twin.records import (
     AppliedCommand,
@@ -22,9 +21,12 @@ from cable_twin.records import (
     SolverReport,
 )
 from cable_twin.scenario import Scenario
+from cable_twin.simulation.advance import in_parts, undamped
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
+from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer
+from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
@@ -50,12 +52,12 @@ class Simulation(Readings):
         samples: points (at least 2) at which snapshots hold the cable.
 
     Raises:
-        EquilibriumError: when the cable finds no rest with its carriages on it.
+        EquilibriumError: the cable finds no rest with its carriages on it, or they start within each other.
     """
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
         self.scenario = scenario
-        self._ropeway = Ropeway(scenario)
+        self._ropeway, self._meeting = Ropeway(scenario), Meeting(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
         self.supports = (*ENDS, *scenario.towers)
@@ -66,7 +68,8 @@ class Simulation(Readings):
         with compiling_ahead(scenario.solver.integrator):
             self._ropeway.find_rest(self._work)
             # compiles what reads the state, while the other process is still at it
-            self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
+            first = self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
+            check_pressure(self.system, first)
         self._packed_state = pack(self._state)
         self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
         self._at_start = True
@@ -163,6 +166,7 @@ class Simulation(Readings):
             clone_state(self._ropeway.start),
             self._ropeway.stopped,
             dict(self._ropeway.commands),
+            dict(self._ropeway.loading),
             self._at_start,
         )
 
@@ -176,6 +180,7 @@ class Simulation(Readings):
         full.copy_to(ropeway.state, ropeway.start, self.scenario)
         ropeway.carry(ropeway.state.payload)
         ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
+        ropeway.loading = dict(full.loading)
         self._at_start = full.at_start
         self._snapshot = self._observe(NOTHING_DONE)
 
@@ -202,7 +207,7 @@ class Simulation(Readings):
         return self.apply(Command("emergency_stop" if active else "release", {}))
 
     def payload(self, name: str, mass: float) -> AppliedCommand:
-        """Let a carriage that stands in a station carry `mass` (kg) from now on.
+        """Let a carriage that stands in a station be loaded, or unloaded, until it carries `mass` (kg).
 
         Raises:
             CommandError: when it is refused: no room, more than the capacity, under way, outside the stations.
@@ -242,7 +247,7 @@ class Simulation(Readings):
         """Run until `time` (s), to the nearest whole step; never back.
 
         Raises:
-            SolverError: when a step fails; `snapshot` then is the last good one.
+            SolverError: a step fails, `snapshot` then is the last good one; or two vehicles have met.
             ValueError: when `time` is not finite.
         """
         if not math.isfinite(time):
@@ -252,24 +257,24 @@ class Simulation(Readings):
         if steps == 0:
             return self._snapshot
         self._at_start = False
-        outcome = Outcome(*self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps))
+        outcome = in_parts(self._ropeway, self._meeting, steps, self._take)
         self._snapshot = self._observe(
-            SolverReport(
-                steps=int(outcome.steps),
-                iterations=int(outcome.iterations),
-                halvings=int(outcome.halvings),
-                constraint_residual=float(outcome.gap),
-            )
+            SolverReport(int(outcome.steps), int(outcome.iterations), int(outcome.halvings), float(outcome.gap))
         )
+        if met := self._meeting.found(self._state):
+            raise SolverError(f"{met}; the state is that at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
                 f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
-                f"an error of {self.system.solver.tolerance:g} m may be left; "
+                f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
                 f"the state is that at {self.time:g} s"
             )
         return self._snapshot
+
+    def _take(self, steps: int) -> tuple:
+        return self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps)
 
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""

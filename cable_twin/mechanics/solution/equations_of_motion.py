@@ -43,6 +43,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     velocity_acceleration,
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
+from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
@@ -143,7 +144,11 @@ def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, wo
 
 @inlined_kernel
 def add_loads(cable, state, stiffness_factor, work):
-    """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x."""
+    """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x.
+
+    Beside `continuum`, the tangent of a moment is left out. It balances what the tangent of bending leaves out there: M
+    times the second derivative of the turn. One without the other is wrong by more the shorter the elements are.
+    """
     like = cable.gravity
     for k in range(cable.load_arc_length.size):
         add_force(load(cable.load_force[k], like), point_at(cable, cable.load_arc_length[k]), work.right_side)
@@ -155,6 +160,8 @@ def add_loads(cable, state, stiffness_factor, work):
             squared = x * x + z * z
             work.right_side[node, 1, 0] += moment * z / squared
             work.right_side[node, 1, 1] -= moment * x / squared
+            if cable.elastic_model != ELEMENT_FRAME:
+                continue
             stiff = stiffness_factor * moment / (squared * squared)
             square = work.diagonal[node, 1, 1]
             square[0] += 2.0 * stiff * x * z

@@ -20,6 +20,9 @@ from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state, fields_of
 
 MAX_RELAXATIONS = 5000
+SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
+COARSE = 1e-9  # of its length: increment at which a start of the second method ends
+STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
 GIVEN = ("joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock")  # what a start is asked to have
 
 
@@ -164,6 +167,40 @@ def lay_cable(system: System, state: State) -> None:
     state.nodes.position[:, 0], state.nodes.position[:, 1] = positions, slopes
 
 
+def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> tuple[int, float]:
+    """Relax a softer cable first, and from its shape stiffer ones up to that of the system.
+
+    Args:
+        system: parameters.
+        state: is laid anew, and left at rest.
+        work: scratch space.
+        tolerance: last increment (m) that is allowed.
+
+    Returns:
+        Number of iterations of the last relaxation (MAX_RELAXATIONS when it failed) and its last increment (m).
+    """
+    cable = system.cable
+    lay_cable(system, state)
+    good, rough = clone_state(state), 1e-6 * cable.unstrained_length
+    for share in SOFTER:
+        softer = system._replace(cable=cable._replace(axial_stiffness=share * cable.axial_stiffness))
+        relax(softer, state, good, work, MAX_RELAXATIONS, rough)
+    return relax(system, state, good, work, MAX_RELAXATIONS, tolerance)
+
+
+def _advice(system: System) -> str:
+    """What to change where no rest is found."""
+    cable = system.cable
+    mass = cable.mass_per_length * cable.unstrained_length + float(system.carriages.mass.sum())
+    loads = float(np.linalg.norm(cable.load_force, axis=1).sum()) + mass * float(np.linalg.norm(cable.gravity))
+    if cable.axial_stiffness > STIFFEST * loads > 0.0:
+        return (
+            f"its strain under {loads:.3g} N is lost in rounding: lower cable.axial_stiffness, "
+            f"{STIFFEST * loads:.3g} N are stiff enough"
+        )
+    return "change cable.elements or cable.bending_stiffness, or start it another way"
+
+
 def settle(system: System, state: State, work: Workspace) -> None:
     """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
 
@@ -192,9 +229,12 @@ def settle(system: System, state: State, work: Workspace) -> None:
     tolerance = 1e-11 * cable.unstrained_length
     used, increment = relax(smooth, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
     if used >= MAX_RELAXATIONS:
+        tolerance = COARSE * cable.unstrained_length
+        used, increment = stiffen(smooth, state, work, tolerance)
+    if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
-            f"no static equilibrium after {used} iterations: the last one moved a point by {increment:.3g} m, "
-            f"allowed are {tolerance:.3g} m"
+            f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
+            f"{increment:.3g} m, allowed are {tolerance:.3g} m; {_advice(system)}"
         )
     state.tower_load[:, 1] = state.tower_load[:, 0]
     let_go(system, state, modes)

@@ -1,0 +1,54 @@
+"""How sure key figures are: the same run with half the mesh and half the step, and the difference of each figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.scenario import Grading, Scenario, load_scenario
+from cable_twin.simulation import Simulation
+
+
+def refined(scenario: Scenario) -> Scenario:
+    """The same scenario with elements and steps of half the length."""
+    elements = scenario.cable.elements
+    if isinstance(elements, Grading):
+        changes = {f"cable.elements.{key}": 0.5 * getattr(elements, key) for key in ("target", "at_towers")}
+        # the growth per metre stays, so that elements are halved everywhere
+        changes["cable.elements.growth"] = elements.growth**0.5
+    else:
+        changes = {"cable.elements": 2 * elements}
+    return load_scenario(scenario.resolved(), {**changes, "solver.step": 0.5 * scenario.solver.step})
+
+
+def checked(
+    figures: Sequence[KeyFigure],
+    scenario: Scenario,
+    script: Sequence[ScriptedCommand],
+    *,
+    duration: float,
+    frame_steps: int,
+) -> list[KeyFigure]:
+    """Key figures of a run from its start, each with its difference from those of the refined one.
+
+    Args:
+        figures: of the run.
+        scenario: of the run.
+        script: its commands.
+        duration: s.
+        frame_steps: solver steps in a frame of the run.
+    """
+    finer = refined(scenario)
+    gathered = KeyFigures(finer)
+    simulate(Simulation(finer), script, duration=duration, frame_steps=2 * frame_steps, epoch_ns=0, figures=gathered)
+    values = {figure.name: figure.value for figure in gathered.figures()}
+    return [
+        replace(figure, uncertainty=abs(values[figure.name] - figure.value)) if figure.name in values else figure
+        for figure in figures
+    ]
+
+
+__all__ = ["checked", "refined"]

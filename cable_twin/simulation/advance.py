@@ -1,0 +1,51 @@
+"""Solver steps in parts, with what has to be done between them at times that no caller can shift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from cable_twin.mechanics.parameters import Solver
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.simulation.loading import load_on
+from cable_twin.simulation.meeting import Meeting
+from cable_twin.simulation.ropeway import Ropeway
+
+PERIOD = 0.05  # s of simulated time from one look to the next; a person gets into a cabin in several of them
+SURE_RADIUS = 0.8  # -, of solver.spectral_radius; with more a light load on a stiff cable fails now and then
+
+
+def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[int], tuple]) -> Outcome:
+    """Take `steps` solver steps by calls of `advance`, in one where nothing is to be done meanwhile.
+
+    Returns:
+        What came of all of them, or until one failed or two vehicles have met.
+    """
+    step, clock = ropeway.system.solver.step, ropeway.state.clock
+    period = max(round(PERIOD / step), 1)
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0)
+    while total.converged and total.steps < steps and not meeting.found(ropeway.state):
+        rest = steps - total.steps
+        until = period - int(clock[0]) % period if ropeway.loading or meeting.possible else rest
+        part = Outcome(*advance(min(rest, until)))
+        total = part._replace(
+            steps=total.steps + part.steps,
+            iterations=total.iterations + part.iterations,
+            halvings=total.halvings + part.halvings,
+            gap=max(total.gap, part.gap),
+        )
+        if total.converged and int(clock[0]) % period == 0:
+            load_on(ropeway, period * step)
+    return total
+
+
+def undamped(solver: Solver) -> str:
+    """What to say of a step that failed where the solver hardly damps what joints and a stiff cable ring with."""
+    if solver.spectral_radius <= SURE_RADIUS:
+        return ""
+    return (
+        f"solver.spectral_radius is {solver.spectral_radius:g}, which hardly damps the ringing of joints and cable: "
+        f"up to {SURE_RADIUS:g} is sure; "
+    )
+
+
+__all__ = ["in_parts", "undamped"]

@@ -1,0 +1,75 @@
+"""The static start as meshes become finer and cables stiffer, and the numbers with which a step can be taken."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+
+
+def bent(elements: int, model: str) -> float:
+    """Angle (rad) at the end of a cantilever of 1 m, EI = 10 N m², EA = 20 kN, under an end moment of 10 N m."""
+    cable = {
+        "unstrained_length": 1.0,
+        "mass_per_length": 1.0,
+        "axial_stiffness": 2e4,
+        "bending_stiffness": 10.0,
+        "elements": elements,
+        "elastic_model": model,
+        "start": {"position": [0.0, 0.0], "support": "clamped", "direction": [1.0, 0.0]},
+        "end": {"position": [1.0, 0.0], "support": "free"},
+        "loads": [{"arc_length": 1.0, "moment": 10.0}],
+    }
+    slope = Simulation(load_scenario({"gravity": 0.0, "cable": cable})).state.nodes.position[-1, 1]
+    return -float(np.arctan2(slope[1], slope[0]))
+
+
+@pytest.mark.parametrize("elements", [32, 64, 128, 512])
+def test_a_cantilever_under_an_end_moment_survives_refinement(elements):
+    """M L / EI = 1; in the frame of elements, the softness of theory.md: 2.4 c κ² more, with c = 5 EI / EA."""
+    assert bent(elements, "continuum") == pytest.approx(1.0, abs=1e-8)
+    assert bent(elements, "element_frame") == pytest.approx(1.0 + 2.4 * 5.0 * 10.0 / 2e4, abs=3e-4)
+
+
+@pytest.mark.parametrize("elements", [24, 96])
+def test_a_cable_that_hardly_stretches_finds_its_rest_from_softer_ones(elements):
+    stiff = {"cable.axial_stiffness": 1e12, "cable.elements": elements}
+    stiffer, real = (
+        Simulation(load_scenario("seed_example", change)) for change in (stiff, {"cable.elements": elements})
+    )
+    heights = [one.snapshot.carriages["carriage"].position[2] for one in (stiffer, real)]
+    assert heights[0] == pytest.approx(heights[1], abs=0.02)
+
+
+def test_where_there_is_no_rest_the_line_says_what_to_change():
+    with pytest.raises(
+        EquilibriumError, match=r"no static equilibrium .* lost in rounding: lower cable.axial_stiffness"
+    ):
+        Simulation(load_scenario("seed_example", {"cable.axial_stiffness": 1e14}))
+
+
+def test_a_cable_without_bending_stiffness_is_no_strut():
+    """300 m of it on 100 m without gravity; with gravity it hangs."""
+    ends = {"start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
+    rope = {"unstrained_length": 300.0, "mass_per_length": 1.0, "axial_stiffness": 1e6, "elements": 60}
+    slack = {"gravity": 0.0, "cable": {**rope, "bending_stiffness": 0.0, **ends}}
+    with pytest.raises(EquilibriumError, match=r"cable.bending_stiffness: given 0, .* pressure of 6.667e\+05 N"):
+        Simulation(load_scenario(slack))
+    assert Simulation(load_scenario(slack, {"gravity": 9.81})).snapshot.cable.tensions.min() > 0.0
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.7, 0.8])
+@pytest.mark.parametrize("share", [1.0, 0.1, 0.01])
+def test_radii_that_are_sure_halve_no_step_whatever_the_load(radius, share):
+    body = {"mass": share * 2.67, "inertia": share * 0.2242}
+    changes = {f"carriages.carriage.bodies.{name}.{key}": body[key] for name in ("rb1", "rb2") for key in body}
+    simulation = Simulation(load_scenario("seed_example", {**changes, "solver.spectral_radius": radius}))
+    assert simulation.advance_to(1.0).solver.halvings == 0
+
+
+def test_a_step_that_fails_names_a_radius_that_is_none_of_them():
+    simulation = Simulation(load_scenario("seed_example", {"solver.spectral_radius": 1.0}))
+    with pytest.raises(SolverError, match=r"solver.spectral_radius is 1, .* up to 0.8 is sure"):
+        simulation.advance_to(2.0)
