@@ -15,7 +15,7 @@ from twin_process import environment, run_module, wait_until, write_quick_scenar
 
 from cable_twin.recording.web_view import LIVE_ADDRESS, WebView, free_port
 
-SERVE = "from cable_twin.offline.commands import review; raise SystemExit(review())"
+SERVE = "from cable_twin.offline.entry_points import review; raise SystemExit(review())"
 
 
 @pytest.fixture(scope="module")

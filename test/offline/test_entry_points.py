@@ -30,7 +30,7 @@ SCRIPT = """
 import signal, sys
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from cable_twin.offline.commands import {0}
+from cable_twin.offline.entry_points import {0}
 Path("{0}.begun").touch()
 sys.exit({0}())
 """
