@@ -100,13 +100,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         shown = figures.figures()
         with export.words():
             if options.check and not faults:
-                shown = checked(
-                    shown,
-                    plan.simulation.scenario,
-                    plan.script,
-                    duration=plan.duration,
-                    frame_steps=plan.frame_steps,
-                )
+                scenario, frames = plan.simulation.scenario, plan.frame_steps
+                shown = checked(shown, scenario, plan.script, duration=plan.duration, frame_steps=frames)
             code = _report(plan.simulation.scenario, started, outcome, shown, run, faults)
         if table is not None:
             table.figures = shown
