@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shlex
+import shutil
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NoReturn
+from pathlib import Path
+from typing import Any, NoReturn
 
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
@@ -33,6 +36,17 @@ def left_at_once(command: str) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def typed(command: str) -> str:
+    """What to type for another command of this installation: its name where a shell finds it, else where it is."""
+    beside = [directory / command for directory in (Path(sys.argv[0]).absolute().parent, Path(sys.executable).parent)]
+    file = next((file for file in beside if os.access(file, os.X_OK)), None)
+    found = shutil.which(command)
+    if file is None or (found is not None and os.path.samefile(found, file)):
+        return command
+    short = os.path.relpath(file)
+    return shlex.quote(str(file) if short.startswith("..") else short)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -62,3 +76,34 @@ class OneLineParser(argparse.ArgumentParser):
         """Print the line and end."""
         print(f"{self.prog}: {message}; all options: {self.prog} --help", file=sys.stderr)
         sys.exit(self._failure)
+
+    def add_scenario(self, text: str, listing: Callable[[], Sequence[str]]) -> None:
+        """Take a scenario with and without `--scenario`, and `--list`; `given_scenario` says which was given.
+
+        Args:
+            text: what is said about it in the help.
+            listing: the lines that `--list` prints.
+        """
+        self.add_argument("plain_scenario", nargs="?", metavar="SCENARIO", help=text)
+        self.add_argument("--scenario", metavar="SCENARIO", help="the same")
+        self.add_argument("--list", action=_PrintLines, lines=listing, help="print the scenarios, a line each, and end")
+
+    def given_scenario(self, options: argparse.Namespace) -> str | None:
+        """The scenario, in whichever form; ends in a line where both name one."""
+        plain, named = options.plain_scenario, options.scenario
+        if plain is not None and named is not None:
+            self.error(f"scenario '{plain}' and --scenario '{named}' are given; one is allowed")
+        return plain if named is None else named
+
+
+class _PrintLines(argparse.Action):
+    """An option that prints lines and ends, as --help does."""
+
+    def __init__(self, *, lines: Callable[[], Sequence[str]], **options: Any) -> None:
+        super().__init__(**options, nargs=0)
+        self._lines = lines
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print them."""
+        print("\n".join(self._lines()))
+        parser.exit()

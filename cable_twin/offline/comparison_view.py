@@ -1,4 +1,4 @@
-"""Two runs in one rerun recording: each below a root of its own, their plots laid over each other."""
+"""Several runs in one rerun recording: each below a root of its own, their plots laid over each other."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from cable_twin.offline.figure_table import LABELS
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.run import open_view
 from cable_twin.recording.view_layout import frame, plot_titles
@@ -18,8 +19,6 @@ from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.scenario import Scenario
 from cable_twin.signals import SIGNALS
 from cable_twin.snapshot import Layout, Snapshot
-
-ROOTS = ("a", "b")
 
 
 class _RootedStream:
@@ -57,10 +56,10 @@ class _RootedStream:
 
 
 class ComparisonView:
-    """One recording of two runs.
+    """One recording of several runs.
 
     Args:
-        scenarios: Of both runs.
+        scenarios: Of the runs.
         titles: What names each run.
         path: The .rrd to write.
         first: The first snapshot of the first run, for the unit of forces.
@@ -73,7 +72,7 @@ class ComparisonView:
         self._stream = open_stream(" and ".join(titles), path)
         unit = "N" if abs(first.cable.tensions).max() < 1e3 else "kN"
         self.views: list[RerunView] = []
-        for index, (root, scenario) in enumerate(zip(ROOTS, scenarios, strict=True)):
+        for index, (root, scenario) in enumerate(zip(LABELS, scenarios, strict=False)):
             stream: Any = _RootedStream(self._stream, root, 3 * index)
             self.views.append(open_view(scenario, None, stream=stream, force_unit=unit, batch_frames=500))
         self._stream.send_blueprint(_blueprint(titles, unit, first.layout))
@@ -91,16 +90,17 @@ class ComparisonView:
 
 
 def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprint:
-    """Tracks and commands side by side, plots of both runs below."""
+    """Tracks and commands side by side, plots of all runs below."""
+    roots = LABELS[: len(titles)]
     tracks = [
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")
-        for root, title in zip(ROOTS, titles, strict=True)
+        for root, title in zip(roots, titles, strict=True)
     ]
     plots = [
         rrb.TimeSeriesView(
             name=title,
             origin="/",
-            contents=[f"+ /{root}/plots/{path}/**" for root in ROOTS],
+            contents=[f"+ /{root}/plots/{path}/**" for root in roots],
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         )
@@ -113,7 +113,7 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
             origin=f"{root}/commands",
             columns=rrb.TextLogColumns(text_log_columns=["Body"]),
         )
-        for root in ROOTS
+        for root in roots
     ]
     return frame(
         rrb.Horizontal(
@@ -124,4 +124,4 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
     )
 
 
-__all__ = ["ROOTS", "ComparisonView"]
+__all__ = ["ComparisonView"]

@@ -1,8 +1,9 @@
-"""Key figures as a table for people: of one run, or of two beside each other."""
+"""Key figures as a table for people: of one run, or of several beside each other."""
 
 from __future__ import annotations
 
 import math
+import string
 import sys
 from collections.abc import Sequence
 
@@ -13,6 +14,7 @@ from rich.table import Table
 from cable_twin.key_figures import KeyFigure
 
 WIDE = 140  # characters that a table with limits, times and places needs
+LABELS = string.ascii_lowercase  # of runs beside each other
 NOISE = 1e-7  # in SI; what is less is rounding
 
 
@@ -22,7 +24,7 @@ def table_console() -> Console:
 
 
 def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> None:
-    """Print one table with a column for each of one or two runs; when and where only for a single one.
+    """Print one table with a column for each run; when and where only for a single one.
 
     On a narrow terminal all but name, value, unit and verdict goes to a line of its own below them.
     """
@@ -30,25 +32,25 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
     runs = [{figure.name: figure for figure in run} for run in figures]
     lone = len(runs) == 1
     table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("value",) if lone else ("a", "b"):
+    for title in ("value",) if lone else LABELS[: len(runs)]:
         table.add_column(title, justify="right", no_wrap=True)
     for title in ("unit", *(("limit",) if wide else ()), "", *(("at", "where") if lone and wide else ())):
         table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
     sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
     for name in dict.fromkeys(name for run in runs for name in run):
-        both = [run.get(name) for run in runs]
-        present = [figure for figure in both if figure is not None]
+        found = [run.get(name) for run in runs]
+        present = [figure for figure in found if figure is not None]
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
-        values = ["" if figure is None else _shown(figure.value, scale) for figure in both]
+        values = ["" if figure is None else _shown(figure.value, scale) for figure in found]
         limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
         where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
-            table.add_row(name, *values, unit, limit, _verdict(both, scale), *where)
+            table.add_row(name, *values, unit, limit, _verdict(found, scale), *where)
         else:
             below = ", ".join(filter(None, (limit, *where)))
-            table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(both, scale))
+            table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
     for number, source in enumerate(sources, start=1):
         console.print(f"  ({number}) {source}", markup=False)
@@ -76,7 +78,7 @@ def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
     kept = [figure.kept if figure is not None else None for figure in figures]
     if False not in kept:
         return "kept" if True in kept else ""
-    broken = " and ".join(label for label, keeps in zip("ab", kept, strict=False) if keeps is False)
+    broken = " and ".join(label for label, keeps in zip(LABELS, kept, strict=False) if keeps is False)
     return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
 
 

@@ -1,4 +1,4 @@
-"""Plots of one run or of two over each other, as PNG: rope, tension, speed, swing, drive, contact forces."""
+"""Plots of one run or of several over each other, as PNG: rope, tension, speed, swing, drive, contact forces."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from cable_twin.offline.signal_series import Signals
@@ -28,7 +29,7 @@ INK = "#22303C"
 QUIET = "#7B8794"
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
 MANY = 6  # lines of a run in a panel, above which they are thin and coloured from first to last
-DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6))  # of the first and the second run
+DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6), (1.0, 1.0), (6.0, 1.2, 1.0, 1.2))  # of runs, or lines
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
@@ -59,7 +60,7 @@ SCALED = ("N", "W")  # units that may get a prefix
 class PlottedRun:
     """One run to draw."""
 
-    label: str  # a or b where there are two, else empty
+    label: str  # a, b, ... where there are several, else empty
     scenario: str
     run: str
     signals: Signals
@@ -71,7 +72,7 @@ def write_plots(
     """Write all plots.
 
     Args:
-        runs: One run, or two to lay over each other.
+        runs: One run, or several to lay over each other.
         directory: Made where it does not exist.
         on_file: Called with each file before it is drawn.
 
@@ -103,7 +104,7 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
-    """Runs and signals of a quantity that have any number; of two runs only the last body of each carriage."""
+    """Runs and signals of a quantity that have any number; of several runs only the last body of each carriage."""
     lines = []
     for index, run in enumerate(runs):
         names = [
@@ -117,11 +118,14 @@ def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
     return lines
 
 
-def _title(figure: Figure, runs: Sequence[PlottedRun], title: str) -> None:
-    """What, and of which runs."""
+def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
+    """What, and of which runs, two in a row; the axes get what is left, up to `right` of the width."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
     names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
-    figure.text(0.012, 1.0 - 0.5 / figure.get_figheight(), "     ".join(names), color=QUIET, va="top", fontsize=9.0)
+    rows = ["     ".join(names[first : first + 2]) for first in range(0, len(names), 2)]
+    figure.text(0.012, 1.0 - 0.5 / figure.get_figheight(), "\n".join(rows), color=QUIET, va="top", fontsize=9.0)
+    top = 0.2 + 0.18 * (len(rows) - 1)  # inches
+    figure.tight_layout(rect=(0.0, 0.0, right, 1.0 - top / figure.get_figheight()))
 
 
 def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Signal]) -> Figure:
@@ -132,7 +136,6 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Signal])
         _panel(axes, runs, signal)
     rows[-1, 0].set_xlabel("simulated time [s]")
     _title(figure, runs, title)
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.2 / figure.get_figheight()))
     return figure
 
 
@@ -146,11 +149,9 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], signal: Signal) -> None:
         parts = name.split("/")[1:]
         times, values = runs[index].signals.series[name].line()
         whose = " ".join(parts[1:] if lone else parts)
-        color: Any = COLORS[(names.index(name) + (3 * index if len(names) <= 3 else 0)) % len(COLORS)]
-        if many:
-            color = plt.get_cmap("viridis")(names.index(name) / (len(names) - 1))
+        color, dashes = _look(names.index(name), len(names), index, len(runs))
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
-        axes.plot(times, values, color=color, dashes=DASHES[index], label=legend, linewidth=0.7 if many else None)
+        axes.plot(times, values, color=color, dashes=dashes, label=legend, linewidth=0.7 if many else None)
     largest = max(abs(value) for value in axes.get_ylim())
     scale, prefix = 1.0, ""
     if signal.unit in SCALED:
@@ -163,23 +164,36 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], signal: Signal) -> None:
     axes.margins(x=0.01)
     if many:
         first, last = (" ".join(name.split("/")[1:]) for name in (names[0], names[-1]))
-        which = "".join(
-            f"; {run.label}: {'dashed' if index else 'solid'}" for index, run in enumerate(runs) if run.label
-        )
+        which = "; a: solid; b: dashed" if len(runs) == 2 else ""
+        shades = f", from {first} (dark) to {last} (light){which}" if len(runs) <= 2 else " of each run, in its colour"
         axes.set_title(
-            f"{len(names)} lines, from {first} (dark) to {last} (light){which}",
+            f"{len(names)} lines{shades}",
             fontsize=9.0,
             fontweight="normal",
         )
+        if len(runs) > 2:
+            colors = [_look(0, 1, index, len(runs))[0] for index in range(len(runs))]
+            shown = [Line2D([], [], color=color, label=run.label) for color, run in zip(colors, runs, strict=True)]
+            axes.legend(handles=shown, loc="upper right", ncols=len(runs))
     elif len(lines) > 1:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
 
 
+def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float, ...]]:
+    """Colour and dashes of one of so many lines of one of so many runs."""
+    if runs > 2:  # a colour a run
+        few = runs <= len(COLORS)
+        color: Any = COLORS[run] if few else plt.get_cmap("viridis")(run / (runs - 1))
+        return color, DASHES[line % len(DASHES)] if lines <= MANY else ()
+    if lines > MANY:
+        return plt.get_cmap("viridis")(line / (lines - 1)), DASHES[run]
+    return COLORS[(line + (3 * run if lines <= 3 else 0)) % len(COLORS)], DASHES[run]
+
+
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
     """The rope at a row of times, coloured by time, and below it how far it is from its chord."""
-    figure, rows = plt.subplots(
-        2, len(runs), figsize=(10.0 if len(runs) == 1 else 14.0, 6.6), sharex="col", sharey="row", squeeze=False
-    )
+    width = 10.0 if len(runs) == 1 else max(14.0, 4.5 * len(runs))
+    figure, rows = plt.subplots(2, len(runs), figsize=(width, 6.6), sharex="col", sharey="row", squeeze=False)
     end = max(run.signals.shapes()[-1].time for run in runs)
     norm = Normalize(0.0, end or 1.0)
     for column, run in enumerate(runs):
@@ -200,8 +214,7 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
             rows[0, column].set_title(run.label)
     rows[0, 0].set_ylabel("z, height [m]")
     rows[1, 0].set_ylabel("z above the chord [m]")
-    _title(figure, runs, "Rope over time, with the places of the carriages")
-    figure.tight_layout(rect=(0.0, 0.0, 0.9, 1.0 - 0.2 / figure.get_figheight()))
+    _title(figure, runs, "Rope over time, with the places of the carriages", right=0.9)
     bar = figure.add_axes((0.915, 0.12, 0.015, 0.7))
     figure.colorbar(ScalarMappable(norm, "viridis"), cax=bar, label="simulated time [s]")
     return figure

@@ -1,4 +1,4 @@
-"""Signals of a run over time in a memory that does not grow with its length: for plots, and to compare two runs."""
+"""Signals of a run over time in a memory that does not grow with its length: for plots, and to compare runs."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from cable_twin.snapshot import Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
 SHAPES = 24  # ropes that are kept
+SAME = 5e-4  # s within which frames of two runs are of one time
 
 
 def signal_values(snapshot: Snapshot) -> dict[str, float]:
@@ -160,38 +161,49 @@ class Comparison:
     frames: int = 0
     only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
 
+    def take(self, time: float, first: Mapping[str, float], second: Mapping[str, float]) -> None:
+        """Take in a frame that both have."""
+        self.frames += 1
+        for name, value in first.items():
+            if name in second:
+                self.differences.setdefault(name, Difference()).update(time, value, second[name])
 
-def compare(
-    first: Iterator[tuple[float, Mapping[str, float]]], second: Iterator[tuple[float, Mapping[str, float]]]
-) -> Comparison:
-    """Compare signals of two runs, frame by frame where they have the same time, to half a millisecond.
+
+Frames = Iterator[tuple[float, Mapping[str, float]]]
+
+
+def compare(first: Frames, *others: Frames) -> list[Comparison]:
+    """Compare signals of a run with those of others, frame by frame where they have the same time, within `SAME`.
 
     Args:
         first: Time (s) and values of each frame.
-        second: The same of the other run; both are read to their ends.
+        others: The same of the other runs; all are read side by side to their ends.
+
+    Returns:
+        A comparison with the first run for each other one.
     """
-    result = Comparison()
-    named: tuple[set[str], set[str]] = (set(), set())
-    first, second = _noting(first, named[0]), _noting(second, named[1])
-    a, b = next(first, None), next(second, None)
-    while a is not None or b is not None:
-        if a is not None and b is not None and abs(a[0] - b[0]) < 5e-4:
-            result.frames += 1
-            for name, value in a[1].items():
-                if name in b[1]:
-                    result.differences.setdefault(name, Difference()).update(a[0], value, b[1][name])
-            a, b = next(first, None), next(second, None)
-        elif b is None or (a is not None and a[0] < b[0]):
-            a = next(first, None)
-        else:
-            b = next(second, None)
-    result.only_in = (named[0] - named[1], named[1] - named[0])
-    return result
+    results = [Comparison() for _ in others]
+    named: list[set[str]] = [set() for _ in others]
+    own: set[str] = set()
+    runs = [_noting(run, names) for run, names in zip(others, named, strict=True)]
+    heads = [next(run, None) for run in runs]
+    for time, values in _noting(first, own):
+        for index, run in enumerate(runs):
+            head = heads[index]
+            while head is not None and head[0] <= time - SAME:
+                head = next(run, None)
+            if head is not None and head[0] < time + SAME:
+                results[index].take(time, values, head[1])
+                head = next(run, None)
+            heads[index] = head
+    for run, names, result in zip(runs, named, results, strict=True):
+        for _ in run:
+            pass
+        result.only_in = (own - names, names - own)
+    return results
 
 
-def _noting(
-    frames: Iterator[tuple[float, Mapping[str, float]]], names: set[str]
-) -> Iterator[tuple[float, Mapping[str, float]]]:
+def _noting(frames: Frames, names: set[str]) -> Frames:
     """Pass frames on and note the names of all signals: a log may hold some of them at a few frames only."""
     for frame in frames:
         names.update(frame[1])

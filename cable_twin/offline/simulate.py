@@ -7,19 +7,20 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.command_line import left_at_once
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
+from cable_twin.offline.export import Export, RunTable, export_fault
 from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.run_progress import run_progress
 from cable_twin.offline.script import (
     ScriptedCommand,
     ScriptError,
@@ -61,7 +62,11 @@ class Plan:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a scenario and report; the help has the exit codes."""
-    options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    options.scenario = arguments.given_scenario(options)
+    if fault := export_fault(options):
+        arguments.error(fault)
     console = Console(stderr=True)
     try:
         if options.explain is not None:
@@ -74,13 +79,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         return UNUSABLE
     with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
         try:
+            export = Export(options)
+        except OSError as error:
+            print(f"simulate: {error.filename}: {error.strerror}", file=sys.stderr)
+            return FAILED
+        try:
             run = _start(plan, options)
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
             return FAILED
         started = plan.simulation.time
         figures = KeyFigures(plan.simulation.scenario)
-        outcome = _run(plan, run, figures, console, ended)
+        name = plan.simulation.scenario.name
+        table = export.add(name if run is None else str(run.directory), name)
+        outcome = _run(plan, run, figures, table, console, ended)
         faults = [outcome.fault] if outcome.fault else []
         faults += run.recorder.faults if run is not None else []
         if argv is None:
@@ -88,13 +100,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         shown = figures.figures()
         if options.check and not faults:
             shown = checked(
-                shown,
-                plan.simulation.scenario,
-                plan.script,
-                duration=plan.duration,
-                frame_steps=plan.frame_steps,
+                shown, plan.simulation.scenario, plan.script, duration=plan.duration, frame_steps=plan.frame_steps
             )
-        return _report(plan.simulation.scenario, started, outcome, shown, run, faults)
+        with export.words():
+            code = _report(plan.simulation.scenario, started, outcome, shown, run, faults)
+        if table is not None:
+            table.figures = shown
+        return code if export.write("simulate") else FAILED
 
 
 def _explain(key: str) -> None:
@@ -146,14 +158,27 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     return Plan(simulation, script, duration, frame_steps, rates, splitting)
 
 
-def _run(plan: Plan, run: Run | None, figures: KeyFigures, console: Console, ended: threading.Event) -> Outcome:
+def _run(
+    plan: Plan,
+    run: Run | None,
+    figures: KeyFigures,
+    table: RunTable | None,
+    console: Console,
+    ended: threading.Event,
+) -> Outcome:
     """Simulate, with a progress bar, and close the logs."""
     simulation = plan.simulation
     epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     if run is not None:
         run.begin(epoch_ns)
     try:
-        with _progress(console, simulation.time, plan.duration) as on_frame:
+        with run_progress(console, simulation.time, plan.duration) as show:
+
+            def on_frame(time: float) -> None:
+                show(time)
+                if table is not None:
+                    table.take(simulation.snapshot)
+
             return simulate(
                 simulation,
                 plan.script,
@@ -168,7 +193,7 @@ def _run(plan: Plan, run: Run | None, figures: KeyFigures, console: Console, end
             )
     finally:
         if run is not None:
-            run.recorder.close()
+            run.close()
 
 
 def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:
@@ -215,29 +240,6 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
         rerun="file" if options.record == "all" else "off",
         splitting=plan.splitting,
     )
-
-
-@contextmanager
-def _progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
-    """A bar with simulated time, speed in times real time, and the time that remains."""
-    columns = (
-        TextColumn("simulate"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} s, {task.fields[factor]:.1f} times real time, remaining"),
-        TimeRemainingColumn(),
-    )
-    # a file gets nothing of it, not even the empty line in the end
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("simulate", total=duration, factor=0.0)
-        began = time.monotonic()
-
-        def on_frame(simulated: float) -> None:
-            elapsed = max(time.monotonic() - began, 1e-3)
-            done = simulated - start
-            progress.update(task, completed=min(done, duration), factor=done / elapsed)
-
-        yield on_frame
 
 
 @contextmanager

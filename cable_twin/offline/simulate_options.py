@@ -12,9 +12,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
+from cable_twin.offline.export import add_export
 from cable_twin.rates import EVERY_FRAME, LOGGED
 from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
+from cable_twin.scenario import scenario_lines
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
@@ -55,6 +57,8 @@ examples:
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
+  simulate chairlift --duration 30 --record off --json - | jq '.runs[0].key_figures[] | select(.kept == false)'
+  simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
 """
 
@@ -67,10 +71,9 @@ def parser() -> OneLineParser:
         EPILOG,
         failure=UNUSABLE,
     )
-    result.add_argument(
-        "scenario",
-        nargs="?",
-        help=f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+    result.add_scenario(
+        f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+        scenario_lines,
     )
     result.add_argument(
         "--explain", metavar="KEY", help="say what a key of a scenario file, or a section, means, and run nothing"
@@ -138,6 +141,7 @@ def parser() -> OneLineParser:
         help="run again with half the mesh and half the step, at four times the time, and say by how much each key "
         "figure differs; a limit within that is not decided",
     )
+    add_export(result)
     return result
 
 

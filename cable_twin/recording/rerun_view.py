@@ -22,7 +22,8 @@ from cable_twin.recording.view_geometry import plane, time_column
 from cable_twin.recording.view_picture import Look, Picture
 from cable_twin.recording.view_plots import CommandedSpeeds
 from cable_twin.recording.view_readout import describe_command
-from cable_twin.recording.view_stream import flush_stream, live_url, open_stream, split_stream
+from cable_twin.recording.view_stream import flush_stream, open_stream, split_stream
+from cable_twin.recording.web_view import LIVE_PORT, live_url
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.snapshot import Layout, Snapshot
 
@@ -45,7 +46,7 @@ class RerunView:
         *,
         path: Path | None,
         live: bool,
-        live_port: int = 9876,
+        live_port: int = LIVE_PORT,
         support_positions: Mapping[str, ArrayLike] | None = None,
         ground: ArrayLike | None = None,
         force_unit: str | None = None,

@@ -14,6 +14,7 @@ from cable_twin.messages import NAMESPACE, Topic, scenario_message
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
+from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
 
@@ -29,6 +30,13 @@ class Run:
     directory: Path
     recorder: Recorder
     live_url: str | None  # where a rerun viewer finds the live view
+    web: WebView | None = None  # the same for a browser
+
+    def close(self) -> None:
+        """Close the logs with all that waits for them, and end the live view."""
+        self.recorder.close()
+        if self.web is not None:
+            self.web.close()
 
     def begin(self, epoch_ns: int) -> None:
         """Say when the run begins: before its first frame is recorded, and before the simulation goes on.
@@ -62,7 +70,7 @@ def start_run(
         topics: what the bag will hold.
         record_directory: parent of the new directory.
         frame_period: s.
-        rerun: "off", "file", or "live" (a file, and a server on 127.0.0.1).
+        rerun: "off", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
         splitting: when the logs go on in new files, and how long old ones are kept.
         namespace: full name of the node in the bag.
 
@@ -74,18 +82,24 @@ def start_run(
     scenario = simulation.scenario
     metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES)
     log = McapLog(directory, topics, metadata, namespace=namespace)
-    view, faults = None, []
-    for live in {"off": (), "file": (False,), "live": (True, False)}[rerun]:
+    view, web, faults = None, None, []
+    for live in {"off": (), "file": (False,)}.get(rerun, (True, False)):
         try:
-            view = open_view(scenario, log.path.with_suffix(".rrd"), live=live)
+            port = {"live_port": free_port(LIVE_PORT)} if live and rerun == "web" else {}
+            view = open_view(scenario, log.path.with_suffix(".rrd"), live=live, **port)
             view.lay_out(simulation.snapshot)
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
             faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
+    if rerun == "web" and view is not None and view.url is not None:
+        try:
+            web = WebView(view.url)
+        except (OSError, ImportError) as error:
+            faults.append(f"recording: no web view: {error}")
     recorder = Recorder(log, view, splitting=splitting)
     recorder.faults += faults
-    return Run(simulation, directory, recorder, view.url if view is not None else None)
+    return Run(simulation, directory, recorder, view.url if view is not None else None, web)
 
 
 def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:

@@ -11,7 +11,7 @@ import rerun as rr
 from cable_twin.recording.view_geometry import default_ground, pixels, plane
 from cable_twin.records import FloatArray
 
-QUIET = 0x8A93A6FF
+QUIET = 0x747D8FFF  # readable on dark and on light ground
 GROUND = 0x84735DFF
 
 

@@ -14,9 +14,9 @@ import rerun as rr
 import rerun_bindings as bindings
 
 from cable_twin.recording.mcap_file import sync
+from cable_twin.recording.web_view import LIVE_ADDRESS, LIVE_PORT, live_url
 
 APPLICATION = "cable_twin"
-LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
 FLUSH_TIMEOUT = 5.0  # s
 LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
 
@@ -73,7 +73,7 @@ class _Stream(rr.RecordingStream):
             self.server.disconnect()
 
 
-def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = 9876) -> rr.RecordingStream:
+def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = LIVE_PORT) -> rr.RecordingStream:
     """Return a stream of its own into a file, to a server on the local interface, or both.
 
     Raises:
@@ -92,11 +92,6 @@ def open_stream(title: str, path: Path | None, live: bool = False, live_port: in
             stream.server.disconnect()
         raise
     return stream
-
-
-def live_url(port: int) -> str:
-    """Where viewers find a live view (`rerun --connect URL`)."""
-    return f"rerun+http://{LIVE_ADDRESS}:{port}/proxy"
 
 
 def _serve(stream: rr.RecordingStream, port: int) -> _Stream:

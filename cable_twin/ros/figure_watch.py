@@ -34,6 +34,12 @@ class FigureWatch:
         with self._lock:
             self._figures.command(applied)
 
+    def limit(self, name: str) -> float | None:
+        """Limit of the figure of this name, in its unit; None where it has none, or is not there."""
+        with self._lock:
+            figures = self._figures.figures()
+        return next((figure.limit for figure in figures if figure.name == name), None)
+
     def statuses(self) -> list[Status]:
         """A status for each figure: a warning where its limit is passed."""
         with self._lock:

@@ -9,7 +9,7 @@ from typing import Any
 from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
-RERUN_MODES = ("off", "file", "live")
+RERUN_MODES = ("off", "file", "live", "web")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,10 @@ PARAMETERS = (
     Parameter("record", True, "write an MCAP bag, and a rerun recording as `rerun` says"),
     Parameter("record_directory", "cable_twin_logs", "where each run makes a directory of its own"),
     Parameter(
-        "rerun", "file", "rerun recording: none, a file beside the bag, or that and a live view", choices=RERUN_MODES
+        "rerun",
+        "file",
+        "rerun recording: none, a file beside the bag, or that and a live view, for a viewer or also for a browser",
+        choices=RERUN_MODES,
     ),
     Parameter(
         "split_duration", 3600.0, "simulated time after which the logs go on in new files, 0 never", "s", 0.0, 1e9

@@ -65,10 +65,13 @@ class Services:
         if self._loop.fault and not request.data:
             response.success, response.message = False, f"{self._loop.fault}; call ~/reset first"
             return response
+        changed = request.data != self._loop.paused
         self._loop.pause(request.data)
         response.success = True
         state = "paused" if request.data else "running"
         response.message = f"{state} at {self._loop.simulated_time:.3f} s of simulated time"
+        if changed:
+            self._logger.info(response.message)
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -15,8 +15,10 @@ Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and 
 
 examples:
   sim                                    the default scenario in real time
-  sim --scenario seed_example            the example of the paper
+  sim seed_example                       the example of the paper; as sim --scenario seed_example
+  sim --list                             the scenarios, a line each
   sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
+  sim --rerun web                        watch it in a browser; it prints the link
   sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
   sim --ros-args -r __ns:=/b             a second twin in this domain, under a name of its own
   drive cabin --speed 5                  in another terminal: let the cabin go
@@ -31,6 +33,9 @@ def parser() -> OneLineParser:
         "sim", "The live twin of a ropeway: a ROS 2 node that solves it in real time and logs it.", EPILOG
     )
     for parameter in PARAMETERS:
+        if parameter.name == "scenario":
+            result.add_scenario(f"{parameter.help}; default: {parameter.default}", _scenario_lines)
+            continue
         result.add_argument(
             f"--{parameter.name.replace('_', '-')}",
             dest=parameter.name,
@@ -47,7 +52,9 @@ def parser() -> OneLineParser:
 def ros_arguments(argv: Sequence[str]) -> list[str]:
     """Turn the options of `sim` into ROS arguments, and keep those that are."""
     split = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
-    given = vars(parser().parse_args(list(argv[:split])))
+    options = parser()
+    parsed = options.parse_args(list(argv[:split]))
+    given = {**vars(parsed), "scenario": options.given_scenario(parsed)}
     arguments = ["--ros-args"]
     for parameter in PARAMETERS:
         value = given[parameter.name]
@@ -67,6 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
+        from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
@@ -92,11 +100,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    row = BottomRow(node.status.text, sys.stdout, sys.stderr)
     try:
         node.start()
+        row.start()
         while not ending.is_set() and not node.failed:
             executor.spin_once(timeout_sec=0.2)
     finally:
+        row.stop()
         node.stop()
         executor.shutdown()
         node.destroy_node()
@@ -111,6 +122,12 @@ def _rcl_fault(error: Exception) -> str:
     if "unknown" in type(error).__name__.lower():
         return f"unknown ROS arguments {text}"
     return text
+
+
+def _scenario_lines() -> list[str]:
+    from cable_twin.scenario import scenario_lines  # noqa: PLC0415 - half a second
+
+    return scenario_lines()
 
 
 def _text(default: object) -> str:

@@ -1,7 +1,7 @@
 """Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
 
 from cable_twin.scenario.build import build_payloads, build_system
-from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_names
+from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_lines, scenario_names
 from cable_twin.scenario.schema import Grading, Scenario
 
 __all__ = [
@@ -12,5 +12,6 @@ __all__ = [
     "build_system",
     "config_directory",
     "load_scenario",
+    "scenario_lines",
     "scenario_names",
 ]

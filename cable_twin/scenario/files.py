@@ -78,6 +78,22 @@ def scenario_names() -> list[str]:
     return sorted(file.stem for file in files if b"ros__parameters" not in file.read_bytes())
 
 
+def scenario_lines() -> list[str]:
+    """Name and description of each scenario in the config directory, a line each."""
+    names = scenario_names()
+    width = max(map(len, names), default=0)
+    return [f"{name:<{width}}  {_description(_find(name))}".rstrip() for name in names]
+
+
+def _description(file: Path) -> str:
+    """Description in a file; nothing where it cannot be read, which loading it tells."""
+    try:
+        content = _read(file)[0]
+    except ScenarioError:
+        return ""
+    return str(content.get("description", "")) if isinstance(content, Mapping) else ""
+
+
 def config_directory() -> Path:
     """Where the scenario files are: beside the package in a checkout, else in the share directory of its prefix.
 

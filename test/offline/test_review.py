@@ -19,7 +19,8 @@ from twin_process import environment, write_quick_scenario
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
 from cable_twin.offline.figure_table import print_figures
-from cable_twin.offline.review import Reading, main
+from cable_twin.offline.reading import Reading
+from cable_twin.offline.review import main
 from cable_twin.offline.signal_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
@@ -108,7 +109,12 @@ def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, caps
         monkeypatch.delenv(name, raising=False)
     before = sorted(runs[0].iterdir())
     assert main([str(runs[0])]) == 0
-    assert f"look at it with: rerun {runs[0] / runs[0].name}_0.rrd" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert f"rerun recording: {runs[0] / runs[0].name}_0.rrd\n" in output
+    (command,) = re.findall(
+        rf"^no display here; in a browser: (\S+) {re.escape(str(runs[0]))} --rerun web$", output, re.M
+    )
+    assert shutil.which(command)
     assert sorted(runs[0].iterdir()) == before
 
 
@@ -117,7 +123,7 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monk
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     alone = shutil.copy(bag(runs[0]), tmp_path / "alone.mcap")
     assert main([str(alone)]) == 0
-    assert f"rerun {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
+    assert f"rerun recording: {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone_review.rrd"}
     verify(tmp_path / "alone_review.rrd")
     made, original = entities(tmp_path / "alone_review.rrd"), entities(runs[0] / f"{runs[0].name}_0.rrd")
@@ -143,11 +149,47 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, c
     assert (unit, float(rms) > 0.5) == ("m/s", True)
     assert float(b_there) - float(a_there) == pytest.approx(float(largest), rel=1e-4)
     recording = copies[0] / "run0_and_run1.rrd"
-    assert f"rerun {recording}" in output
+    assert f"rerun recording: {recording}" in output
     verify(recording)
     text = entities(recording)
     for path in ("a/track/rope", "b/track/rope", "a/plots/speed/cabin", "b/plots/speed/cabin", "b/commands"):
         assert path in text
+
+
+def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, monkeypatch, capsys):
+    """The third one is the first over again; each other one is compared with the first."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    copies = [shutil.copytree(run, tmp_path / name) for run, name in zip((*runs, runs[0]), "xyz", strict=True)]
+    assert main([*map(str, copies), "--plots", str(tmp_path / "plots")]) == 0
+    output = capsys.readouterr().out
+    assert [line[:2] for line in output.splitlines() if "scenario quick, 16.00 s" in line] == ["a:", "b:", "c:"]
+    a, b, c, unit = column(output, "cabin: stopping distance")
+    assert (a, unit) == (c, "m")
+    assert float(b) == pytest.approx(2.0 * float(a), rel=0.02)
+    second, third = output.split("differences at 1601 common frames")[1:]
+    assert float(column(second, "speed/cabin")[0]) == pytest.approx(3.0, abs=0.02)
+    assert "of a and c" in third
+    assert column(third, "speed/cabin")[:2] == ["0", "0"]
+    text = entities(tmp_path / "x" / "x_and_y_and_z.rrd")
+    assert all(f"{root}/plots/speed/cabin" in text for root in "abc")
+    assert {path.name for path in (tmp_path / "plots").iterdir()} == PLOTS
+    assert all(imread(path).shape[1] > 1000 for path in (tmp_path / "plots").iterdir())
+
+
+def test_without_a_name_it_is_the_newest_run(runs, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["--no-viewer"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("review: no run in cable_twin_logs: give the directory of one")
+    for run in runs:
+        shutil.copytree(run, Path("cable_twin_logs") / run.name)
+    Path("cable_twin_logs", "not_a_run").mkdir()
+    os.utime(bag(Path("cable_twin_logs") / runs[0].name))  # as one that is still being recorded
+    os.utime(bag(Path("cable_twin_logs") / runs[1].name), (1e9, 1e9))
+    assert main(["--no-viewer"]) == 0
+    assert capsys.readouterr().out.startswith(f"cable_twin_logs/{runs[0].name}/")
 
 
 def test_a_run_against_itself_has_no_difference(runs, capsys):
@@ -192,7 +234,7 @@ def test_series_keeps_every_extreme_in_a_memory_that_does_not_grow():
 def test_frames_of_different_rates_are_compared_where_both_have_one():
     first = ((0.01 * index, {"speed/cabin": 0.1 * index, "swing/cabin/x": 0.0}) for index in range(101))
     second = ((0.04 * index, {"speed/cabin": 0.4 * index + 0.5}) for index in range(20))
-    found = compare(first, second)
+    (found,) = compare(first, second)
     assert found.frames == 20
     difference = found.differences["speed/cabin"]
     assert (difference.count, difference.largest, difference.rms) == (20, pytest.approx(0.5), pytest.approx(0.5))
@@ -277,8 +319,8 @@ def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
     assert capsys.readouterr().err == f"review: --plots {tmp_path / 'file'}: File exists\n"
 
 
-def test_more_than_two_bags_and_unknown_options_are_refused_in_a_line(capsys):
-    for arguments, said in ((("a", "b", "c"), "3 bags given; one or two are allowed"), (("--fast",), "--help")):
+def test_too_many_bags_and_unknown_options_are_refused_in_a_line(capsys):
+    for arguments, said in ((["a"] * 27, "27 bags given; at most 26 are allowed"), (["--fast"], "--help")):
         with pytest.raises(SystemExit) as ended:
             main(arguments)
         assert ended.value.code == 2

@@ -195,7 +195,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     output = capsys.readouterr().out
     assert "cut short, read as far as it goes" in output
     # the twin's own .rrd ends before the bag
-    assert f"look at it with: rerun {run / f'{run.name}_review.rrd'}" in output
+    assert f"rerun recording: {run / f'{run.name}_review.rrd'}" in output
     assert len([*(tmp_path / "plots").glob("*.png")]) == 6
     assert replay.main([str(run)]) == 0
     assert "every sample agrees to the last bit" in capsys.readouterr().out

@@ -16,7 +16,7 @@ from twin_process import write_quick_scenario
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import KEY_FIGURES
 from cable_twin.offline import review, scripted_run, simulate
-from cable_twin.offline.review import Reading
+from cable_twin.offline.reading import Reading
 from cable_twin.offline.script import script_of_log
 from cable_twin.offline.signal_series import compare
 from cable_twin.offline.start import start_of
@@ -185,7 +185,7 @@ def test_logs_of_different_rates_are_compared_where_both_hold_a_signal(sparse, d
     output = printed(review.main, *logs, "--no-viewer")
     assert f"differences at {FRAMES} common frames" in output
     assert "only in" not in output
-    found = compare(*(Reading(read_log(log)).values() for log in logs))
+    (found,) = compare(*(Reading(read_log(log)).values() for log in logs))
     assert found.only_in == (set(), set())
     counts = {"speed/cabin": FRAMES, "swing/cabin/cabin": FRAMES, "contact_force/cabin": 501, "tension/highest": 251}
     assert {name: found.differences[name].count for name in counts} == counts
@@ -194,7 +194,7 @@ def test_logs_of_different_rates_are_compared_where_both_hold_a_signal(sparse, d
 
 def test_logs_of_different_frame_rates_are_compared_where_both_have_a_frame(sparse, directory):
     slower, _ = run(directory, "slower", "--frame-rate", "40", "--log-rope-rate", "4", "--log-force-rate", "40")
-    found = compare(*(Reading(read_log(log)).values() for log in (sparse[0], slower)))
+    (found,) = compare(*(Reading(read_log(log)).values() for log in (sparse[0], slower)))
     assert (found.frames, found.only_in) == (501, (set(), set()))  # 20 Hz are common to 100 Hz and 40 Hz
     counts = {"speed/cabin": 501, "contact_force/cabin": 501, "tension/highest": 51}  # 2 Hz to 10 Hz and 4 Hz
     assert {name: found.differences[name].count for name in counts} == counts
@@ -204,4 +204,4 @@ def test_logs_of_different_frame_rates_are_compared_where_both_have_a_frame(spar
 def test_signals_that_one_log_never_holds_are_named():
     first = ((0.1 * index, {"speed/cabin": 0.0, **({"travel/end": 0.1} if index == 3 else {})}) for index in range(9))
     second = ((0.2 * index, {"speed/cabin": 0.0, "tension/end": 1.0}) for index in range(4))
-    assert compare(first, second).only_in == ({"travel/end"}, {"tension/end"})
+    assert compare(first, second)[0].only_in == ({"travel/end"}, {"tension/end"})

@@ -104,9 +104,9 @@ def test_recordings_are_whole_and_all_are_shown(split, monkeypatch, capsys):
     assert review.main([str(split)]) == 0
     output = capsys.readouterr().out
     assert "files 0 to 3, complete; scenario small_tramway, 7.50 s, 376 frames, 8 commands" in output
-    assert output.endswith(f"look at it with: rerun {' '.join(recordings)}\n")
+    assert f"\nrerun recording: {' '.join(recordings)}\n" in output
     assert review.main([str(bags(split)[2])]) == 0
-    assert capsys.readouterr().out.endswith(f"look at it with: rerun {recordings[2]}\n")
+    assert f"\nrerun recording: {recordings[2]}\n" in capsys.readouterr().out
 
 
 def test_run_without_its_first_files_starts_from_the_first_that_is_kept(copy, tmp_path, capsys):

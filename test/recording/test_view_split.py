@@ -15,7 +15,7 @@ from drawn_run import OUTLINES, RATE, commands, snapshot_at
 from test_rerun_view import column
 
 from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.view_stream import live_url
+from cable_twin.recording.web_view import live_url
 
 RERUN = Path(sys.executable).with_name("rerun")
 PART = 120  # frames in a file

@@ -55,7 +55,7 @@ def test_recording_goes_on_while_viewers_come_hang_and_die(processes, participan
         except OSError:
             pytest.skip(f"somebody else has port {PORT}")
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "live")
-    sim.wait_for(f"live view: rerun --bind 127.0.0.1 --connect {ADDRESS}")
+    sim.wait_for(f"rerun --bind 127.0.0.1 --connect {ADDRESS}")
     participant = participants(sim.domain)
     participant.subscribe_standard()
     sockets = psutil.Process(sim.process.pid).net_connections(kind="tcp")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -13,7 +14,9 @@ import time
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
+from urllib.request import urlopen
 
+import psutil
 import pytest
 from bags import bag
 from mcap.reader import make_reader
@@ -134,6 +137,23 @@ def test_live_view_without_its_port_is_a_file(processes, tmp_path):
         check_logs(sim.run_directory)
 
 
+def test_view_for_a_browser_is_served_to_this_machine_alone_and_ends_with_the_twin(processes, tmp_path):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "web")
+    sim.wait_for("live view, for a browser: http://127.0.0.1:")
+    (link,) = re.findall(r"for a browser: (\S+)", sim.output)
+    with urlopen(link, timeout=20.0) as page:
+        assert page.status == 200
+    twin = psutil.Process(sim.process.pid)
+    servers = twin.children(recursive=True)
+    sockets = [item for process in (twin, *servers) for item in process.net_connections("tcp")]
+    assert {item.laddr.ip for item in sockets if item.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
+    assert sim.end() == 0
+    assert servers
+    assert not any(process.is_running() for process in servers)
+    assert "recording: " not in sim.output
+    check_logs(sim.run_directory)
+
+
 def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
     # a limit on the size of files is the full disk that needs no privileges
     code = (
@@ -250,7 +270,7 @@ BAD_PARAMETERS = [
         ["--keep-age", "600"],
         "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
     ),
-    (["--frames", "10"], "sim: unrecognized arguments: --frames 10; all options: sim --help"),
+    (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
 ]
 

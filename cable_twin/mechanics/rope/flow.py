@@ -51,11 +51,12 @@ def add_flow_block(cable, on_flow, on_slope, i, j, work):
     dim, slopes = work.right_side.shape[2], i % 2 + j % 2
     for element in range(cable.element_count):
         length = cable.element_length[element]
-        stiff = on_flow + on_slope / length
-        if slopes == 1:
+        if slopes == 0:
+            stiff = on_flow + on_slope / length
+        else:
             stiff = on_flow * length + on_slope
-        elif slopes == 2:
-            stiff = (on_flow * length + on_slope) * length
+            if slopes == 2:
+                stiff *= length
         for axis in range(dim):
             blocks[element, i % 2, j % 2, axis * (dim + 1)] += stiff
 

@@ -1,0 +1,178 @@
+"""Key figures and signals of runs for other programs, as CSV and JSON, in SI units, every frame.
+
+Frames wait in a file without a name until all is known, so that memory does not grow with a run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from pathlib import Path
+from typing import Any, TextIO
+
+from cable_twin.key_figures import KeyFigure
+from cable_twin.signals import SIGNALS
+from cable_twin.snapshot import Snapshot
+
+STDOUT = "-"
+FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
+FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept")
+
+
+class RunTable:
+    """Signals of one run, a row each frame; `name` and `scenario` say which."""
+
+    def __init__(self, name: str, scenario: str) -> None:
+        self.name, self.scenario = name, scenario
+        self.columns: list[str] = []
+        self.figures: Sequence[KeyFigure] = ()
+        self._lines = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed when nobody has it
+        self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take in a frame; what it does not hold is empty."""
+        layout, c = snapshot.layout, snapshot.columns
+        if not self.columns:
+            self._lay_out(snapshot)
+        row: list[float | None] = [snapshot.time]
+        for name, places in self._shown:
+            values = SIGNALS[name].values(layout, c)[places].tolist()
+            row += [value if math.isfinite(value) else None for value in values]
+        self._lines.write(json.dumps(row) + "\n")
+
+    def rows(self) -> Iterator[list[float | None]]:
+        """All frames, a number or None for each column."""
+        self._lines.seek(0)
+        return map(json.loads, self._lines)
+
+    def lines(self) -> Iterator[str]:
+        """The same as JSON."""
+        self._lines.seek(0)
+        return (line.rstrip("\n") for line in self._lines)
+
+    def _lay_out(self, first: Snapshot) -> None:
+        """A column for all that has a signal: of those that only some have, for who has it at the start."""
+        self.columns = ["time [s]"]
+        for signal in SIGNALS.values():
+            names, values = signal.names(first.layout), signal.values(first.layout, first.columns)
+            places = [i for i in range(len(names)) if signal.everywhere or not math.isnan(values[i])]
+            self.columns += [f"{signal.name}/{names[i]} [{signal.unit}]" for i in places]
+            self._shown.append((signal.name, places))
+
+
+class Export:
+    """What `--csv` and `--json` ask for.
+
+    Raises:
+        OSError: A file cannot be made; before anything runs.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self._tables: list[RunTable] = []
+        self._stdout = sys.stdout
+        self._csv: str | None = options.csv
+        self._json: str | None = options.json
+        for path in (self._csv, self._json):
+            if path not in (None, STDOUT):
+                Path(str(path)).touch()
+
+    def __bool__(self) -> bool:
+        """Whether anything is asked for."""
+        return self._csv is not None or self._json is not None
+
+    def add(self, name: str, scenario: str) -> RunTable | None:
+        """A table for one more run; None where nothing is asked for."""
+        if not self:
+            return None
+        self._tables.append(RunTable(name, scenario))
+        return self._tables[-1]
+
+    def words(self) -> AbstractContextManager[Any]:
+        """What is printed for people goes to stderr where the output is for a program."""
+        return redirect_stdout(sys.stderr) if STDOUT in (self._csv, self._json) else nullcontext()
+
+    def write(self, command: str) -> bool:
+        """Write all, the figures of the tables too; says what prevents it, as this command."""
+        try:
+            self._write_all()
+        except OSError as error:
+            print(f"{command}: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+            return False
+        return True
+
+    def _write_all(self) -> None:
+        if self._csv is not None:
+            self._write(self._csv, self._write_signals)
+            if self._csv != STDOUT:
+                path = Path(self._csv)
+                self._write(str(path.with_name(f"{path.stem}{FIGURES}{path.suffix}")), self._write_figures)
+        if self._json is not None:
+            self._write(self._json, self._write_json)
+
+    def _write(self, path: str, write: Any) -> None:
+        if path == STDOUT:
+            write(self._stdout)
+            return
+        with open(path, "w", encoding="utf-8", newline="") as file:
+            write(file)
+
+    def _write_signals(self, file: TextIO) -> None:
+        columns = list(dict.fromkeys(column for table in self._tables for column in table.columns))
+        rows = ((table, dict(zip(table.columns, row, strict=True))) for table in self._tables for row in table.rows())
+        self._write_rows(file, columns, ((table, [row.get(column) for column in columns]) for table, row in rows))
+
+    def _write_figures(self, file: TextIO) -> None:
+        rows = ((table, [*_figure(figure).values()]) for table in self._tables for figure in table.figures)
+        self._write_rows(file, FIGURE_COLUMNS, rows)
+
+    def _write_rows(self, file: TextIO, columns: Sequence[str], rows: Iterable[tuple[RunTable, list[Any]]]) -> None:
+        """Write CSV; with several runs the first column says which."""
+        several = len(self._tables) > 1
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["run", *columns] if several else columns)
+        writer.writerows([table.name, *row] if several else row for table, row in rows)
+
+    def _write_json(self, file: TextIO) -> None:
+        """Write one object, a line each frame."""
+        file.write('{"runs": [')
+        for number, table in enumerate(self._tables):
+            figures = [_figure(figure) for figure in table.figures]
+            head = {"run": table.name, "scenario": table.scenario, "key_figures": figures}
+            file.write(f"{',' if number else ''}\n{json.dumps(head, allow_nan=False)[:-1]}, ")
+            file.write(f'"signals": {{"columns": {json.dumps(table.columns)}, "rows": [')
+            for row, line in enumerate(table.lines()):
+                file.write(f"{',' if row else ''}\n{line}")
+            file.write("]}}")
+        file.write("]}\n")
+
+
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Take `--csv` and `--json`."""
+    for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
+        parser.add_argument(
+            f"--{kind}", metavar="PATH", help=f"write {what}, every frame, in SI units; '-' for the output"
+        )
+
+
+def export_fault(options: argparse.Namespace) -> str | None:
+    """What is wrong with them, in a line."""
+    both = options.csv == options.json == STDOUT
+    return "--csv - and --json - are given; the output has room for one" if both else None
+
+
+def _figure(figure: KeyFigure) -> dict[str, Any]:
+    """A key figure by the names of `FIGURE_COLUMNS`."""
+    numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
+    bound = figure.bound if figure.limit is not None else None
+    time = figure.time if math.isfinite(figure.time) else None
+    values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
+    return dict(zip(FIGURE_COLUMNS, values, strict=True))
+
+
+__all__ = ["Export", "RunTable", "add_export", "export_fault"]

@@ -1,0 +1,115 @@
+"""A bag being read for `review`: everything that is gathered from it in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
+from typing import Protocol
+
+from cable_twin.figure_messages import figures_of_statuses
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.export import RunTable
+from cable_twin.offline.signal_series import Signals, signal_values
+from cable_twin.recording.log_reader import Log, LogError
+from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
+from cable_twin.records import AppliedCommand
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.snapshot import Snapshot
+
+FIGURES_AGE = 1.5  # s before the end at which the last key figures may have been recorded without a word
+
+
+class _View(Protocol):
+    def log(self, snapshot: Snapshot) -> None: ...
+
+    def log_command(self, applied: AppliedCommand) -> None: ...
+
+
+class Reading:
+    """One bag being read: everything that is gathered from it in one pass.
+
+    Args:
+        log: The bag.
+        on_position: Called with the bytes read so far.
+
+    Raises:
+        LogError: The log holds no frame, or its scenario cannot be understood.
+    """
+
+    def __init__(self, log: Log, on_position: Callable[[int], None] | None = None) -> None:
+        self.log = log
+        try:
+            self.scenario = load_scenario(log.scenario)
+        except ScenarioError as error:
+            raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
+        self._gathered = KeyFigures(self.scenario)
+        self._recorded: list[KeyFigure] | None = None  # the last ones
+        self._figures_time = 0.0  # s, of those
+        self.signals = Signals()
+        self.view: _View | None = None
+        self.table: RunTable | None = None
+        self.frames, self.commands, self.end = 0, 0, 0.0
+        self._items = read_snapshots(log, on_position=on_position)
+        self._early: list[AppliedCommand | RecordedFigures] = []
+        self.first = self._find_first()
+
+    @property
+    def name(self) -> str:
+        """What names the run: its directory, or its file where that is alone."""
+        return self.log.source.name
+
+    def _find_first(self) -> Snapshot:
+        for item in self._items:
+            if isinstance(item, Snapshot):
+                return item
+            self._early.append(item)
+        raise LogError(f"{self.log.path}: no frame of the twin in it")
+
+    def values(self) -> Iterator[tuple[float, Mapping[str, float]]]:
+        """Read the bag; yields time (s) and signals of each frame after taking it in."""
+        for item in chain(self._early, [self.first], self._items):
+            yield from self._take(item)
+
+    @property
+    def figures(self) -> list[KeyFigure]:
+        """Key figures as the run had them from all its frames; where none were recorded, those of the frames here."""
+        return self._gathered.figures() if self._recorded is None else self._recorded
+
+    def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
+        if isinstance(item, AppliedCommand):
+            self.commands += 1
+            self._gathered.command(item)
+            if self.view is not None:
+                self.view.log_command(item)
+            return
+        if isinstance(item, RecordedFigures):
+            self._recorded, self._figures_time = self._understand(item), item.time
+            return
+        values = signal_values(item)
+        self._gathered.update(item)
+        self.signals.update(item, values)
+        if self.view is not None:
+            self.view.log(item)
+        if self.table is not None:
+            self.table.take(item)
+        self.frames += 1
+        self.end = item.time
+        yield item.time, values
+
+    def _understand(self, recorded: RecordedFigures) -> list[KeyFigure]:
+        try:
+            return figures_of_statuses(recorded.statuses)
+        except ValueError as error:
+            raise LogError(f"{self.log.path}: key figures at {recorded.time:.6f} s are unreadable: {error}") from error
+
+    def summary(self) -> str:
+        """One line about the run."""
+        whole = self._recorded is None or self.end - self._figures_time < FIGURES_AGE
+        return (
+            f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
+            f"{self.frames} frames, {self.commands} commands"
+            + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
+        )
+
+
+__all__ = ["Reading"]

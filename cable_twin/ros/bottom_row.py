@@ -1,0 +1,102 @@
+"""The bottom row of a terminal, drawn anew a few times a second by a thread of its own, with all other output above it.
+
+The row is taken out of what the terminal scrolls, as apt does, so that nobody who writes a line can tear it: rcl logs
+from C, rerun from Rust. Knows nothing of a twin.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from io import StringIO
+from typing import TextIO
+
+from rich.console import Console
+from rich.text import Text
+
+PERIOD = 0.25  # s
+FEWEST_ROWS, FEWEST_COLUMNS = 4, 20  # of a terminal that has room for it
+HERE, BACK = "\x1b7", "\x1b8"  # keep the place of the cursor, and go back to it
+ALL, ROW, BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"  # scroll all rows; erase the row, what is below
+
+
+class BottomRow:
+    """Shows a text as long as it runs; nothing where the streams are no terminal.
+
+    Args:
+        text: What to show; called by the thread.
+        streams: All have to be terminals; the last one is written to.
+    """
+
+    def __init__(self, text: Callable[[], Text], *streams: TextIO) -> None:
+        self._text = text
+        self._usable = all(stream.isatty() for stream in streams) and os.environ.get("TERM", "dumb") != "dumb"
+        self._terminal = streams[-1].fileno() if self._usable else -1
+        self._size: os.terminal_size | None = None  # that the row was taken from
+        self._stopping = threading.Event()
+        # a terminal may take nothing for as long as somebody likes (Ctrl-S), which must not keep the process
+        self._thread = threading.Thread(target=self._run, name="bottom row", daemon=True)
+
+    def start(self) -> None:
+        """Begin to show it."""
+        if self._usable:
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Give the row back, if the terminal takes it within a second."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(1.0)
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                if self._in_foreground():
+                    self._draw()
+                self._stopping.wait(PERIOD)
+            self._write(self._given_back())
+        except OSError:
+            return  # the terminal is gone
+
+    def _in_foreground(self) -> bool:
+        """Whether the terminal is ours; it is the shell's, and its editors', after `sim &`."""
+        try:
+            return os.tcgetpgrp(self._terminal) == os.getpgrp()
+        except OSError:
+            return False
+
+    def _draw(self) -> None:
+        size = os.get_terminal_size(self._terminal)
+        before = ""
+        if size != self._size:
+            before = self._given_back() + self._taken(size)
+        if self._size is not None:
+            place = f"\x1b[{size.lines};1H"
+            self._write(f"{before}{HERE}{place}{ROW}{self._rendered(size.columns - 1)}{BACK}")
+        else:
+            self._write(before)
+
+    def _taken(self, size: os.terminal_size) -> str:
+        """What takes the row, with the cursor above it; nothing where there is no room."""
+        if size.lines < FEWEST_ROWS or size.columns < FEWEST_COLUMNS:
+            return ""
+        self._size = size
+        return f"\n{HERE}\x1b[1;{size.lines - 1}r{BACK}\x1b[1A"
+
+    def _given_back(self) -> str:
+        """What lets the terminal scroll all rows again, with nothing below the cursor."""
+        if self._size is None:
+            return ""
+        self._size = None
+        return f"{HERE}{ALL}{BACK}{BELOW}"
+
+    def _rendered(self, width: int) -> str:
+        """The text in the colours that this terminal has, in one row of so many characters."""
+        console = Console(file=StringIO(), force_terminal=True, width=width, legacy_windows=False)
+        with console.capture() as capture:
+            console.print(self._text(), end="", no_wrap=True, overflow="crop", crop=True, highlight=False)
+        return capture.get()
+
+    def _write(self, text: str) -> None:
+        os.write(self._terminal, text.encode())  # at once, or another writer would come between

@@ -1,0 +1,116 @@
+"""How the twin is, in one line for its terminal. Reads the newest frame and asks nothing of the solver's thread."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+from rich.text import Text
+
+from cable_twin.command_line import typed
+from cable_twin.recording.run import Run
+from cable_twin.ros.diagnostics import Diagnostics
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.output import Output
+from cable_twin.scenario import Scenario
+from cable_twin.signals import driven, driven_names
+from cable_twin.simulation import Simulation
+
+SPAN = 1.5  # s over which the real-time factor is taken
+SHOWN = 2  # of what is driven, so that the line stays one
+LATE = 0.1  # s, from which on lateness is marked
+
+
+class Status:
+    """Simulated time and its pace, what is driven, tension, recording.
+
+    Args:
+        simulation: what runs.
+        loop: that runs it.
+        output: where it goes.
+        diagnostics: which count commands and watch the log.
+        node: full name of the node.
+    """
+
+    def __init__(
+        self, simulation: Simulation, loop: FrameLoop, output: Output, diagnostics: Diagnostics, node: str
+    ) -> None:
+        self._simulation, self._loop, self._output, self._diagnostics = simulation, loop, output, diagnostics
+        self._times: deque[tuple[float, float]] = deque()  # of the clock and simulated, in the last `SPAN`
+        self._highest_tension = _highest_tension(simulation.scenario, output)
+        self.hint = _drive_hint(simulation.scenario, node)
+
+    def text(self) -> Text:
+        """The line; what matters most comes first, as a narrow terminal shows only that."""
+        simulated = self._loop.simulated_time
+        parts = [(self._simulation.scenario.name, "bold"), (f"{simulated:.1f} s", ""), self._pace(simulated)]
+        if self._simulation.emergency_stopped:
+            parts.append(("EMERGENCY STOP", "bold red"))
+        parts += self._driven()
+        if not self._diagnostics.counts["commands_applied"]:
+            parts.append((f"from another terminal: {self.hint}", "cyan"))
+        parts += [self._tension(), self._recording()]
+        return Text("  ").join(Text(text, style) for text, style in parts)
+
+    def _pace(self, simulated: float) -> tuple[str, str]:
+        """Real-time factor and lateness, or that time stands still."""
+        now = time.monotonic()
+        self._times.append((now, simulated))
+        while now - self._times[0][0] > SPAN:
+            self._times.popleft()
+        if self._loop.fault or self._loop.paused:
+            self._times.clear()
+            return ("solver failed: reset it", "bold red") if self._loop.fault else ("paused", "bold yellow")
+        elapsed = now - self._times[0][0]
+        factor = (simulated - self._times[0][1]) / elapsed if elapsed > 0.0 else 0.0
+        late = self._loop.behind
+        lateness = f"{late:.1f} s late" if late >= 1.0 else f"{late * 1e3:.1f} ms late"
+        return f"x{factor:.2f}, {lateness}", "yellow" if late > LATE else "green"
+
+    def _driven(self) -> list[tuple[str, str]]:
+        """Speed, and of a carriage its place, of the first that are driven."""
+        snapshot = self._simulation.snapshot
+        names, state = driven_names(snapshot.layout), driven(snapshot.layout, snapshot.columns)
+        place = "" if snapshot.layout.drives else " at {:.1f} m"
+        parts = [
+            (f"{name}{place.format(state.place[row])} {round(state.speed[row], 2) + 0.0:+.2f} m/s", "")
+            for row, name in enumerate(names[:SHOWN])
+        ]
+        return parts + ([(f"and {len(names) - SHOWN} more", "dim")] if len(names) > SHOWN else [])
+
+    def _tension(self) -> tuple[str, str]:
+        highest, most = float(self._simulation.snapshot.columns.rope_tension.max()), self._highest_tension
+        unit, scale = ("kN", 1e-3) if highest >= 1e3 else ("N", 1.0)
+        if most is None:
+            return f"tension {highest * scale:.4g} {unit}", ""
+        return f"tension {highest * scale:.4g} of {most * scale:.4g} {unit}", "red" if highest > most else ""
+
+    def _recording(self) -> tuple[str, str]:
+        judged = self._diagnostics.recording.judge()
+        if judged is not None:
+            return ("log fails", "bold red") if judged[0] == 2 else ("log falls behind", "yellow")
+        return ("recording", "green") if self._output.run is not None else ("not recorded", "dim")
+
+
+def live_hint(run: Run) -> str:
+    """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
+    if run.web is not None:
+        return f"; live view, for a browser: {run.web.link}"
+    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
+
+
+def _highest_tension(scenario: Scenario, output: Output) -> float | None:
+    """Tension (N) at which the limit of the rope's safety factor is reached; None without one."""
+    factor, force = output.figures.limit("rope safety factor"), scenario.cable.breaking_force
+    return None if factor is None or force is None else force / factor
+
+
+def _drive_hint(scenario: Scenario, node: str) -> str:
+    """What to type in another terminal so that something moves, at about half the speed that it may have."""
+    limits = [(name, drive.limits) for name, drive in scenario.drives.items()]
+    limits += [(name, carriage.drive.limits) for name, carriage in scenario.carriages.items()]
+    if not limits:
+        return f"{typed('drive')} --help"
+    name, limit = limits[0][0], limits[0][1].speed
+    elsewhere = "" if node == "/cable_twin" else f" --node {node}"
+    return f"{typed('drive')} {name} --speed {1.0 if limit is None else 0.5 * limit:.2g}{elsewhere}"

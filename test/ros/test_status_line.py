@@ -1,0 +1,159 @@
+"""The status line of `sim` in a real terminal, a pty: what it says, and that it and the log leave each other whole."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+from fcntl import ioctl
+
+import pytest
+from twin_process import COMPILING, PATIENCE, environment, wait_until, write_quick_scenario
+
+pytest.importorskip("rclpy")
+from std_srvs.srv import SetBool, Trigger
+
+ROWS, COLUMNS = 24, 150
+# the row, as it is drawn: the cursor is kept, and comes back to where the log goes on
+DRAWN = re.compile(r"\x1b7\x1b\[(\d+);1H\x1b\[2K(.*?)\x1b8", re.DOTALL)
+TAKEN = f"\n\x1b7\x1b[1;{ROWS - 1}r\x1b8\x1b[1A"
+GIVEN_BACK = "\x1b7\x1b[r\x1b8\x1b[J"
+COLOUR = re.compile(r"\x1b\[[\d;]*m")
+LOG_LINE = re.compile(r"\[(INFO|WARN|ERROR)\] \[[\d.]+\] \[cable_twin\]: \S.*")
+
+
+class Terminal:
+    """`sim` as the foreground process of a terminal of its own."""
+
+    def __init__(self, directory, domain, *arguments, **streams):
+        self.main, side = pty.openpty()
+        self.resize(ROWS, COLUMNS)
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, *arguments],
+            cwd=directory,
+            env={**environment(directory, domain), "TERM": "xterm-256color"},
+            **{"stdin": side, "stdout": side, "stderr": side, **streams},
+            start_new_session=True,
+        )
+        os.close(side)
+        self.output = ""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def resize(self, rows, columns):
+        ioctl(self.main, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def _read(self):
+        while True:
+            try:
+                data = os.read(self.main, 65536)
+            except OSError:  # nobody has the other side any more
+                return
+            self.output += data.decode().replace("\r\n", "\n")
+
+    @property
+    def rows(self):
+        """What the status line has said, without colours."""
+        return [COLOUR.sub("", text) for _, text in DRAWN.findall(self.output)]
+
+    def end(self):
+        self.process.send_signal(signal.SIGINT)
+        code = self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
+        return code
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        os.close(self.main)
+
+
+# a shell would have made the terminal its own
+SCRIPT = """
+import fcntl, os, sys, termios
+fcntl.ioctl(next(fd for fd in (0, 1, 2) if os.isatty(fd)), termios.TIOCSCTTY, 0)
+from cable_twin.ros.sim import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture
+def terminals(tmp_path, domain):
+    opened = []
+
+    def start(*arguments, **streams):
+        scenario = ["--scenario", str(write_quick_scenario(tmp_path))]
+        opened.append(Terminal(tmp_path, domain, *scenario, *arguments, **streams))
+        return opened[-1]
+
+    yield start
+    for terminal in opened:
+        terminal.close()
+
+
+def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, participants, domain):
+    sim = terminals()
+    wait_until(lambda: len(sim.rows) > 8 or sim.process.poll() is not None, COMPILING)
+    first = sim.rows[8]
+    assert re.match(r"quick  [\d.]+ s  x[\d.]+, [\d.]+ m?s late  cabin at 60\.0 m \+0\.00 m/s  ", first), first
+    assert re.search(
+        r"from another terminal: \S*drive cabin --speed 5  tension [\d.]+ of [\d.]+ kN  recording$", first
+    ), first
+    assert all(len(row) < COLUMNS for row in sim.rows)
+
+    participant = participants(domain)
+    participant.subscribe_standard()
+    with participant.stream(name=["cabin"], velocity=[2.0]):
+        participant.until(lambda: "+2.00 m/s" in sim.rows[-1])
+    assert "from another terminal" not in sim.rows[-1]
+    participant.call("emergency_stop", SetBool, data=True)
+    participant.until(lambda: "EMERGENCY STOP" in sim.rows[-1])
+    participant.call("emergency_stop", SetBool, data=False)
+    participant.call("pause", SetBool, data=True)
+    participant.until(lambda: "  paused  " in sim.rows[-1])
+    participant.call("pause", SetBool, data=True)  # is paused already, and no news
+    participant.call("reset", Trigger)
+    participant.call("pause", SetBool, data=False)
+    participant.until(lambda: re.search(r"x[\d.]+, ", sim.rows[-1]))
+    assert sim.end() == 0
+
+    # without the row, what is left is the log, line by line
+    assert sim.output.count(TAKEN) == sim.output.count(GIVEN_BACK) == 1
+    rest = DRAWN.sub("", sim.output.replace(GIVEN_BACK, "")).replace(TAKEN, "", 1)
+    lines = COLOUR.sub("", rest).splitlines()
+    assert all(LOG_LINE.fullmatch(line) for line in lines), lines
+    for text in ("emergency stop at", "emergency stop released at", "paused at", "running at", "state put back"):
+        assert sum(f"[cable_twin]: {text}" in line for line in lines) == 1, text
+    assert "log closed" in lines[-1]
+    assert sim.output.index(GIVEN_BACK) < sim.output.index("log closed")
+
+
+def test_it_follows_the_size_of_the_terminal(terminals):
+    sim = terminals("--record", "false")
+    wait_until(lambda: sim.rows or sim.process.poll() is not None, COMPILING)
+    sim.resize(10, 40)
+    wait_until(lambda: DRAWN.findall(sim.output)[-1][0] == "10", what="the row of the new size")
+    assert len(sim.rows[-1]) < 40
+    assert "\x1b[1;9r" in sim.output
+    sim.resize(3, 40)  # no room
+    wait_until(lambda: sim.output.count(GIVEN_BACK) == 2, what="the row given back")
+    assert sim.end() == 0
+    assert sim.output.count(GIVEN_BACK) == 2
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_it_is_not_there_where_a_stream_is_a_file(terminals, tmp_path, stream):
+    with (tmp_path / "stream.txt").open("w") as file:
+        sim = terminals("--record", "false", **{stream: file})
+    written = tmp_path / "stream.txt"
+    wait_until(lambda: "runs at 100 Hz" in sim.output + written.read_text(), COMPILING)
+    with pytest.raises(subprocess.TimeoutExpired):
+        sim.process.wait(1.0)
+    assert sim.end() == 0
+    assert "\x1b7" not in sim.output + written.read_text()
