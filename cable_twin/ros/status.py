@@ -47,9 +47,9 @@ class Status:
         if self._simulation.emergency_stopped:
             parts.append(("EMERGENCY STOP", "bold red"))
         parts += self._driven()
+        parts += [self._tension(), self._recording()]
         if not self._diagnostics.counts["commands_applied"]:
             parts.append((f"from another terminal: {self.hint}", "cyan"))
-        parts += [self._tension(), self._recording()]
         return Text("  ").join(Text(text, style) for text, style in parts)
 
     def _pace(self, simulated: float) -> tuple[str, str]:

@@ -293,7 +293,7 @@ def test_parameters_are_described_with_unit_and_range(twin):
             (bounds,) = descriptor.floating_point_range
             assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
             assert f"({parameter.low:g} to {parameter.high:g}" in descriptor.description
-    assert descriptors[names.index("rerun")].additional_constraints == "one of: off, file, live"
+    assert descriptors[names.index("rerun")].additional_constraints == "one of: off, file, live, web"
 
 
 def test_only_the_command_timeout_may_change_and_within_its_range(twin):

@@ -102,9 +102,8 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     wait_until(lambda: len(sim.rows) > 8 or sim.process.poll() is not None, COMPILING)
     first = sim.rows[8]
     assert re.match(r"quick  [\d.]+ s  x[\d.]+, [\d.]+ m?s late  cabin at 60\.0 m \+0\.00 m/s  ", first), first
-    assert re.search(
-        r"from another terminal: \S*drive cabin --speed 5  tension [\d.]+ of [\d.]+ kN  recording$", first
-    ), first
+    # the hint comes last: the path of a command may be longer than what is left of the row
+    assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  from another terminal: \S", first), first
     assert all(len(row) < COLUMNS for row in sim.rows)
 
     participant = participants(domain)
