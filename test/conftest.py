@@ -4,7 +4,7 @@ import fcntl
 import os
 
 import pytest
-from twin_process import TwinProcess, allocate_domain, release_domain
+from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
 
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -72,3 +72,17 @@ def participants():
     yield make
     for participant in made:
         participant.close()
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """One twin without logs for a whole module, and a participant."""
+    from ros_participant import Participant  # noqa: PLC0415 - not where rclpy is missing
+
+    directory = tmp_path_factory.mktemp("running")
+    process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--record", "false")
+    participant = Participant(process.domain)
+    participant.subscribe_standard()
+    yield process, participant
+    participant.close()
+    process.kill()

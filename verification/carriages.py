@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, beam, changing
+from verification.models import GRAVITY, beam, changing, pendulum
 
 SPAN, ROPE = 3.9, 4.02  # m
 
@@ -151,22 +151,7 @@ def fixed_joint() -> Iterator[Result]:
     """A body clamped to a taut rope swings by 0.5 rad: 4 √((I + m d²)/(m g d)) K(sin 0.25)."""
     mass, inertia, arm, swing = 2.0, 0.3, 0.8, 0.5
     body = {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, arm]}
-    simulation = beam(
-        length=10.0,
-        mass_per_length=0.01,
-        axial=1e8,
-        bending=1.0,
-        elements=10,
-        end=(10.05, 0.0),
-        supports=("pinned", "pinned"),
-        shape="equilibrium",
-        carriages={"car": {"arc_length": 5.0, "joint": "fixed", "bodies": {"body": body}}},
-        step=1e-3,
-    )
-    joint_x, _, joint_z = simulation.snapshot.carriages["car"].position
-    # the pivot is at the centre of mass plus (sin, cos) of the pitch times the arm
-    with changing(simulation) as state:
-        state.bodies.position[0] = [joint_x - arm * np.sin(swing), joint_z - arm * np.cos(swing), swing]
+    simulation = pendulum(body, swing)
     times, pitches = [], []
     for frame in range(1, 1001):
         snapshot = simulation.advance_to(0.01 * frame)

@@ -11,7 +11,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import joint_direction
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.conservation import momentum, thrown_cable
-from verification.models import GRAVITY, beam, observed_order, start_moving
+from verification.models import GRAVITY, changing, for_kernels, observed_order, pendulum, start_moving
 
 MASS, INERTIA, ARM = 2.0, 0.3, 0.8  # kg, kg m², m
 ABOUT_PIVOT = INERTIA + MASS * ARM**2
@@ -19,26 +19,11 @@ WEIGHT = MASS * GRAVITY * ARM  # N m/rad, of a small swing
 HINGES = {"damping": 0.4, "stiffness": 3.0}
 
 
-def pendulum(step: float, *, damping: float = 0.0, stiffness: float = 0.0, swing: float = 0.01) -> Simulation:
+def hinged_pendulum(step: float, *, damping: float = 0.0, stiffness: float = 0.0, swing: float = 0.01) -> Simulation:
     """A body clamped to a rope so taut that its direction stands still, let go aside by `swing` (rad)."""
     hinge = {"damping": damping, "stiffness": stiffness}
     body = {"mass": MASS, "inertia": INERTIA, "upper_pivot": [0.0, ARM], **hinge}
-    simulation = beam(
-        length=10.0,
-        mass_per_length=0.01,
-        axial=1e10,
-        bending=1.0,
-        elements=10,
-        end=(10.05, 0.0),
-        supports=("pinned", "pinned"),
-        shape="equilibrium",
-        carriages={"car": {"arc_length": 5.0, "joint": "fixed", "bodies": {"body": body}}},
-        step=step,
-        tolerance=1e-13,
-    )
-    joint_x, _, joint_z = simulation.snapshot.carriages["car"].position
-    # the pivot is at the centre of mass plus (sin, cos) of the pitch times the arm
-    simulation._state.bodies.position[0] = [joint_x - ARM * np.sin(swing), joint_z - ARM * np.cos(swing), swing]
+    simulation = pendulum(body, swing, axial=1e10, step=step, tolerance=1e-13)
     start_moving(simulation)
     return simulation
 
@@ -48,7 +33,7 @@ def pitches(simulation: Simulation, duration: float, interval: float) -> tuple[n
     times, found = [], []
     for frame in range(round(duration / interval) + 1):
         times.append(simulation.advance_to(interval * frame).time)
-        found.append(simulation._state.bodies.position[0, 2])
+        found.append(simulation.state.bodies.position[0, 2])
     return np.array(times), np.array(found)
 
 
@@ -58,7 +43,7 @@ def damped_pendulum() -> Iterator[Result]:
     for zeta, stiffness in ((0.02, 0.0), (0.2, 0.0), (0.05, 25.0)):
         whole = WEIGHT + stiffness
         damping = 2.0 * zeta * np.sqrt(ABOUT_PIVOT * whole)
-        simulation = pendulum(1e-3, damping=damping, stiffness=stiffness, swing=1e-4)
+        simulation = hinged_pendulum(1e-3, damping=damping, stiffness=stiffness, swing=1e-4)
         frequency = np.sqrt(whole / ABOUT_PIVOT)
         damped = frequency * np.sqrt(1.0 - zeta**2)
         time, pitch = pitches(simulation, 3.2 * 2.0 * np.pi / damped, 1e-3)
@@ -75,7 +60,7 @@ def damped_pendulum() -> Iterator[Result]:
         yield Result(f"worst of three periods, share of the start, {label}", "-", 0.0, worst, 3e-4)
     errors = []
     for step in (8e-3, 4e-3, 2e-3):
-        simulation = pendulum(step, damping=2.0, stiffness=5.0, swing=1e-4)
+        simulation = hinged_pendulum(step, damping=2.0, stiffness=5.0, swing=1e-4)
         zeta = 1.0 / np.sqrt(ABOUT_PIVOT * (WEIGHT + 5.0))
         frequency = np.sqrt((WEIGHT + 5.0) / ABOUT_PIVOT)
         time, pitch = pitches(simulation, 1.6, 0.8)
@@ -87,15 +72,16 @@ def damped_pendulum() -> Iterator[Result]:
 
 def swing_lower_body(simulation: Simulation, rate: float) -> None:
     """Let the last body of a chain turn about its pivot by `rate` (rad/s) more than it does."""
-    state, offset = simulation._state, simulation.system.carriages.upper_pivot[-1]
-    _, _, turn_x, turn_z = pivot(float(state.bodies.position[-1, 2]), offset)
-    state.bodies.velocity[-1] += np.array([-turn_x, -turn_z, 1.0]) * rate
+    offset = simulation.system.carriages.upper_pivot[-1]
+    with changing(simulation) as state:
+        _, _, turn_x, turn_z = pivot(float(state.bodies.position[-1, 2]), offset)
+        state.bodies.velocity[-1] += np.array([-turn_x, -turn_z, 1.0]) * rate
     start_moving(simulation)
 
 
 def dissipation(simulation: Simulation) -> float:
     """Power (W) of all dampers, Σ c φ_dot²."""
-    system, state = simulation.system, simulation._state
+    system, (state, _) = simulation.system, for_kernels(simulation)
     above, total = joint_direction(system.cable, state, 0)[1], 0.0
     for damping, spin in zip(system.carriages.hinge_damping, state.bodies.velocity[:, 2], strict=True):
         total += damping * (spin - above) ** 2

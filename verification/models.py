@@ -160,6 +160,31 @@ def start_moving(simulation: Simulation) -> None:
         state.bodies.algorithmic[:] = state.bodies.acceleration
 
 
+def pendulum(
+    body: dict[str, Any], swing: float, *, axial: float = 1e8, step: float = 1e-3, **solver: Any
+) -> Simulation:
+    """A body on an arm above its centre, fixed to a taut rope at 5 m of 10, put aside by `swing` (rad) and at rest."""
+    simulation = beam(
+        length=10.0,
+        mass_per_length=0.01,
+        axial=axial,
+        bending=1.0,
+        elements=10,
+        end=(10.05, 0.0),
+        supports=("pinned", "pinned"),
+        shape="equilibrium",
+        carriages={"car": {"arc_length": 5.0, "joint": "fixed", "bodies": {"body": body}}},
+        step=step,
+        **solver,
+    )
+    joint_x, _, joint_z = simulation.snapshot.carriages["car"].position
+    arm = body["upper_pivot"][1]
+    # the pivot is at the centre of mass plus (sin, cos) of the pitch times the arm
+    with changing(simulation) as state:
+        state.bodies.position[0] = [joint_x - arm * np.sin(swing), joint_z - arm * np.cos(swing), swing]
+    return simulation
+
+
 def observed_order(errors: list[float], ratio: float = 2.0) -> float:
     """Order of convergence from the last two errors, of steps or elements that differ by `ratio`."""
     return float(np.log(errors[-2] / errors[-1]) / np.log(ratio))

@@ -22,7 +22,8 @@ from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_
 from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.simulation import Simulation
 from verification.conservation import thrown_cable
-from verification.hinges import HINGES, pendulum
+from verification.hinges import HINGES, hinged_pendulum
+from verification.models import for_kernels
 
 SPRINGS = {f"carriages.one.bodies.{name}.stiffness": 2e4 for name in ("upper", "lower")}
 DAMPERS = {f"carriages.one.bodies.{name}.damping": 3e3 for name in ("upper", "lower")}
@@ -93,12 +94,13 @@ def test_springs_are_in_the_energy():
 def test_rest_with_springs_balances_moments():
     """Each spring bears the moment of what hangs below it; the fixed joint of an inclined cable bears the rest."""
     simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed", **SPRINGS}))
-    system, state = simulation.system, simulation._state
+    system, state = simulation.system, simulation.state
     carriages, q = system.carriages, state.bodies.position
     joint = simulation.snapshot.carriages["one"].position
     weights = carriages.mass * 9.81
     about = [[joint[0], joint[2]], q[0, :2] + turned(q[0, 2], carriages.lower_pivot[0])]
-    angles = q[0, 2] - joint_direction(system.cable, state, 0)[0], q[1, 2] - q[0, 2]
+    direction = joint_direction(system.cable, for_kernels(simulation)[0], 0)[0]
+    angles = q[0, 2] - direction, q[1, 2] - q[0, 2]
     for body in range(2):
         # the moment about y of a force (0, -w) at an arm of x is w x
         hanging = float(np.sum(weights[body:] * (q[body:, 0] - about[body][0])))
@@ -130,7 +132,7 @@ def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
 def test_newton_is_quadratic_with_hinges():
     """From a state that is off by millimetres, each increment is of the square of the one before, down to rounding."""
     simulation = thrown_cable(1e-3, 0.0, 3, HINGES)
-    state, work = simulation._state, simulation._work
+    state, work = for_kernels(simulation)
     cable = simulation.system.cable._replace(bending_stiffness=0.0)  # with which the tangent of the cable is exact
     system = simulation.system._replace(cable=cable)
     mass_factor, rate_factor = 4e4, 300.0
@@ -160,21 +162,21 @@ def test_a_reset_gives_back_the_start_and_a_payload_takes_part():
     """A damper has no memory, so that a run is the same again; a heavier cabin hangs deeper in its spring."""
     changes = {**SPRINGS, **DAMPERS, "carriages.one.payload": {"capacity": 500.0, "station_distance": 200.0}}
     simulation = Simulation(loaded_span(**changes))
-    rest = simulation._state.bodies.position.copy()
+    rest = simulation.state.bodies.position.copy()
     simulation.advance_to(0.1)
-    moved = simulation._state.bodies.position.copy()
+    moved = simulation.state.bodies.position.copy()
     simulation.reset()
-    np.testing.assert_array_equal(simulation._state.bodies.position, rest)
+    np.testing.assert_array_equal(simulation.state.bodies.position, rest)
     simulation.advance_to(simulation.time + 0.1)
-    np.testing.assert_array_equal(simulation._state.bodies.position, moved)
+    np.testing.assert_array_equal(simulation.state.bodies.position, moved)
     heavy = Simulation(loaded_span(**changes, **{"carriages.one.payload.mass": 400.0}))
-    assert abs(heavy._state.bodies.position[1, 2]) != abs(rest[1, 2])
+    assert abs(heavy.state.bodies.position[1, 2]) != abs(rest[1, 2])
     assert heavy.system.carriages.mass[1] == 1300.0
 
 
 def test_a_damped_pendulum_loses_its_swing():
     """After 50 ms it is slower than one without: a few steps of the case in `verification`."""
-    free, damped = pendulum(5e-3), pendulum(5e-3, damping=2.0)
+    free, damped = hinged_pendulum(5e-3), hinged_pendulum(5e-3, damping=2.0)
     for simulation in (free, damped):
         simulation.advance_to(0.05)
-    assert abs(damped._state.bodies.velocity[0, 2]) < abs(free._state.bodies.velocity[0, 2])
+    assert abs(damped.state.bodies.velocity[0, 2]) < abs(free.state.bodies.velocity[0, 2])

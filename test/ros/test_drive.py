@@ -14,18 +14,6 @@ from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
 
-@pytest.fixture(scope="module")
-def running(tmp_path_factory):
-    """One twin without logs for the whole module, and a participant."""
-    directory = tmp_path_factory.mktemp("driven")
-    process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--record", "false")
-    participant = Participant(process.domain)
-    participant.subscribe_standard()
-    yield process, participant
-    participant.close()
-    process.kill()
-
-
 @pytest.fixture
 def twin(running):
     """The twin at rest at its start."""

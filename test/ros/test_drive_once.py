@@ -7,7 +7,7 @@ import signal
 from pathlib import Path
 
 import pytest
-from twin_process import COMPILING, TwinProcess, allocate_domain, wait_until, write_quick_scenario
+from twin_process import COMPILING, allocate_domain, wait_until
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -17,18 +17,6 @@ from std_srvs.srv import SetBool, Trigger
 from cable_twin.ros.only_one import SecondTwinError, check_others
 
 TIME = r"\d+\.\d{3} s of simulated time"
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory):
-    """One twin for the whole module, and a participant."""
-    directory = tmp_path_factory.mktemp("asked")
-    process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--record", "false")
-    participant = Participant(process.domain)
-    participant.subscribe_standard()
-    yield process, participant
-    participant.close()
-    process.kill()
 
 
 @pytest.fixture
