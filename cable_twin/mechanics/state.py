@@ -84,7 +84,7 @@ class Workspace(NamedTuple):
     diagonal: FloatArray  # (nodes, 2, 2, dim²): matrices of r and r_x against r and r_x
     upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
     lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
-    group: FloatArray  # (4 dim + 10 dim², WIDTH), residual and tangent of a group of elements
+    group: FloatArray  # (4 dim + 16 dim², WIDTH), residual and tangent of a group of elements, as in `groups`
     right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
     joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
     body_residual: FloatArray  # (bodies, 3)
@@ -164,7 +164,7 @@ def allocate_workspace(system: System) -> Workspace:
         diagonal=np.zeros((nodes, 2, 2, dim * dim)),
         upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
         lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
-        group=np.zeros((4 * dim + 10 * dim * dim, WIDTH)),
+        group=np.zeros((4 * dim + 16 * dim * dim, WIDTH)),
         right_side=np.zeros((nodes, 2, dim)),
         joint_gap=np.zeros((bodies, 2)),
         body_residual=np.zeros((bodies, 3)),

@@ -13,12 +13,12 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import copy_array, flat
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
-from cable_twin.mechanics.on_rope.air import drag_on_end
 from cable_twin.mechanics.on_rope.chain import pivot
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
 from cable_twin.mechanics.parameters import Cable, FloatArray
+from cable_twin.mechanics.rope.drag import drag_on_end
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow, flow_energy
@@ -198,7 +198,7 @@ def end_force(system, state, end):
     first, last = end_forces(cable, state, element)
     total = first if end == 0 else last
     if system.moving_cable.moving:
-        total = add_scaled(-1.0, end_flow(cable, state, end), total)
+        total = add_scaled(-1.0, end_flow(system, state, end), total)
     if system.air.present:
         total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state, end), total)
     for k in range(cable.load_arc_length.size):

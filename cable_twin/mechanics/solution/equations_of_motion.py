@@ -28,7 +28,7 @@ from cable_twin.mechanics.language.vectors import (
     store,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.air import drag_bodies, drag_rope
+from cable_twin.mechanics.on_rope.air import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.hinge import is_hinged
@@ -45,7 +45,6 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
@@ -110,7 +109,8 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     cable, carriages = system.cable, system.carriages
-    assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
         drag_bodies(
             system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
@@ -128,18 +128,6 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
     hold_ends(cable, work)
-
-
-@inlined_kernel
-def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Write row 2 without what hangs on the cable or holds it: its elements, their flow, loads and drag."""
-    cable = system.cable
-    add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    if system.moving_cable.moving:
-        add_flow(cable, state, rate_factor, stiffness_factor, work)
-    add_loads(cable, state, stiffness_factor, work)
-    if system.air.present:
-        drag_rope(cable, system.air.rope_drag, state, rate_factor, stiffness_factor, work)
 
 
 @inlined_kernel
