@@ -65,6 +65,8 @@ def make_carriages(chains=(), **changes):
         lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
         hinge_stiffness=np.zeros(bodies),
         hinge_damping=np.zeros(bodies),
+        roll_damping=np.zeros(bodies),
+        held=np.zeros(bodies, dtype=np.int64),
         centre_offset=np.zeros((bodies, 2)),
         fixed=np.zeros(count, dtype=np.bool_),
         clamped=np.zeros(count, dtype=np.bool_),

@@ -98,7 +98,7 @@ def test_no_wind_and_no_motion_is_no_force():
     for array in (state.nodes.velocity, state.bodies.velocity, state.wind):
         array[:] = 0.0
     force, tangent = drag_on_rope(system, state, work)
-    drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, 25.0, work.body_drag, work.body_drag_tangent)
+    drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, system.cable.gravity, 25.0, work)
     assert not force.any()
     assert not tangent.any()
     assert not work.body_drag.any()

@@ -41,7 +41,7 @@ def balance_of_end_nodes(system, state, work):
             held = slice(2 * point.element, 2 * point.element + 4)
             r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
             turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
-            nodal[held] -= grip_moment(system, state, carriage)[0] * np.outer(point.shape_x, turn)
+            nodal[held] -= grip_moment(system, state, carriage)[0][0] * np.outer(point.shape_x, turn)
     for contact in range(system.towers.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.towers, state, contact)[0])
     return -nodal[[0, -2]]

@@ -8,19 +8,18 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import dot, full, load, scale, store, subtract, symmetric
 
 
 @kernel
-def drag_bodies(body_drag, wind, body_velocities, rate_factor, force, tangent):
+def drag_bodies(body_drag, wind, velocities, like, rate_factor, work):
     """Drag on every body (N), and minus its derivative by the place (N/m), which acts like a mass."""
+    blowing = load(wind, like)
     for body in range(body_drag.size):
         q = body_drag[body]
         if q > 0.0:
-            x = wind[0] - body_velocities[body, 0]
-            z = wind[wind.size - 1] - body_velocities[body, 1]
-            speed = sqrt(x * x + z * z)
-            force[body, 0], force[body, 1] = q * speed * x, q * speed * z
+            relative = subtract(blowing, load(velocities[body], like))
+            speed = sqrt(dot(relative, relative))
+            store(scale(q * speed, relative), work.body_drag[body])
             steep = rate_factor * q / speed if speed > 0.0 else 0.0
-            tangent[body, 0] = steep * (speed * speed + x * x)
-            tangent[body, 1] = steep * x * z
-            tangent[body, 2] = steep * (speed * speed + z * z)
+            store(full(1.0, symmetric(steep * speed * speed, steep, relative), 0.0), work.body_drag_tangent[body])

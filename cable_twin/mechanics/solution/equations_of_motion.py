@@ -31,10 +31,9 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.air import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.hinge import is_hinged
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
-    joint_direction,
+    direction_above,
     joint_position,
     joint_velocity,
     place_joint,
@@ -65,11 +64,12 @@ def measure_gaps(system, state, work, place):
             continue
         if place:
             place_joint(system.cable, state, carriage)
-        joint = joint_position(system.cable, state, carriage)
-        close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
+        joint, above = joint_position(system.cable, state, carriage), direction_above(system, state, carriage)
+        close_joints(system.carriages, state, carriage, joint, above, work)
         reference_gap(state, carriage, work)
     for body in range(work.joint_gap.shape[0]):
-        worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
+        for axis in range(work.joint_gap.shape[1]):
+            worst = max(worst, abs(work.joint_gap[body, axis]))
     return worst
 
 
@@ -112,16 +112,12 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        drag_bodies(
-            system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
-        )
+        drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, cable.gravity, rate_factor, work)
     for carriage in range(carriages.fixed.size):
         if state.attached[carriage]:
-            direction = 0.0, 0.0, 0.0
-            if is_hinged(carriages, carriages.body_offset[carriage]):
-                direction = joint_direction(cable, state, carriage)
+            above = direction_above(system, state, carriage)
             condense_chain(
-                carriages, cable.gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work
+                carriages, cable.gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work
             )
             condense_drive(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
