@@ -175,7 +175,10 @@ def inverse_of(a: Matrix) -> Matrix:
 
 @overload(inverse_of, jit_options=OPTIONS)
 def _inverse_of(a):
-    return {1: lambda a: (1.0 / a[0],), 9: _inverse_in_space}[a.count]
+    def spatial(a):
+        return _inverse_in_space(a)
+
+    return {1: lambda a: (1.0 / a[0],), 9: spatial}[a.count]
 
 
 @kernel

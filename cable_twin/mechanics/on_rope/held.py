@@ -21,6 +21,7 @@ from cable_twin.mechanics.language.vectors import (
     product,
     scale,
     store,
+    unit_matrix,
 )
 from cable_twin.mechanics.on_rope.hinge import joint_axes
 
@@ -85,11 +86,12 @@ def _overload_hold(joint, inverse, by_place, by_above, least, gap):
 def _hold_in_space(joint, inverse, by_place, by_above, least, gap):
     nothing = scale(0.0, by_place)
     on_place, on_above, on = nothing, nothing, scale(0.0, least)
+    through = unit_matrix(least)  # what a moment is with those that the axes before it then need
     for number in range(joint.holding):
         axis = joint.held[number]
         yields = product(inverse, axis, axis)
         weight = 1.0 / dot(axis, yields)
-        push = scale(weight, axis)
+        push = scale(weight, product(through, axis, axis))
         place, above = product(axis, by_place, axis), add_scaled(1.0, product(axis, by_above, axis), axis)
         rest = dot(axis, least) - gap[number]
         on_place = add_scaled(1.0, outer(1.0, push, place), on_place)
@@ -98,7 +100,9 @@ def _hold_in_space(joint, inverse, by_place, by_above, least, gap):
         by_place = minus(by_place, outer(weight, yields, place))
         by_above = minus(by_above, outer(weight, yields, above))
         least = add_scaled(-rest * weight, yields, least)
-        inverse = minus(inverse, outer(weight, yields, product(axis, inverse, axis)))
+        back = product(axis, inverse, axis)
+        inverse = minus(inverse, outer(weight, yields, back))
+        through = minus(through, outer(1.0, push, back))
     return by_place, by_above, least, Held(on_place, on_above, on)
 
 
