@@ -148,15 +148,7 @@ def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mappin
 
 
 def command_from_vector(topic: str, x: float, y: float, z: float) -> Command:
-    """Understand a vector of a topic, such as a wind (m/s).
-
-    Raises:
-        CommandError: It points across the track, where nothing can move.
-    """
+    """Understand a vector of a topic, such as a wind (m/s); whether it may point across the track is not known here."""
     (kind,) = kinds_on(topic).values()
-    numbers = {"x": float(x), "y": float(y), "z": float(z)}
-    for axis, number in numbers.items():
-        if axis not in kind.axes and number != 0.0:
-            allowed = f"allowed is 0: the twin moves in the plane of the track, {' and '.join(kind.axes)}"
-            raise CommandError(f"{kind.name} {axis} is {number:g} {kind.unit}; {allowed}")
-    return Command(kind.name, {axis: numbers[axis] for axis in kind.axes})
+    across = {"y": float(y)} if y != 0.0 else {}
+    return Command(kind.name, {"x": float(x), "z": float(z), **across})

@@ -24,6 +24,7 @@ class Kind:
         quantity: what its numbers are; none where it has none.
         unit: of its numbers.
         axes: those of x, y, z that it has numbers for instead of names.
+        needed: which of them it always has; 0 where none is given.
         topic: that brings it, below the node; kinds of one topic differ by their field.
         field: of sensor_msgs/JointState that holds its numbers: on its topic, where they are by name, and in the bag.
         service: that brings it where it has no numbers, below the node.
@@ -39,6 +40,7 @@ class Kind:
     quantity: str = ""
     unit: str = ""
     axes: tuple[str, ...] = ()
+    needed: tuple[str, ...] = ()
     topic: str = ""
     field: Literal["position", "velocity", "effort", ""] = ""
     service: str = ""
@@ -47,6 +49,10 @@ class Kind:
     drives: bool = False
     halts: bool = False
     level: Literal["INFO", "WARN", "ERROR"] = "INFO"
+
+    def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:
+        """The numbers `given` for axes, with 0 where one that is needed is missing."""
+        return dict.fromkeys(self.needed, 0.0) | dict(given)
 
     @property
     def keys(self) -> Mapping[str, str]:
@@ -85,10 +91,11 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "wind",
-            "let the wind blow along the track and upwards, until the next one",
+            "let the wind blow along the track, upwards and in space to the left, until the next one",
             quantity="speed",
             unit="m/s",
-            axes=("x", "z"),
+            axes=("x", "z", "y"),
+            needed=("x", "z"),
             topic="wind",
             field="velocity",
         ),

@@ -189,7 +189,9 @@ def _meant(row: Mapping[str, Any], place: str) -> Command:
     if "name" not in row:
         for name, kind in BY_AXIS.items():
             if name in row and set(given) <= set(kind.keys.values()):
-                speeds = {axis: _finite(row.get(key, 0.0), key, kind, place) for axis, key in kind.keys.items()}
+                speeds = kind.by_axis(
+                    {axis: _finite(row[key], key, kind, place) for axis, key in kind.keys.items() if key in row}
+                )
                 return Command(name, speeds)
     if len(given) != 1 or given[0] not in BY_NAME or not isinstance(row.get("name"), str):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"

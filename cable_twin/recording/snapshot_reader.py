@@ -38,7 +38,7 @@ from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_lin
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
@@ -244,9 +244,8 @@ class _Frames:
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
-                scenario, axes = self._scenario, [0, 2] if self._scenario.dim == 2 else [0, 1, 2]
-                direction = np.array(scenario.vector(end.direction)) / np.hypot(*end.direction)
-                moved = c.rope_position[-row][axes] - np.array(scenario.vector(end.position))
+                direction = np.array(in_space(end.direction)) / np.hypot(*end.direction)
+                moved = c.rope_position[-row] - np.array(in_space(end.position))
                 c.support_travel[row] = float(moved @ direction)
 
 

@@ -34,7 +34,7 @@ examples:
   drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
   drive cabin --force 40000 --duration 10
   drive cabin --payload 3200             kg, in a station
-  drive --wind 12                        m/s along the track, and with a second number upwards
+  drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
   drive --emergency-stop                 and drive --release
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
@@ -173,7 +173,7 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
         return client.call(kind.service, kind.switch)
     given = getattr(options, kind.name)
     if kind.axes:
-        return client.give(kind, dict(zip(kind.axes, [*given, *[0.0] * len(kind.axes)], strict=False)))
+        return client.give(kind, kind.by_axis(dict(zip(kind.axes, given, strict=False))))
     return client.give(kind, {options.name: given})
 
 

@@ -2,7 +2,7 @@
 
 from cable_twin.scenario.build import build_payloads, build_system
 from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_lines, scenario_names
-from cable_twin.scenario.schema import Grading, Scenario
+from cable_twin.scenario.schema import Grading, Scenario, in_space
 
 __all__ = [
     "Grading",
@@ -11,6 +11,7 @@ __all__ = [
     "build_payloads",
     "build_system",
     "config_directory",
+    "in_space",
     "load_scenario",
     "scenario_lines",
     "scenario_names",

@@ -138,10 +138,12 @@ def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
     if model is not None or container is not None:
         text = "a list of mappings" if container is tuple else "a mapping"
     elif get_origin(kind) is Literal:
-        text = f"one of {', '.join(get_args(kind))}"
+        text = f"one of {', '.join(map(str, get_args(kind)))}"
     elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
         words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
         text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
+        if get_args(kind)[0] is float:
+            text, limits = _numbers(field), []
     elif get_origin(kind) is tuple:
         text = f"a list of {len(get_args(kind))} finite numbers"
     else:
@@ -150,6 +152,14 @@ def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
     own = extra.get("unit")
     text = f"{text}, in {own}" if unit and own not in (None, "-") else text
     return f"{text}, or null" if optional else text
+
+
+def _numbers(field: FieldInfo) -> str:
+    """How many numbers a list of them has."""
+    annotation = str(field.annotation) + str(field.metadata)
+    return (
+        "a list of 3 or 6 finite numbers" if "max_length=6" in annotation else "a list of 2 finite numbers, 3 in space"
+    )
 
 
 def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
@@ -172,7 +182,7 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
-        elif here in bad and get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+        elif here in bad and get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):
             values[name] = ()
         elif here in bad or (name not in data and field.is_required()):
             values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)

@@ -35,15 +35,10 @@ Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
 # along the track and upwards, or in space with what is to the left between them
-Place = Annotated[tuple[float, float] | tuple[float, float, float], FromList]
+Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)]
 
 
-Inertia = Annotated[
-    Annotated[float, Field(gt=0)]
-    | Annotated[tuple[float, float, float], FromList]
-    | Annotated[tuple[Annotated[tuple[float, float, float], FromList], ...], FromList],
-    Field(),
-]
+Tensor = Annotated[tuple[float, ...], FromList, Field(min_length=3, max_length=6)]
 
 
 def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> Any:
@@ -59,6 +54,11 @@ def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> 
         The pydantic field.
     """
     return Field(default, description=f"{description} ({unit})", json_schema_extra={"unit": unit}, **bounds)
+
+
+def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """A vector x, z or x, y, z as one of three numbers."""
+    return vector if len(vector) == 3 else (vector[0], 0.0, vector[1])
 
 
 class Section(BaseModel):
@@ -241,9 +241,9 @@ class Body(Section):
     """One rigid body of a carriage; pivots are seen from its centre of mass, in its own axes x, z."""
 
     mass: float = quantity("kg", "mass of the body", gt=0)
-    inertia: Inertia = quantity(
-        "kg m^2",
-        "moment of inertia about the centre of mass; in space also three about x, y, z, or a tensor",
+    inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass, about y", gt=0)
+    inertia_tensor: Tensor | None = quantity(
+        "kg m^2", "in space, the same about x, y, z, and xy, xz, yz of the tensor if any; null: as about y", None
     )
     upper_pivot: Place = quantity("m", "place of the pin from which it hangs")
     lower_pivot: Place | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
@@ -392,9 +392,7 @@ class Scenario(Section):
 
     def vector(self, given: tuple[float, ...]) -> tuple[float, ...]:
         """The vector x, z or x, y, z with as many numbers as there are dimensions; y is 0 where it is not given."""
-        if len(given) == self.dim:
-            return given
-        return (given[0], 0.0, given[1]) if self.dim == 3 else given[::2]
+        return in_space(given) if self.dim == 3 else given[:: len(given) - 1]
 
     @property
     def loop_length(self) -> float:

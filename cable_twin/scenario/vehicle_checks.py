@@ -8,7 +8,7 @@ from re import fullmatch
 
 import numpy as np
 
-from cable_twin.scenario.build import BRAKES, stop_stroke
+from cable_twin.scenario.build_vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
 
@@ -58,28 +58,26 @@ def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body
             given = getattr(body, key)
             if given is not None and len(given) > scenario.dim:
                 yield Fault((*path, "bodies", name, key), f"given {show(list(given))} in a plane; allowed: x, z in m")
-        yield from _inertia(scenario, (*path, "bodies", name, "inertia"), body)
+        yield from _inertia(scenario, (*path, "bodies", name, "inertia_tensor"), body)
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
     """Inertia that no body has: of its principal moments, none is more than the other two together."""
-    if not isinstance(body.inertia, tuple):
+    if body.inertia_tensor is None:
         return
-    given = show([list(row) if isinstance(row, tuple) else row for row in body.inertia])
+    given = show(list(body.inertia_tensor))
     if scenario.dim == 2:
-        yield Fault(path, f"given {given} in a plane; allowed: a number above 0, in kg m^2")
-        return
-    tensor = np.array(body.inertia, dtype=np.float64)
-    if tensor.ndim == 2 and (tensor.shape != (3, 3) or not np.array_equal(tensor, tensor.T)):
-        yield Fault(path, f"given {given}; allowed: three numbers, or the three rows of a symmetric tensor, in kg m^2")
-        return
-    low, middle, high = np.sort(np.linalg.eigvalsh(tensor)) if tensor.ndim == 2 else np.sort(tensor)
-    if low <= 0.0 or high > (1.0 + 1e-9) * (low + middle):
-        yield Fault(
-            path,
-            f"given {given}, with principal moments {low:g}, {middle:g} and {high:g}; "
-            "allowed: all above 0 and none more than the other two together, in kg m^2",
-        )
+        yield Fault(path, f"given {given} in a plane; allowed: null, in a plane there is inertia alone")
+    elif len(body.inertia_tensor) not in (3, 6):
+        yield Fault(path, f"given {given}; allowed: 3 or 6 finite numbers, in kg m^2")
+    else:
+        low, middle, high = np.linalg.eigvalsh(inertia_tensor(body))
+        if low <= 0.0 or high > (1.0 + 1e-9) * (low + middle):
+            yield Fault(
+                path,
+                f"given {given}, with principal moments {low:g}, {middle:g} and {high:g}; "
+                "allowed: all above 0 and none more than the other two together, in kg m^2",
+            )
 
 
 def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Fault]:
@@ -135,6 +133,8 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             )
     if scenario.carriers is not None:
         yield from _carriers(scenario, scenario.carriers)
+    if scenario.dim == 3 and scenario.vehicles and scenario.solver.integrator == "runge_kutta":
+        yield Fault(("solver", "integrator"), "given 'runge_kutta' for carriages in space; allowed: generalized_alpha")
 
 
 def _payload(path: KeyPath, carriage: Carriage) -> Iterator[Fault]:

@@ -92,15 +92,18 @@ def check_wind(command: Command, scenario: Scenario) -> None:
     """Refuse a wind that none is: axes and m/s.
 
     Raises:
-        CommandError: other axes than x and z, not finite, too strong.
+        CommandError: other axes than x and z, and y in space, not finite, too strong.
     """
-    if {*command.values} != {"x", "z"}:
+    if not {"x", "z"} <= {*command.values} <= {"x", "y", "z"}:
         raise CommandError(f"wind with {', '.join(command.values) or 'nothing'}; needed are x and z, in m/s")
     for axis, speed in command.values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
                 f"wind {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
             )
+    across = command.values.get("y", 0.0)
+    if across != 0.0 and scenario.dim == 2:
+        raise CommandError(f"wind y is {across:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z")
 
 
 def _known(name: str, scenario: Scenario) -> Carriage:

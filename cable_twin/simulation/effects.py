@@ -63,7 +63,8 @@ def _load(ropeway: Ropeway, command: Command) -> None:
 
 
 def _blow(ropeway: Ropeway, command: Command) -> None:
-    ropeway.state.wind[0], ropeway.state.wind[-1] = command.values["x"], command.values["z"]
+    values = command.values
+    ropeway.state.wind[:] = ropeway.scenario.vector((values["x"], values.get("y", 0.0), values["z"]))
 
 
 def _stop(ropeway: Ropeway, _: Command) -> None:

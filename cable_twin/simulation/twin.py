@@ -214,13 +214,13 @@ class Simulation(Readings):
         """
         return self.apply(Command("payload", {name: mass}))
 
-    def wind(self, x: float, z: float = 0.0) -> AppliedCommand:
-        """Let the wind blow with `x` (m/s) along the track and `z` upwards from now on.
+    def wind(self, x: float, z: float = 0.0, y: float = 0.0) -> AppliedCommand:
+        """Let the wind blow with `x` (m/s) along the track, `z` upwards and in space `y` to the left from now on.
 
         Raises:
             CommandError: when it is refused: not finite, or stronger than any.
         """
-        return self.apply(Command("wind", {"x": x, "z": z}))
+        return self.apply(Command("wind", {"x": x, "z": z} | ({"y": y} if y != 0.0 else {})))
 
     def reset(self) -> AppliedCommand:
         """Put the state back to the start; time runs on, drives are as the scenario has them."""

@@ -82,7 +82,7 @@ def test_moment_of_a_turning_body_and_its_tangent():
 
     inertia = inertia_of(TENSOR.reshape(1, 9), 0, orientation(row, SPACE), SPACE)
     total, by_turn_of_body = gyration(
-        inertia, tuple(spin), tuple(acceleration), tuple(turned), mass_factor, rate_factor
+        inertia, tuple(spin), tuple(acceleration), tuple(turned), mass_factor, rate_factor, 1.0
     )
     np.testing.assert_allclose(total, law(np.zeros(3)), atol=1e-14)
     exact = difference(law, np.zeros(3), 1e-3)

@@ -115,7 +115,15 @@ def _moment_by_turn(arm, force):
     }[arm.count]
 
 
-def gyration(inertia: Matrix, spin: Turn, acceleration: Turn, turned: Turn, mass_factor: float, rate_factor: float):
+def gyration(
+    inertia: Matrix,
+    spin: Turn,
+    acceleration: Turn,
+    turned: Turn,
+    mass_factor: float,
+    rate_factor: float,
+    stiffness_factor: float,
+):
     """Moment J ω_dot + ω x J ω of a body about its centre, and its derivative by a turn θ of it.
 
     Args:
@@ -125,25 +133,26 @@ def gyration(inertia: Matrix, spin: Turn, acceleration: Turn, turned: Turn, mass
         turned: rotation vector (turns,) of the step so far, which the integrator adds to.
         mass_factor: ∂ω_dot by it.
         rate_factor: ∂ω by it.
+        stiffness_factor: of the turn itself, 1 or 0.
     """
     if len(spin) == 1:
         return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
-    return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor)
+    return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor)
 
 
 @overload(gyration, jit_options=OPTIONS)
-def _gyration(inertia, spin, acceleration, turned, mass_factor, rate_factor):
-    def planar(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+def _gyration(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
+    def planar(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
         return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
 
-    def spatial(inertia, spin, acceleration, turned, mass_factor, rate_factor):
-        return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor)
+    def spatial(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
+        return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor)
 
     return planar if spin.count == 1 else spatial
 
 
 @inlined_kernel
-def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
     """The same with three angles.
 
     A turn θ of the body is the addition T⁻¹ θ to the rotation vector Δ of the step, with
@@ -163,7 +172,7 @@ def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_fa
     turning_momentum = add_scaled(-1.0, product(inertia, by_turn(spin), spin), by_turn(momentum))
     gyroscopic = scale(-1.0, product(by_turn(spin), turning_momentum, spin))
     static = add_scaled(1.0, turning_inert, gyroscopic)
-    return total, add_scaled(1.0, static, product(by_increment, inverse, spin))
+    return total, add_scaled(stiffness_factor, static, product(by_increment, inverse, spin))
 
 
 def inverse_of(a: Matrix) -> Matrix:

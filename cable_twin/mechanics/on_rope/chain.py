@@ -131,10 +131,11 @@ def joint_accelerations(carriages, state, carriage, feedback, position, velocity
 
 
 @inlined_kernel
-def balance(carriages, gravity, state, body, arms, joints, mass_factor, rate_factor, work):
+def balance(carriages, gravity, state, body, arms, joints, factors, work):
     """What forces (dim,) and moments (turns,) lack of the inertia of a body, and ∂(its own moment)/∂(its turn).
 
-    Takes its arms to both pivots, and the force and moment at the lower one and the moment at the upper one.
+    Takes its arms to both pivots, the force and moment at the lower one and the moment at the upper one, and the
+    factors of `assemble`.
     """
     like, still, mass = gravity, no_turn(gravity), carriages.mass[body]
     up, low = arms
@@ -143,7 +144,7 @@ def balance(carriages, gravity, state, body, arms, joints, mass_factor, rate_fac
     inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
     spin = spin_of(state.bodies.velocity, body, like)
     turning = spin_of(state.bodies.acceleration, body, like)
-    inert, stiff = gyration(inertia, spin, turning, load(work.turned[body], still), mass_factor, rate_factor)
+    inert, stiff = gyration(inertia, spin, turning, load(work.turned[body], still), factors[0], factors[1], factors[2])
     residual = scale(mass, subtract(load(state.bodies.acceleration[body], like), gravity))
     residual = add_scaled(1.0, below, subtract(subtract(residual, force), load(work.body_drag[body], like)))
     residual_turn = add_scaled(1.0, moment(low, below), subtract(inert, moment(up, force)))
@@ -173,7 +174,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
             low = scale(0.0, low)
         joints = below, below_moment, joint.moment
         residual, residual_turn, stiff = balance(
-            carriages, gravity, state, body, (up, low), joints, mass_factor, rate_factor, work
+            carriages, gravity, state, body, (up, low), joints, (mass_factor, rate_factor, stiffness_factor), work
         )
         geometric = minus(moment_by_turn(low, below), moment_by_turn(up, force))
         stiff = add_scaled(stiffness_factor, geometric, stiff)
