@@ -175,7 +175,7 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants
 
 
 def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants):
-    sim = processes("--scenario", "seed_example", "--rerun", "off")
+    sim = processes("--scenario", "seed_example", "--rerun", "none")
     participant = participants(sim.domain)
     participant.subscribe_standard()
     participant.publish(name=["carriage"], effort=[1e9])
@@ -212,7 +212,7 @@ def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participa
 
 
 def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
-    arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "off"]
+    arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "none"]
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments)
     participant = participants(sim.domain)
     participant.subscribe_standard(paused=True)
@@ -260,7 +260,7 @@ BAD_PARAMETERS = [
     (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
     (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
     (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
-    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
+    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: none, file, live"),
     (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
     (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
     (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
@@ -345,7 +345,7 @@ def test_help_has_examples(tmp_path, command):
 def test_scenario_of_the_working_directory_and_numbers_as_names(tmp_path, processes, participants):
     """A path that YAML would read as a number is still a path."""
     shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
-    sim = processes("--scenario", "1e3", "--rerun", "off")
+    sim = processes("--scenario", "1e3", "--rerun", "none")
     sim.wait_for("'1e3' runs at 100 Hz; carriages: carriage")
     assert sim.end() == 0
     assert json.loads(json.dumps(read_log(sim.run_directory).scenario))["name"] == "1e3"
