@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from collections.abc import Sequence
@@ -90,12 +91,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         print(f"sim: {rcl_fault(error)}", file=sys.stderr)
         return 1
+    fault = ""
     try:
         node = TwinNode()
     except (ParameterError, SecondTwinError, ScenarioError, EquilibriumError, SnapshotError) as error:
-        return _refuse_start(str(error))
+        fault = str(error)
     except (ParameterException, rclpy_implementation.RCLError) as error:
-        return _refuse_start(rcl_fault(error))
+        fault = rcl_fault(error)
+    if fault:
+        return _refuse_start(fault)
     ending.starting = False
     sys.setswitchinterval(SWITCH_INTERVAL)
     executor = SingleThreadedExecutor()
@@ -122,6 +126,7 @@ def _refuse_start(faults: str) -> int:
 
     for line in faults.splitlines():
         print(f"sim: {line}", file=sys.stderr)
+    gc.collect()  # what was made of the node goes before what it stands on, which crashes otherwise
     rclpy.try_shutdown()
     return 1
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 
 import pytest
+from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
 from cable_twin.records import Command
@@ -120,6 +121,30 @@ def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     level, message, values = twin.next_diagnostics()
     assert values["log_dropped_frames"] == "0"
     assert level in (0, 1), message  # a warning where this machine was late
+
+
+def test_topics_and_services_are_those_of_the_page(twin):
+    """As other nodes see them: names, types and directions; without what every node has, and what no wheel brings."""
+    scenario = load_scenario("aerial_tramway")
+    vehicles = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
+    of_all = {*services_of_page(), *(row for row in topics_of_page() if not row.name.startswith(("carriers/", "/tf")))}
+    expected = {line for row in of_all for line in row.expanded(vehicles, ("start", "end"))}
+    ask, node = twin.node, ("cable_twin", "/")
+    groups = (
+        ("out", ask.get_publisher_names_and_types_by_node, "msg"),
+        ("in", ask.get_subscriber_names_and_types_by_node, "msg"),
+        ("service", ask.get_service_names_and_types_by_node, "srv"),
+    )
+
+    def found() -> set[tuple[str, str, str]]:
+        return {
+            (direction, name.removeprefix("/cable_twin/"), types[0].replace(f"/{form}/", "/"))
+            for direction, get, form in groups
+            for name, types in get(*node)
+            if name not in ("/rosout", "/parameter_events") and not types[0].startswith(("rcl_", "type_desc"))
+        }
+
+    twin.until(lambda: found() == expected, what=f"{expected ^ found()}")
 
 
 def test_joint_states_name_carriages_and_bodies(twin):

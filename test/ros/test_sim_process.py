@@ -272,6 +272,17 @@ BAD_PARAMETERS = [
     ),
     (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
+    (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time' is 'maybe'; a bool is needed"),
+    (["--frame-id", "/map"], "sim: parameter 'frame_id' is '/map'; coordinate frame in which everything is; "),
+    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix' is 'a b/'; in front of the frames of "),
+    (
+        ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.reliability:=sometimes"],
+        "sim: qos_overrides./cable_twin/cable: Unexpected QoS override for policy `reliability`: `sometimes`",
+    ),
+    (
+        ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.depth:=-1"],
+        "sim: qos_overrides./cable_twin/cable: Failed to create publisher: failed to set history depth",
+    ),
 ]
 
 
