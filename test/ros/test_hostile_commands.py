@@ -23,7 +23,7 @@ from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 
 PAUSE = 0.003  # s between two commands: they all come within a few seconds, and no queue runs over
-TOPIC = ":joint_commands"  # how an applied command ends that came from there
+TOPIC = "joint_commands"
 FRAME = 10_000_000  # ns
 
 TYPES = TYPESTORE.types
