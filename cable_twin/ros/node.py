@@ -96,11 +96,9 @@ class TwinNode(Node):
         self._diagnostics = Diagnostics(
             self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
         )
-        self.status = Status(
-            self._simulation, self._loop, self._output, self._diagnostics, self.get_fully_qualified_name()
-        )
         self._endpoints.subscribe(self._on_command)
         self._endpoints.warn_of_unknown()
+        self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self._offered = Services(self._loop, self._log_directory)
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's

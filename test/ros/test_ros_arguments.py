@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 
 import pytest
 from bags import bag
 from twin_process import COMPILING, PATIENCE, TwinProcess, stamps, write_quick_scenario
 
+from cable_twin.messages import TopicNames
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
@@ -23,6 +26,8 @@ from ros_participant import Participant
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
+
+from cable_twin.ros.status import drive_hint
 
 TWIN = "/south/cable_twin"
 REMAPS = ["__ns:=/south", "/clock:=/south/clock", "~/joint_states:=/js", "~/joint_commands:=/desk"]
@@ -132,13 +137,25 @@ def test_quality_of_service_is_what_was_asked_for(running, twin):
     assert ignored == ["qos_overrides./nobody.publisher.depth"]
 
 
-def test_drive_is_remapped_as_any_node_and_each_of_its_messages_has_a_stamp(running, twin, processes):
-    """Its twin is the one in its own namespace."""
-    twin.received["/desk"].clear()
+def words_in_the_namespace(scenario) -> list[str]:
+    """The twin of `drive` is the one in its own namespace."""
     remaps = ["__ns:=/south", f"{TWIN}/joint_commands:=/desk", f"{TWIN}/joint_states:=/js"]
-    ros = ["--ros-args", *(word for rule in remaps for word in ("-r", rule))]
-    options = ["cabin", "--speed", "1", "--duration", "1", "--wait", str(PATIENCE)]
-    process = processes(*options, *ros, module="drive", domain=running[0].domain)
+    return ["cabin", "--speed", "5", "--ros-args", *(word for rule in remaps for word in ("-r", rule))]
+
+
+def words_of_the_hint(scenario) -> list[str]:
+    """What the last row of the terminal says."""
+    hint = drive_hint(scenario, TopicNames(TWIN, {"joint_commands": "/desk", "joint_states": "/js"}))
+    return shlex.split(hint)[1:]
+
+
+@pytest.mark.parametrize("words", [words_in_the_namespace, words_of_the_hint])
+def test_drive_is_remapped_as_any_node_and_each_of_its_messages_has_a_stamp(running, twin, processes, words):
+    twin.received["/desk"].clear()
+    twin.received["/js"].clear()
+    given = words(load_scenario(str(running[0].directory / "quick.yaml")))
+    options = ["--duration", "1", "--wait", str(PATIENCE)]
+    process = processes(*options, *given, module="drive", domain=running[0].domain)
     twin.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
     assert process.process.returncode == 0, process.output
     twin.until(lambda: twin.received["/desk"] and twin.received["/desk"][-1].velocity[0] == 0.0, what="its stop")

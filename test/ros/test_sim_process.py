@@ -311,7 +311,18 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
 
 
 def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants):
-    names = ["-r", "__node:=tram", "-r", "__ns:=/site", "-p", "frame_rat:=50", "-p", "use_sim_time:=false"]
+    names = [
+        "-r",
+        "__node:=tram",
+        "-r",
+        "__ns:=/site",
+        "-p",
+        "frame_rat:=50",
+        "-p",
+        "use_sim_time:=false",
+        "-p",
+        "rerun:=off",
+    ]
     sim = processes("--frame-rate", "30", "--ros-args", *names)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
@@ -323,6 +334,7 @@ def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignore
     assert sim.end() == 0
     log = read_log(sim.run_directory)
     assert log.metadata["namespace"] == "/site/tram"
+    assert not list(sim.run_directory.glob("*.rrd"))  # off is YAML's false, and none of ours
     assert len(log.commands) >= 1
 
 
@@ -356,7 +368,7 @@ def test_help_has_examples(tmp_path, command):
 def test_scenario_of_the_working_directory_and_numbers_as_names(tmp_path, processes, participants):
     """A path that YAML would read as a number is still a path."""
     shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
-    sim = processes("--scenario", "1e3", "--rerun", "none")
+    sim = processes("--scenario", "1e3", "--rerun", "off")
     sim.wait_for("'1e3' runs at 100 Hz; carriages: carriage")
     assert sim.end() == 0
     assert json.loads(json.dumps(read_log(sim.run_directory).scenario))["name"] == "1e3"
