@@ -65,7 +65,7 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
         return kind, message.name, source
     kind = message.name[0].partition("/")[0] if message.name else ""
     parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
-    if kind not in KINDS or any(len(part) != len(parts[0]) or part[0] != kind for part in parts) or len(parts[0]) < 2:
+    if kind not in KINDS or any(part[0] != kind or len(part) != (3 if KINDS[kind].field else 2) for part in parts):
         msg = f"applied command {', '.join(message.name)!r}; KIND/NAME/SOURCE with one of {', '.join(KINDS)}"
         raise ValueError(msg)
     return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
