@@ -2,6 +2,8 @@
 
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, MessageEncoder, clock_message
+from cable_twin.messages.joints import hung_rows, joint_names
+from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -19,14 +21,12 @@ from cable_twin.messages.topics import (
     DIAGNOSTICS,
     JOINT_STATES,
     KEY_FIGURES,
-    NAMESPACE,
     SCENARIO,
     TF,
     JointState,
     Schedule,
     Topic,
     contact_force_topic,
-    full_name,
     pose_topic,
     support_force_topic,
     topics,
@@ -49,6 +49,7 @@ __all__ = [
     "SECOND",
     "TF",
     "TYPESTORE",
+    "FrameNames",
     "Header",
     "JointState",
     "MessageEncoder",
@@ -56,12 +57,14 @@ __all__ = [
     "Status",
     "Time",
     "Topic",
+    "TopicNames",
     "clock_message",
     "contact_force_topic",
     "decode",
     "diagnostics_message",
-    "full_name",
     "header",
+    "hung_rows",
+    "joint_names",
     "nanoseconds",
     "pose_topic",
     "scenario_from_message",

@@ -7,6 +7,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.rates import fault
 from cable_twin.ros.node_parameters import PARAMETERS, Parameter, splitting_of
@@ -21,7 +22,8 @@ RATES = {  # parameter: group of topics that it is of, and who takes them: publi
     "log_rope_rate": ("rope", 1),
     "log_path_rate": ("path", 1),
 }
-ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
+QOS_OVERRIDES = "qos_overrides."
+ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDES)  # every node has them
 
 
 class ParameterError(ValueError):
@@ -41,18 +43,17 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         if name not in names and not name.startswith(ROS_PARAMETERS):
             node.get_logger().warning(f"unknown parameter '{name}' is ignored; known: {', '.join(names)}")
     for parameter in PARAMETERS:
-        # dynamic, so that 100 may stand for 100.0
+        # of any type at first, so that 100 may stand for 100.0, and our own, clearer checks come first
         undescribed = ParameterDescriptor(dynamic_typing=True)
-        value: Any = node.declare_parameter(parameter.name, parameter.default, undescribed).value
-        if isinstance(parameter.default, float) and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+        value: Any = parameter.meant(node.declare_parameter(parameter.name, parameter.default, undescribed).value)
         if type(value) is not type(parameter.default):
             kind = type(parameter.default).__name__
             faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
         elif fault := parameter.fault(value):
             faults.append(fault)
         else:
-            node.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
+            node.undeclare_parameter(parameter.name)
+            node.declare_parameter(parameter.name, value, _descriptor(parameter), ignore_override=True)
         values[parameter.name] = value
     if values["snapshot"] and "scenario" in node._parameter_overrides:
         faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
@@ -61,6 +62,17 @@ def declare_parameters(node: Node) -> dict[str, Any]:
     if faults:
         raise ParameterError("\n".join(faults))
     return values
+
+
+def as_meant(parameters: list[RosParameter]) -> list[RosParameter]:
+    """What somebody sets while the node runs, with whole numbers where any is allowed."""
+    doubles = {parameter.name for parameter in PARAMETERS if isinstance(parameter.default, float)}
+    return [
+        RosParameter(one.name, value=float(one.value))
+        if one.type_ == RosParameter.Type.INTEGER and one.name in doubles
+        else one
+        for one in parameters
+    ]
 
 
 def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tuple[dict[str, float], dict[str, float]]:
@@ -104,7 +116,6 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
         description=parameter.help,
         additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",
         read_only=parameter.name != "command_timeout",
-        dynamic_typing=True,
     )
     if parameter.low is not None and parameter.high is not None:
         descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, Topic, diagnostics_message
+from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, FrameNames, Topic, diagnostics_message
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
@@ -27,6 +27,7 @@ class Output:
         rates: Hz by group of topics, of publishers and of logs.
         frame_rate: Hz.
         own: carriers with topics of their own.
+        frames: names of coordinate frames.
         paced: whether the clock sets the pace; where not, the recorder does.
     """
 
@@ -39,13 +40,16 @@ class Output:
         *,
         frame_rate: float,
         own: Sequence[str],
+        frames: FrameNames,
         paced: bool,
     ) -> None:
         self.figures = FigureWatch(KeyFigures(simulation.scenario))
         self._simulation = simulation
         self._publishers = publishers
         backlog = math.inf if paced else BACKLOG
-        self._frames = FrameOutput(simulation, table, rates, frame_rate=frame_rate, own=own, backlog=backlog)
+        self._frames = FrameOutput(
+            simulation, table, rates, frame_rate=frame_rate, own=own, frames=frames, backlog=backlog
+        )
         self._last_ns = 0  # newest stamp that was published
         # what is laid out, or compiled, at the first use
         self._frames.lay_out()
