@@ -20,6 +20,8 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
     Returns:
         What came of all of them, or until one failed or two vehicles have met.
     """
+    if not ropeway.loading and not meeting.possible:
+        return Outcome(*advance(steps))
     step, clock = ropeway.system.solver.step, ropeway.state.clock
     period = max(round(PERIOD / step), 1)
     total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0)
