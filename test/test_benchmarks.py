@@ -159,3 +159,13 @@ def test_refuses_results_that_are_not_its_own(tmp_path):
     assert result.returncode == 1
     assert "is not from here" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_steps_for_learning(tmp_path, monkeypatch, capsys):
+    """The environment is no slower than the same trip by commands and snapshots."""
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "learning", "--quick", "--output", str(tmp_path)])
+    assert main() == 0
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["learning"]["tables"]
+    alone, read, environment = numbers(table["rows"], "steps per second of the processor")
+    assert alone > read
+    assert environment > read
