@@ -138,7 +138,8 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
     [
         (
             ["speed"],
-            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, live",
+            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, "
+            "learning, lockstep, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
@@ -169,3 +170,14 @@ def test_steps_for_learning(tmp_path, monkeypatch, capsys):
     alone, read, environment = numbers(table["rows"], "steps per second of the processor")
     assert alone > read
     assert environment > read
+
+
+def test_lockstep(tmp_path, monkeypatch, domain):
+    """A twin that is stepped by one call does not wait for its clock, of 100 frames a second."""
+    pytest.importorskip("rclpy")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    result = run("lockstep", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["lockstep"]["tables"]
+    for what in ("API alone", "API with messages", "one call"):
+        assert numbers(table["rows"], what)[0] > 200.0

@@ -165,8 +165,7 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
     """Ask the twin; returns its answer."""
     if kind is None:
         if options.step is not None:
-            answers = [client.call("step") for _ in range(options.step)]
-            return answers[-1] if options.step == 1 else f"{options.step} frames, the last one: {answers[-1]}"
+            return client.step(options.step)
         service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
         return client.call(service, switch)
     if kind.service:

@@ -102,7 +102,7 @@ class TwinNode(Node):
         for topic in self._topics:
             if topic.name in INPUTS:
                 subscribe(self, topic, partial(self._on_command, topic.name))
-        self._offered = Services(self._loop, self._log_directory)
+        self._offered = Services(self._loop, self._log_directory, lambda: self._settings["step_count"])
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -287,7 +287,7 @@ class TwinNode(Node):
         return result
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Only `command_timeout` may change while the twin runs."""
+        """Only parameters of `CHANGING` may change while the twin runs."""
         table = {parameter.name: parameter for parameter in PARAMETERS}
         for parameter in parameters:
             if parameter.name in table and (fault := table[parameter.name].fault(parameter.value)):
@@ -295,4 +295,6 @@ class TwinNode(Node):
         for parameter in parameters:
             if parameter.name == "command_timeout":
                 self._loop.command_timeout = float(parameter.value)
+            elif parameter.name == "step_count":
+                self._settings["step_count"] = parameter.value
         return SetParametersResult(successful=True)

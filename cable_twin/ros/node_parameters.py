@@ -9,6 +9,7 @@ from typing import Any
 from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
+CHANGING = ("command_timeout", "step_count")  # may be set while the twin runs
 RERUN_MODES = ("off", "file", "live", "web")
 
 
@@ -17,7 +18,7 @@ class Parameter:
     """One parameter: what it means, its unit and what it may be."""
 
     name: str
-    default: str | bool | float
+    default: str | bool | int | float
     description: str
     unit: str = ""
     low: float | None = None
@@ -27,7 +28,9 @@ class Parameter:
     @property
     def placeholder(self) -> str:
         """What stands for the value in a usage line: its unit, or its kind."""
-        return self.unit.upper() or {bool: "{true,false}", str: "TEXT", float: "NUMBER"}[type(self.default)]
+        return (
+            self.unit.upper() or {bool: "{true,false}", str: "TEXT", int: "COUNT", float: "NUMBER"}[type(self.default)]
+        )
 
     @property
     def help(self) -> str:
@@ -45,7 +48,9 @@ class Parameter:
             return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
         if self.low is None or self.high is None:
             return None
-        number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = isinstance(value, int if isinstance(self.default, int) else int | float) and not isinstance(
+            value, bool
+        )
         if not number or not self.low <= value <= self.high:  # type: ignore[operator]
             unit = f" {self.unit}" if self.unit else ""
             return f"parameter '{self.name}' is {value!r}; allowed are {self.low:g} to {self.high:g}{unit}"
@@ -95,6 +100,7 @@ PARAMETERS = (
     ),
     Parameter("allow_second", False, "start even where a twin of the same name runs in this ROS domain"),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
+    Parameter("step_count", 1, "frames that a call of ~/step takes while paused, as fast as they go", "", 1, 1_000_000),
     Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),
 )
 

@@ -175,3 +175,22 @@ def test_it_tells_of_a_command_before_that_changes_a_twin_that_waits_for_its_sta
     finally:
         loop.stop()
     assert told[:4] == ["command"] * 4  # the last one for the silence
+
+
+def test_steps_do_not_wait_for_the_clock_and_what_waits_is_done_between_them():
+    applied, published = [], []
+    loop = frame_loop(real_time_factor=1e-3, paused=True, on_applied=applied.append, publish=published.append)
+    loop.start()
+    try:
+        assert loop.step(100).result(PATIENCE) == 100  # paced, that would be 1000 s
+        assert loop.simulated_time == pytest.approx(1.0)
+        many = loop.step(10**9)
+        loop.submit(Command("wind", {"x": 3.0, "z": 0.0}), "test").result(PATIENCE)
+        assert not many.done()
+        loop.pause(True)
+        assert 100 < 100 + many.result(PATIENCE) == len(published)
+        assert applied[0].time < loop.simulated_time
+        left = loop.step(10**9)
+    finally:
+        loop.stop()
+    assert left.cancelled() or left.result() < 10**9
