@@ -275,6 +275,8 @@ def _report(
         print(f"simulate: {fault}", file=sys.stderr)
     if outcome.left:
         print(f"simulate: not given, at or after the end: {_count(outcome.left)}", file=sys.stderr)
+    for line in outcome.not_reached:
+        print(f"simulate: not given: {line}", file=sys.stderr)
     if outcome.past:
         print(f"simulate: not given, before the snapshot: {_count(outcome.past)}", file=sys.stderr)
     simulated = outcome.time - start

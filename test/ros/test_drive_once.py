@@ -85,7 +85,7 @@ def test_it_pauses_steps_and_resumes(twin, drive):
     (at,) = re.fullmatch(r"/cable_twin: 5 frames, to (.*) s of simulated time", output).groups()
     assert float(at) == pytest.approx(float(paused_at) + 0.05, abs=0.011)
     code, output = drive("--step", "2000000")
-    assert (code, output[: output.index(";")]) == (1, "drive: /cable_twin: parameter 'step_count' is 2000000")
+    assert (code, "step_count" in output) == (1, True)
     code, output = drive("--step", "1")
     assert re.fullmatch(rf"/cable_twin: one frame, to {TIME}", output)
     code, output = drive("--resume")
