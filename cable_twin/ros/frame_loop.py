@@ -20,6 +20,7 @@ from typing import Any
 from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand, Command, CommandError
 from cable_twin.ros.lateness import LatenessHistogram
+from cable_twin.ros.stepping import Stepping
 from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.simulation.snapshot_file import FullState
@@ -54,24 +55,6 @@ class FrameStatistics:
         }
 
 
-@dataclass(slots=True)
-class _Stepping:
-    """Frames that somebody has asked for."""
-
-    count: int
-    taken: int = 0
-    future: Future[int] = field(default_factory=Future)
-
-    def took(self, took: bool) -> bool:
-        """Note a frame that was taken, or failed; whether that was the last one."""
-        self.taken += took
-        if took and self.taken < self.count:
-            return False
-        if self.future.set_running_or_notify_cancel():
-            self.future.set_result(self.taken)
-        return True
-
-
 class FrameLoop:
     """Runs a simulation frame by frame in a thread of its own.
 
@@ -80,8 +63,7 @@ class FrameLoop:
         frame_steps: solver steps in a frame.
         real_time_factor: simulated seconds a second, 0 for as fast as possible.
         command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_run: called where simulated time begins to run, at first with True and later, after a pause, with False; not
-            for steps while paused after the first one.
+        on_run: called where time begins to run, first with True, after a pause with False; not for steps while paused.
         prepare: called with every new snapshot as soon as it is computed; the one to start from is not new.
         publish: called with what `prepare` gave, when it is due.
         before_command: called before a command takes effect, be it the first thing that happens to a paused twin.
@@ -116,7 +98,7 @@ class FrameLoop:
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
-        self._stepping: deque[_Stepping] = deque()  # frames that are asked for while paused
+        self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
         self.total_lateness = LatenessHistogram(self._clock_period)  # since the start
@@ -162,7 +144,7 @@ class FrameLoop:
 
     def step(self, count: int = 1) -> Future[int]:
         """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused."""
-        stepping = _Stepping(count)
+        stepping = Stepping(count)
         self._stepping.append(stepping)
         self._asked.set()
         return stepping.future
@@ -193,8 +175,7 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
-        for command in self._simulation.commands.values():  # of a snapshot: they too want to go on
-            self._hold(command)
+        self._hold_all()
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
         first = True
         while not self._stopping.is_set():
@@ -284,11 +265,16 @@ class FrameLoop:
             self._hold(command)
         elif KINDS[command.kind].halts:
             self._deadlines.clear()
+            self._hold_all()
             if command.kind == "reset" and self.fault:
                 self.fault = ""
                 self._paused = False
         self._on_applied(applied)
         return applied
+
+    def _hold_all(self) -> None:
+        for command in self._simulation.commands.values():  # of a snapshot, or of a start in motion
+            self._hold(command)
 
     def _hold(self, command: Command) -> None:
         """Let a drive command hold until the time-out."""

@@ -264,6 +264,9 @@ class Carriage(Section):
     """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
 
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
+    speed: float = quantity(
+        "m/s", "speed along the cable at the start of the run, which a drive of mode speed keeps until a command", 0.0
+    )
     joint: Literal["sliding", "fixed", "clamped"] = Field(
         default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
     )
@@ -285,6 +288,7 @@ class RopeDrive(Section):
     """What moves the cable along itself, through its held ends; commands name it."""
 
     kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
+    speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
 
 

@@ -41,6 +41,15 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
         yield from _bodies(path, carriage.bodies)
         yield from _payload(path, carriage)
         yield from _drive(path, carriage, scenario.solver.integrator)
+        if carriage.speed != 0.0 and carriage.joint != "sliding":
+            where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
+            yield Fault((*path, "speed"), f"given {carriage.speed!r}; allowed: 0, {where}")
+        yield from _initial_speed(path, carriage.speed, carriage.drive.limits.speed)
+
+
+def _initial_speed(path: tuple[str, ...], speed: float, limit: float | None) -> Iterator[Fault]:
+    if limit is not None and abs(speed) > limit:
+        yield Fault((*path, "speed"), f"given {speed!r}; allowed: -{limit:g} to {limit:g} m/s, the limit of the drive")
 
 
 def _bodies(path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
@@ -86,6 +95,7 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             yield Fault(path, "given a second drive of the cable; allowed: one")
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+        yield from _initial_speed(path, drive.speed, drive.limits.speed)
         for key, why in (
             ("force", "a moving cable keeps its speed"),
             ("power", "a moving cable keeps its speed"),

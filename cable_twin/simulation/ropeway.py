@@ -15,7 +15,7 @@ from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
-from cable_twin.simulation.driving import hang_in_ropes
+from cable_twin.simulation.driving import hang_in_ropes, set_in_motion
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
@@ -72,16 +72,18 @@ class Ropeway:
             settle(self.system, self.state, work)
         self.state.payload[:] = self._first_loads
         hang_in_ropes(self.system, self.state, [*self.rows])
+        self.commands = set_in_motion(self.system, self.state, self.scenario)
 
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
-        self.start = clone_state(self.state)
+        self.start, self._first_commands = clone_state(self.state), dict(self.commands)
 
     def go_back(self) -> None:
         """Put the state back to the start; time runs on."""
         clock = int(self.state.clock[0])
         write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
+        self.commands = dict(self._first_commands)
         self.loading.clear()
         self.carry(self.state.payload)
 
