@@ -140,7 +140,8 @@ def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
     elif get_origin(kind) is Literal:
         text = f"one of {', '.join(get_args(kind))}"
     elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
-        words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
+        inner = get_args(kind)[0]
+        words = get_args(inner) if get_origin(inner) is Literal else ("names",) if inner is str else ()
         text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
     elif get_origin(kind) is tuple:
         text = f"a list of {len(get_args(kind))} finite numbers"

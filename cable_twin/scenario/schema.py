@@ -292,14 +292,52 @@ class RopeDrive(Section):
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
 
 
+class CarrierPayload(Section):
+    """What each carrier carries, which changes in the stations: full up, empty down."""
+
+    capacity: float = quantity("kg", "most that it can carry", gt=0)
+    from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
+    from_end: float = quantity("kg", "what one carries that comes onto the cable at its end", 0.0, ge=0)
+    on_cable: float | None = quantity(
+        "kg", "what those carry that are on the cable at the start of the run; null: as from_start", None, ge=0
+    )
+    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    position: Vector = quantity(
+        "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
+    )
+
+
+class CarrierKind(Section):
+    """One kind of carrier where there are several."""
+
+    bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
+    payload: CarrierPayload | None = Field(default=None, description="what it can carry")
+
+
 class Carriers(Section):
-    """Carriages of one kind, clamped to a moving cable at equal distances round its whole loop: NAME_1, NAME_2, ..."""
+    """Carriages of one kind or a few, clamped to a moving cable at equal distances round its loop: NAME_1, NAME_2."""
 
     name: str = Field(default="carrier", description="what they are called, before their number")
     count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
     spacing: float = quantity("m", "unstrained distance of one to the next; the loop is count times as long", gt=0)
     first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
-    bodies: dict[str, Body] = Field(description="bodies of each by name, from the cable downwards", min_length=1)
+    bodies: dict[str, Body] = Field(
+        default_factory=dict, description="bodies of each by name, from the cable downwards; where all are of one kind"
+    )
+    payload: CarrierPayload | None = Field(default=None, description="what each can carry, where all are of one kind")
+    kinds: dict[str, CarrierKind] = Field(
+        default_factory=dict, description="kinds by name, where they are several, instead of bodies and payload"
+    )
+    order: Annotated[tuple[str, ...], FromList] = Field(
+        default=(), description="kinds from the first carrier on, over and over again; by default each once"
+    )
+
+    def kind(self, number: int) -> CarrierKind:
+        """Kind of the carrier of a number, from 0 on."""
+        if not self.kinds:
+            return CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
+        order = self.order or tuple(self.kinds)
+        return self.kinds[order[number % len(order)]]
 
 
 class Solver(Section):
@@ -359,14 +397,22 @@ class Scenario(Section):
         if carriers is None:
             return self.carriages
         first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
+        places = [(first + number * carriers.spacing) % self.loop_length for number in range(carriers.count)]
         return self.carriages | {
-            f"{carriers.name}_{number + 1}": Carriage(
-                arc_length=(first + number * carriers.spacing) % self.loop_length,
-                joint="clamped",
-                bodies=carriers.bodies,
-            )
-            for number in range(carriers.count)
+            f"{carriers.name}_{number + 1}": self._carrier(carriers.kind(number), place)
+            for number, place in enumerate(places)
         }
+
+    def _carrier(self, kind: CarrierKind, place: float) -> Carriage:
+        """A carrier at a place (m) of the loop, with what it carries there."""
+        room, length, payload = kind.payload, self.cable.unstrained_length, None
+        if room is not None:
+            beyond = place - length
+            mass = room.from_start if room.on_cable is None else room.on_cable
+            if beyond > 0.0:  # it comes on next at the nearer station
+                mass = room.from_end if 2.0 * beyond < self.loop_length - length else room.from_start
+            payload = Payload(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
+        return Carriage(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
 
     @property
     def loop_length(self) -> float:

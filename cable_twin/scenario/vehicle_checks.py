@@ -10,6 +10,9 @@ from cable_twin.scenario.build import BRAKES, stop_stroke
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
 
+SHORTEST_STAY = 0.1  # s in a station, in which what gets in and out is changed
+FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
+
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
@@ -188,4 +191,45 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield Fault(
             ("carriers", "first"), f"given {carriers.first!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop"
         )
-    yield from _bodies(("carriers",), carriers.bodies)
+    yield from _kinds(carriers)
+    payloads = (carriers.payload, *(kind.payload for kind in carriers.kinds.values()))
+    rooms = [room for room in payloads if room is not None]
+    limits = [drive.limits.speed for drive in scenario.drives.values()]
+    hidden = scenario.loop_length - length
+    if rooms and limits and hidden < (least := SHORTEST_STAY * (limits[0] or FASTEST_ROPE)):
+        yield Fault(
+            ("carriers", "payload"),
+            f"given where {hidden:.3g} m of the loop are not on the cable; allowed: at least {least:.3g} m, "
+            "so that carriers are in a station for a moment",
+        )
+
+
+def _kinds(carriers: Carriers) -> Iterator[Fault]:
+    """Bodies and payloads, of the only kind or of each."""
+    path: KeyPath = ("carriers",)
+    if bool(carriers.bodies) == bool(carriers.kinds):
+        given = "both are" if carriers.bodies else "none is"
+        yield Fault((*path, "bodies"), f"{given} given, bodies and kinds; allowed: bodies where all are of one kind")
+    if carriers.kinds and carriers.payload is not None:
+        yield Fault((*path, "payload"), "given beside kinds; allowed: a payload of each kind")
+    for name in carriers.order:
+        if name not in carriers.kinds:
+            known = ", ".join(carriers.kinds) or "none, for there are no kinds"
+            yield Fault((*path, "order"), f"given {show(name)}; allowed: {known}")
+    for name in carriers.kinds:
+        yield from name_faults(("carriers", "kinds", name))
+    one = [(("carriers",), carriers.bodies, carriers.payload)]
+    for where, bodies, room in one + [
+        (("carriers", "kinds", n), k.bodies, k.payload) for n, k in carriers.kinds.items()
+    ]:
+        yield from _bodies(where, bodies)
+        if room is None:
+            continue
+        for key in ("from_start", "from_end", "on_cable"):
+            mass = getattr(room, key)
+            if mass is not None and mass > room.capacity:
+                yield Fault(
+                    (*where, "payload", key), f"given {mass!r}; allowed: 0 to the capacity of {room.capacity:g} kg"
+                )
+        if room.body is not None and room.body not in bodies:
+            yield Fault((*where, "payload", "body"), f"given {show(room.body)}; allowed: one of {', '.join(bodies)}")

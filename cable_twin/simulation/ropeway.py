@@ -32,6 +32,8 @@ class Ropeway:
         stopped: whether an emergency stop is in force.
         commands: the last drive command in force of each carriage or drive that has one.
         loading: what vehicles shall carry (kg) that are being loaded or unloaded.
+        stations: where carriers were in stations when they were last looked at, see `stations_now`.
+        rooms: what carriers carry from either station, by name.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -45,6 +47,9 @@ class Ropeway:
         self.commands: dict[str, Command] = {}
         self.loading: dict[str, float] = {}
         self.state.wind[:] = scenario.air.wind
+        carriers = scenario.carriers
+        rooms = {} if carriers is None else {n: carriers.kind(n).payload for n in range(carriers.count)}
+        self.rooms = {f"{carriers.name}_{n + 1}": room for n, room in rooms.items() if carriers and room is not None}
         self._first_loads = np.array(
             [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
             dtype=np.float64,
@@ -77,6 +82,15 @@ class Ropeway:
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
         self.start, self._first_commands = clone_state(self.state), dict(self.commands)
+        self.note_stations()
+
+    def note_stations(self) -> None:
+        """Note in which station each carrier is now."""
+        self.stations = self.stations_now()
+
+    def stations_now(self) -> FloatArray:
+        """Place (m) on the cable of the station in which each vehicle is, NaN on the cable."""
+        return np.where(self.state.attached, np.nan, self.state.joints.position)
 
     def go_back(self) -> None:
         """Put the state back to the start; time runs on."""
@@ -85,6 +99,7 @@ class Ropeway:
         self.state.clock[0] = clock
         self.commands = dict(self._first_commands)
         self.loading.clear()
+        self.note_stations()
         self.carry(self.state.payload)
 
     def carry(self, masses: FloatArray) -> None:

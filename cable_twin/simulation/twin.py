@@ -174,6 +174,7 @@ class Simulation(Readings):
         """
         ropeway = self._ropeway
         full.copy_to(ropeway.state, ropeway.start, self.scenario)
+        ropeway.note_stations()
         ropeway.carry(ropeway.state.payload)
         ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
         ropeway.loading = dict(full.loading)
