@@ -17,6 +17,7 @@ from cable_twin.rates import LOGGED
 from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand, CommandError
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.snapshot import Snapshot
 
@@ -73,7 +74,7 @@ def simulate(
         How far it came, and what was refused.
     """
     frame_rate = 1.0 / (frame_steps * simulation.step)
-    table = topics(simulation.layout)
+    table = (*topics(simulation.layout), *sensor_topics(simulation.scenario))
     output = FrameOutput(simulation, table, [rates], frame_rate=frame_rate, run=run, epoch_ns=epoch_ns, backlog=BACKLOG)
     figures_due = simulation.time + FIGURES_PERIOD
     first = round(simulation.time / simulation.step)  # solver steps that are done

@@ -33,6 +33,7 @@ from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
 from cable_twin.ros.status import Status, live_hint
 from cable_twin.scenario import load_scenario
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation
 
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
@@ -67,7 +68,7 @@ class TwinNode(Node):
         rates = topic_rates(self, self._settings, frame_rate)
         self._topics = topics(
             layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None
-        )
+        ) + sensor_topics(self._simulation.scenario)
         self._senders = {topic.name: publisher_of(self, topic) for topic in self._topics if topic.name not in INPUTS}
         self._output = Output(
             self._simulation,
@@ -102,7 +103,7 @@ class TwinNode(Node):
         for topic in self._topics:
             if topic.name in INPUTS:
                 subscribe(self, topic, partial(self._on_command, topic.name))
-        self._offered = Services(self._loop, self._log_directory, lambda: self._settings["step_count"])
+        self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -295,6 +296,4 @@ class TwinNode(Node):
         for parameter in parameters:
             if parameter.name == "command_timeout":
                 self._loop.command_timeout = float(parameter.value)
-            elif parameter.name == "step_count":
-                self._settings["step_count"] = parameter.value
         return SetParametersResult(successful=True)

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sensor_checks import sensor_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 
@@ -186,3 +187,4 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     """Values that are sound alone but not together."""
     yield from cable_faults(scenario)
     yield from vehicle_faults(scenario)
+    yield from sensor_faults(scenario)

@@ -340,6 +340,23 @@ class Carriers(Section):
         return self.kinds[order[number % len(order)]]
 
 
+class Sensor(Section):
+    """What measures the plant; published beside the truth, below `sensors/`."""
+
+    kind: Literal["encoder", "load_cell", "inclinometer", "imu"] = Field(
+        description="what it measures: m along the cable, N, rad of pitch, or m/s^2 and rad/s"
+    )
+    of: str = Field(description="vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)")
+    rate: float = quantity("Hz", "how often, at most every frame", 50.0, gt=0)
+    noise: float = quantity("unit of the kind", "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
+    bias: float = quantity("unit of the kind", "constant error", 0.0)
+    quantum: float = quantity("unit of the kind", "step of what it can tell; 0: none", 0.0, ge=0)
+    rate_noise: float = quantity("rad/s", "standard deviation of the rate of turn of an imu", 0.0, ge=0)
+    rate_bias: float = quantity("rad/s", "constant error of that", 0.0)
+    delay: float = quantity("s", "time from the measurement, which the stamp has, to its arrival", 0.0, ge=0, le=60)
+    seed: int = quantity("-", "seed of its noise", 0, ge=0, le=2**63 - 1)
+
+
 class Solver(Section):
     """Time integration; `python -m benchmarks accuracy convergence` shows what other values cost and give."""
 
@@ -388,6 +405,7 @@ class Scenario(Section):
     air: Air = Field(default_factory=Air, description="wind and drag")
     terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
+    sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
 
     @property
