@@ -31,6 +31,7 @@ from cable_twin.ros.output import Output
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
+from cable_twin.ros.simulation_services import offer_simulation_services
 from cable_twin.ros.status import Status, live_hint
 from cable_twin.scenario import load_scenario
 from cable_twin.sensor_messages import sensor_topics
@@ -105,6 +106,7 @@ class TwinNode(Node):
                 subscribe(self, topic, partial(self._on_command, topic.name))
         self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
         self._offered.offer(self)
+        offer_simulation_services(self, self._simulation, self._loop, self._run_clock, self._offered)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_on_set_parameters_callback(self._on_parameters)
@@ -126,7 +128,6 @@ class TwinNode(Node):
         gc.freeze()  # what stays to the end need not be looked through between two frames
         start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
-        rate = 1.0 / self._loop.frame_period
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
             pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
@@ -137,8 +138,8 @@ class TwinNode(Node):
             names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         self.get_logger().info(
-            f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
-            f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
+            f"'{scenario.name}' runs at {1.0 / self._loop.frame_period:g} Hz{start}; {drives}"
+            f"carriages: {', '.join(names)}; commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
         )
 
     def stop(self) -> None:
