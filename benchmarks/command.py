@@ -10,7 +10,18 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmarks import accuracy, convergence, exudyn_comparison, frame, graded, live, scaling, startup
+from benchmarks import (
+    accuracy,
+    convergence,
+    exudyn_comparison,
+    frame,
+    graded,
+    learning,
+    live,
+    lockstep,
+    scaling,
+    startup,
+)
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, write
 from cable_twin.scenario import ScenarioError
@@ -25,6 +36,8 @@ PARTS = {
     "graded": (graded.run, "graded meshes beside even ones: cost, key figures, shape of the rope"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
+    "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
+    "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
     "live": (live.run, "frames of the running twin that came late, beside a bare timer; only when named"),
 }
 BY_DEFAULT = [name for name in PARTS if name != "live"]  # it lasts as long as it is told to

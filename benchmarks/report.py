@@ -22,10 +22,10 @@ HEAD = """\
 Written part by part; the same numbers are in [benchmarks.json](benchmarks.json). Times of the solver are medians of
 interleaved repetitions on one thread. It takes minutes, on a machine that does nothing else; one part alone takes
 seconds (`python -m benchmarks exudyn --quick`, likewise `scaling`, `startup`, `frame`, `accuracy`, `convergence`,
-`live`):
+`learning`, `lockstep`, `live`):
 
 ```sh
-.venv/bin/pip install --quiet '.[bench,ros]'
+.venv/bin/pip install --quiet '.[bench,gym,ros]'
 .venv/bin/python -m benchmarks --output docs                      # docs/pictures/accuracy.png among it
 .venv/bin/python -m benchmarks live --minutes 10 --output docs    # docs/pictures/live.png among it
 ```

@@ -10,7 +10,7 @@ import pytest
 import cable_twin
 
 PACKAGE = Path(cable_twin.__file__).resolve().parent
-OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "ruamel", "rich", "zstandard")
+OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "gymnasium", "ruamel", "rich", "zstandard")
 
 # what each part may import of the package besides itself; the longest name that fits a module is its part
 BELOW_RECORDING = (
@@ -19,6 +19,8 @@ BELOW_RECORDING = (
     "commands",
     "rates",
     "records",
+    "sensor_messages",
+    "sensors",
     "signals",
     "simulation",
     "snapshot",
@@ -39,14 +41,18 @@ ALLOWED = {
     "messages": ("commands", "rates", "records", "snapshot"),
     "command_messages": ("commands", "messages", "records"),
     "figure_messages": ("key_figures", "messages"),
+    "sensors": ("records", "scenario", "snapshot"),
+    "sensor_messages": ("messages", "scenario", "sensors", "snapshot"),
     "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
+    "gym": ("commands", "records", "scenario", "simulation", "snapshot"),
     "recording": (
         "messages",
         "command_messages",
         "commands",
         "geometry",
         "records",
+        "sensor_messages",
         "signals",
         "simulation",
         "scenario",

@@ -138,7 +138,8 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
     [
         (
             ["speed"],
-            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, live",
+            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, "
+            "learning, lockstep, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
@@ -159,3 +160,24 @@ def test_refuses_results_that_are_not_its_own(tmp_path):
     assert result.returncode == 1
     assert "is not from here" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_steps_for_learning(tmp_path, monkeypatch, capsys):
+    """The environment is no slower than the same trip by commands and snapshots."""
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "learning", "--quick", "--output", str(tmp_path)])
+    assert main() == 0
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["learning"]["tables"]
+    alone, read, environment = numbers(table["rows"], "steps per second of the processor")
+    assert alone > read
+    assert environment > read
+
+
+def test_lockstep(tmp_path, monkeypatch, domain):
+    """A twin that is stepped by one call does not wait for its clock, of 100 frames a second."""
+    pytest.importorskip("rclpy")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    result = run("lockstep", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["lockstep"]["tables"]
+    for what in ("API alone", "API with messages", "one call"):
+        assert numbers(table["rows"], what)[0] > 200.0

@@ -54,7 +54,7 @@ FAULTS = [
     ("carriers.spacing", -20.0, "given -20.0; allowed: a finite number above 0, in m"),
     ("carriers.first", 121.0, "given 121.0; allowed: 0 to 120 m, on the loop"),
     ("carriers.name", "chair lift", "given the name 'chair lift'; allowed: a letter, then letters, digits"),
-    ("carriers.bodies", {}, "given an empty mapping; allowed: a mapping with a length of at least 1"),
+    ("carriers.bodies", {}, "none is given, bodies and kinds; allowed: bodies where all are of one kind"),
     ("carriers.coutn", 3, "this key does not exist; did you mean 'count'?"),
     ("drives", {}, "given for a cable that stands still; allowed: with a drive in drives"),
     ("drives", {"haul_rope": {"kind": "haul"}}, "given 'haul'; allowed: one of moving_cable"),

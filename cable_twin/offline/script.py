@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from cable_twin.commands import KINDS, Kind
+from cable_twin.offline.script_places import Place, check_place, place_of
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError
 from cable_twin.simulation import Simulation
@@ -22,8 +23,9 @@ BY_AXIS = {name: kind for name, kind in KINDS.items() if kind.axes}
 EVENTS = {name: kind for name, kind in KINDS.items() if not kind.quantity}  # no numbers
 NUMBERS = [key for kind in (*BY_NAME.values(), *BY_AXIS.values()) for key in kind.keys.values()]
 
-KEYS = ("time", "name", *NUMBERS, "event")
-ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event"
+AT = ("at_name", "at_position")  # columns of CSV for `at`
+KEYS = ("time", "at", "name", *NUMBERS, "event")
+ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event; or at"
 
 
 class ScriptError(ValueError):
@@ -38,6 +40,7 @@ class ScriptedCommand:
     command: Command
     source: str  # for the log, such as "script" or "joint_commands"
     place: str  # for messages: file and line
+    at: Place | None = None  # where it is given, from that time on
 
 
 def read_script(file: Path) -> list[ScriptedCommand]:
@@ -83,13 +86,13 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
 
 
 def commands_ahead(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[ScriptedCommand]:
-    """Commands of a script that are not before the present time, to the nearest solver step."""
+    """Commands of a script that are not before the present time, to the nearest solver step, or are given at places."""
     first = round(simulation.time / simulation.step)  # solver steps that are done
-    return [item for item in script if round(item.time / simulation.step) >= first]
+    return [item for item in script if item.at is not None or round(item.time / simulation.step) >= first]
 
 
 def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[str]:
-    """Find what the simulation will refuse whatever its motion: names, limits, drives after an emergency stop.
+    """Find what the simulation will refuse whatever its motion: names, limits, places, drives after an emergency stop.
 
     Args:
         simulation: It is put back to where it is.
@@ -100,8 +103,12 @@ def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> l
     """
     faults = []
     before = simulation.capture()
-    for item in script:
+    given = sorted(script, key=lambda item: item.at is not None)
+    for item in given:
         try:
+            if item.at is not None:  # whatever has been given till then
+                simulation.restore(before)
+                check_place(item.at, simulation.scenario)
             simulation.apply(item.command, ahead=True)  # where a carriage is then, only the run can tell
         except CommandError as error:  # noqa: PERF203 - every fault is told
             faults.append(f"{item.place}: {error}")
@@ -113,8 +120,8 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Line and values of each row; an empty cell is none, a line of nothing or that begins with # is passed over."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
-    for row in _readable(reader, file):
-        cells = [cell.strip() for cell in row]
+    for line in _readable(reader, file):
+        cells = [cell.strip() for cell in line]
         if not any(cells) or cells[0].startswith("#"):
             continue
         if not header:
@@ -126,7 +133,10 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
             continue
         if len(cells) > len(header):
             raise ScriptError(f"{file}:{reader.line_num}: {len(cells)} cells given; the header has {len(header)}")
-        yield reader.line_num, {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
+        row: dict[str, Any] = {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
+        if at := {key.removeprefix("at_"): row.pop(key) for key in AT if key in row}:
+            row["at"] = at
+        yield reader.line_num, row
 
 
 def _readable(reader: Any, file: Path) -> Iterator[list[str]]:
@@ -169,12 +179,16 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
     """Understand one row."""
     if unknown := [str(key) for key in row if key not in KEYS]:
         raise ScriptError(f"{place}: unknown {', '.join(unknown)}; {ALLOWED}")
-    if "time" not in row:
+    if "time" not in row and "at" not in row:
         raise ScriptError(f"{place}: no time given; allowed: zero or more, in s")
-    time = row["time"]
+    time = row.get("time", 0.0)
     if not _is_finite(time) or time < 0.0:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
-    return ScriptedCommand(float(time), _meant(row, place), "script", place)
+    try:
+        at = place_of(row["at"]) if "at" in row else None
+    except ValueError as error:
+        raise ScriptError(f"{place}: {error}") from None
+    return ScriptedCommand(float(time), _meant(row, place), "script", place, at)
 
 
 def _meant(row: Mapping[str, Any], place: str) -> Command:

@@ -12,10 +12,12 @@ from cable_twin.figure_messages import figures_message
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import KEY_FIGURES, topics
 from cable_twin.offline.script import ScriptedCommand, commands_ahead
+from cable_twin.offline.script_places import PlaceWatch
 from cable_twin.rates import LOGGED
 from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand, CommandError
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.snapshot import Snapshot
 
@@ -33,6 +35,7 @@ class Outcome:
     refused: list[str] = field(default_factory=list)  # a line each
     past: int = 0  # commands before the start
     left: int = 0  # commands at or after the end
+    not_reached: list[str] = field(default_factory=list)  # a line each for places that nothing came by
     fault: str = ""  # why it ended early
 
 
@@ -51,7 +54,8 @@ def simulate(
 ) -> Outcome:
     """Run a simulation with its script, and record it as the node does.
 
-    A command takes effect at the solver step nearest to its time, after the frame of that time. Where the simulation
+    A command takes effect at the solver step nearest to its time, after the frame of that time, or at the first step
+    at which its place is reached, which frames have no part in. Where the simulation
     comes from a snapshot, those of before are part of its state and are not given again.
 
     Args:
@@ -70,13 +74,30 @@ def simulate(
         How far it came, and what was refused.
     """
     frame_rate = 1.0 / (frame_steps * simulation.step)
-    table = topics(simulation.layout)
+    table = (*topics(simulation.layout), *sensor_topics(simulation.scenario))
     output = FrameOutput(simulation, table, [rates], frame_rate=frame_rate, run=run, epoch_ns=epoch_ns, backlog=BACKLOG)
     figures_due = simulation.time + FIGURES_PERIOD
     first = round(simulation.time / simulation.step)  # solver steps that are done
     given = list(script)
-    waiting = deque(commands_ahead(simulation, given))
-    outcome = Outcome(past=len(given) - len(waiting))
+    ahead = commands_ahead(simulation, given)
+    waiting, places = deque(item for item in ahead if item.at is None), PlaceWatch(item for item in ahead if item.at)
+    outcome = Outcome(past=len(given) - len(ahead))
+
+    def give(item: ScriptedCommand) -> None:
+        applied = _apply(simulation, item, outcome, output)
+        if figures is not None and applied is not None:
+            figures.command(applied)
+
+    def advance_to(time: float) -> Snapshot:
+        """Step by step where a place may be reached."""
+        while places.near(simulation, max(time - simulation.time, 0.0)):
+            for item in places.reached(simulation):
+                give(item)
+            if simulation.time >= time - 0.5 * simulation.step:
+                break
+            simulation.advance_to(simulation.time + simulation.step)
+        return simulation.advance_to(time)
+
     started = time.monotonic()
     frames = math.ceil(round(duration / simulation.step) / frame_steps)
     try:
@@ -84,11 +105,9 @@ def simulate(
             due = first + frame * frame_steps
             while waiting and round(waiting[0].time / simulation.step) < due:
                 item = waiting.popleft()
-                simulation.advance_to(item.time)
-                applied = _apply(simulation, item, outcome, output)
-                if figures is not None and applied is not None:
-                    figures.command(applied)
-            snapshot = simulation.advance_to(due * simulation.step)
+                advance_to(item.time)
+                give(item)
+            snapshot = advance_to(due * simulation.step)
             if figures is not None:
                 figures.update(snapshot)
             if run is not None:
@@ -105,7 +124,7 @@ def simulate(
     except SolverError as error:
         outcome.fault = str(error)
     _record_figures(output, simulation.snapshot, figures)
-    outcome.left = len(waiting)
+    outcome.left, outcome.not_reached = len(waiting), places.left
     outcome.time, outcome.wall_time = simulation.time, time.monotonic() - started
     return outcome
 

@@ -36,6 +36,7 @@ from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
@@ -233,7 +234,7 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
     simulation = plan.simulation
     return start_run(
         simulation,
-        topics(simulation.layout),
+        (*topics(simulation.layout), *sensor_topics(simulation.scenario)),
         record_directory=options.output.expanduser(),
         frame_period=plan.frame_steps * simulation.step,
         rerun="file" if options.record == "all" else "none",
@@ -275,6 +276,8 @@ def _report(
         print(f"simulate: {fault}", file=sys.stderr)
     if outcome.left:
         print(f"simulate: not given, at or after the end: {_count(outcome.left)}", file=sys.stderr)
+    for line in outcome.not_reached:
+        print(f"simulate: not given: {line}", file=sys.stderr)
     if outcome.past:
         print(f"simulate: not given, before the snapshot: {_count(outcome.past)}", file=sys.stderr)
     simulated = outcome.time - start

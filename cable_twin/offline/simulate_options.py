@@ -47,7 +47,9 @@ A script is YAML or CSV, times in seconds of simulated time:
 
 Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
 payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
-emergency_stop, release, reset.
+emergency_stop, release, reset. With a place, where it is given, a time says from when on, 0 without one:
+
+  - {at: {name: cabin, position: 1200}, event: emergency_stop}       in CSV: at_name,at_position
 
 exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option,
 130 ended by Ctrl-C before the run

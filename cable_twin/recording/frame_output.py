@@ -11,6 +11,7 @@ from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import FrameNames, MessageEncoder, Schedule, Topic, nanoseconds
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
+from cable_twin.sensor_messages import SensorOutput
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
@@ -64,9 +65,11 @@ class FrameOutput:
             backlog: Frames that may wait for the disk before the simulation does.
         """
         self.run = run
-        self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own, frames=frames or FrameNames())
+        frames, scenario = frames or FrameNames(), simulation.scenario
+        self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own, frames=frames)
         self.frames = 0
         self._simulation = simulation
+        self._sensors = SensorOutput(scenario, simulation.layout, frames) if scenario.sensors else None
         self._schedule = Schedule(table, frame_rate, *rates)
         self._backlog = backlog
 
@@ -81,8 +84,11 @@ class FrameOutput:
             split = self._simulation.capture()
         due = self._schedule.due(self.frames, everything=split is not None)
         self.frames += 1
-        messages = self.encoder.frame(snapshot, due.names)
-        return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, due.taken, split)
+        messages, taken = self.encoder.frame(snapshot, due.names), due.taken
+        if self._sensors is not None and (arrived := self._sensors.messages(snapshot, self.encoder.epoch_ns)):
+            own = tuple(range(len(messages), len(messages) + len(arrived)))
+            messages, taken = messages + arrived, tuple((*numbers, *own) for numbers in taken)
+        return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, split)
 
     def record(self, frame: Prepared) -> None:
         """Hand a frame over, and its file before it; waits where the disk is too far behind."""
@@ -97,6 +103,8 @@ class FrameOutput:
 
     def command(self, applied: AppliedCommand) -> bytes:
         """Record a command that took effect; returns its message."""
+        if self._sensors is not None and applied.command.kind == "reset":
+            self._sensors.restart()
         data = applied_command_message(applied, self.encoder.epoch_ns)
         if self.run is not None:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(applied.time)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.rates import fault
-from cable_twin.ros.node_parameters import PARAMETERS, Parameter, splitting_of
+from cable_twin.ros.node_parameters import CHANGING, PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
@@ -115,8 +115,10 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.help,
         additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",
-        read_only=parameter.name != "command_timeout",
+        read_only=parameter.name not in CHANGING,
     )
-    if parameter.low is not None and parameter.high is not None:
+    if isinstance(parameter.default, int) and parameter.low is not None and parameter.high is not None:
+        descriptor.integer_range = [IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high))]
+    elif parameter.low is not None and parameter.high is not None:
         descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
     return descriptor

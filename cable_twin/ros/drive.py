@@ -13,6 +13,7 @@ from cable_twin.command_line import INTERRUPTED
 from cable_twin.commands import KINDS, Kind
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.repeated_drive import Driver
+from cable_twin.ros.trip import Trip
 from cable_twin.ros.twin_client import TwinClient, TwinError
 from cable_twin.ros.twin_list import list_twins
 
@@ -25,7 +26,7 @@ ACTIONS: dict[str, tuple[str, bool | None, str]] = {
 }
 EPILOG = """\
 Speeds and forces are repeated until Ctrl-C or the end of --duration; the twin is then told to stop, and after silence
-it stops by itself. All else is given once, and what came of it is printed.
+it stops by itself. --to ends at rest within 0.1 m of the place. All else is given once, and its outcome is printed.
 
 exit codes: 0 done, 1 no twin, refused or a wrong option, 130 ended by Ctrl-C before the twin had answered
 
@@ -33,6 +34,8 @@ examples:
   drive cabin --speed 5                  5 m/s along the cable, at the drive's own acceleration
   drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
   drive cabin --force 40000 --duration 10
+  drive cabin --to upper_station         there, and stop; also lower_station, start, end
+  drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
   drive cabin --payload 3200             kg, in a station
   drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
   drive --emergency-stop                 and drive --release
@@ -59,7 +62,11 @@ def parser() -> OneLineParser:
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
     what.add_argument("--step", type=_count, metavar="N", help="N frames while paused")
+    what.add_argument("--to", metavar="PLACE", help="drive to a place and stop there: m along the cable, or a station")
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
+    result.add_argument(
+        "--at-most", type=_number, metavar="M/S", help="m/s on the way --to a place; default: the limit of the drive"
+    )
     result.add_argument("--ramp", type=_not_negative, metavar="S", help="s from zero to the value; default 0")
     result.add_argument("--duration", type=_not_negative, metavar="S", help="s to drive; default: until Ctrl-C")
     result.add_argument(
@@ -102,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.node is None:  # the one beside it, also where a launch file pushes a namespace
         options.node = f"{node.get_namespace().rstrip('/')}/cable_twin"
     try:
-        if kind is not None and kind.drives:
+        if (kind is not None and kind.drives) or options.to is not None:
             fault = _drive(node, kind, options, ending)
         else:
             fault = _tell(node, kind, options, ending)
@@ -119,12 +126,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
     """What does not go together, none where all does."""
+    if options.to is not None and options.name is None:
+        return "--to needs the name of a carriage or drive before it"
+    if options.at_most is not None and (options.to is None or options.at_most <= 0.0):
+        return f"--at-most {options.at_most:g} given; it goes with --to, and is above 0 m/s"
     named = kind is not None and bool(kind.quantity) and not kind.axes
     if named and options.name is None:
         assert kind is not None
         return f"{_option(kind)} needs the name of a carriage{' or drive' if kind.drives else ''} before it"
-    if not named and options.name is not None:
-        return f"'{options.name}' given; only {_options(lambda kind: kind.quantity and not kind.axes)} take a name"
+    if not named and options.name is not None and options.to is None:
+        return (
+            f"'{options.name}' given; only {_options(lambda kind: kind.quantity and not kind.axes)}, --to take a name"
+        )
     for name in ("ramp", "duration"):
         if getattr(options, name) is not None and not (kind is not None and kind.drives):
             return f"--{name} given; it goes with {_options(lambda kind: kind.drives)}"
@@ -142,9 +155,13 @@ def _option(kind: Kind) -> str:
     return f"--{kind.name.replace('_', '-')}"
 
 
-def _drive(node: Any, kind: Kind, options: argparse.Namespace, ending: Ending) -> str:
+def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Repeat a command until the end; returns what went wrong."""
-    driver = Driver(node, kind, getattr(options, kind.name), options, ending)
+    driver = (
+        Trip(node, options, ending)
+        if kind is None
+        else Driver(node, kind, getattr(options, kind.name), options, ending)
+    )
     fault = driver.find_twin()
     if fault is None and not ending.is_set():
         fault = driver.run()
@@ -171,8 +188,7 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
     """Ask the twin; returns its answer."""
     if kind is None:
         if options.step is not None:
-            answers = [client.call("step") for _ in range(options.step)]
-            return answers[-1] if options.step == 1 else f"{options.step} frames, the last one: {answers[-1]}"
+            return client.step(options.step)
         service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
         return client.call(service, switch)
     if kind.service:

@@ -12,7 +12,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,13 +20,14 @@ from typing import Any
 from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand, Command, CommandError
 from cable_twin.ros.lateness import LatenessHistogram
+from cable_twin.ros.stepping import Stepping
 from cable_twin.ros.time_slice import wake_promptly
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
 
-IDLE = 0.005  # s between two looks at the queue while paused
-STEP, CAPTURE = "step", "capture"  # requests that are no commands
+IDLE = 0.5  # s between two looks at the queue while paused and nobody wakes the loop
+CAPTURE = "capture"  # a request that is no command
 SHORT = 0.05  # s that the end of a run may have to wait for
 
 
@@ -62,8 +63,7 @@ class FrameLoop:
         frame_steps: solver steps in a frame.
         real_time_factor: simulated seconds a second, 0 for as fast as possible.
         command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_run: called where simulated time begins to run, at first with True and later, after a pause, with False; not
-            for single steps after the first one.
+        on_run: called where time begins to run, first with True, after a pause with False; not for steps while paused.
         prepare: called with every new snapshot as soon as it is computed; the one to start from is not new.
         publish: called with what `prepare` gave, when it is due.
         before_command: called before a command takes effect, be it the first thing that happens to a paused twin.
@@ -98,11 +98,12 @@ class FrameLoop:
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
+        self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
         self.total_lateness = LatenessHistogram(self._clock_period)  # since the start
         self._statistics = FrameStatistics(LatenessHistogram(self._clock_period))
-        self._stopping = threading.Event()
+        self._stopping, self._asked = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._guard, name="solver", daemon=True)
 
     @property
@@ -122,31 +123,40 @@ class FrameLoop:
     def stop(self) -> None:
         """End the thread after the frame in hand; requests that still wait are cancelled."""
         self._stopping.set()
+        self._asked.set()
         if self._thread.is_alive():
             self._thread.join()
-        while self._requests:
-            self._requests.popleft()[2].cancel()
+        for future in (*(item.future for item in self._stepping), *(future for *_, future in self._requests)):
+            future.cancel()
+        self._stepping.clear()
+        self._requests.clear()
 
     def submit(self, command: Command, source: str) -> Future[AppliedCommand | None]:
         """Hand over a command; the future gives it as applied, or the `CommandError` that refused it."""
-        future: Future[AppliedCommand | None] = Future()
-        self._requests.append((command, source, future))
-        return future
+        return self._ask(command, source)
 
     def pause(self, paused: bool) -> None:
-        """Stop simulated time or let it run."""
+        """Stop simulated time, also one that is stepped, or let it run."""
         self._paused = paused
+        for stepping in tuple(self._stepping) if paused else ():
+            stepping.count = 0
+        self._asked.set()
 
-    def step(self) -> Future[AppliedCommand | None]:
-        """Take one frame while paused."""
-        future: Future[AppliedCommand | None] = Future()
-        self._requests.append((None, STEP, future))
-        return future
+    def step(self, count: int = 1) -> Future[int]:
+        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused."""
+        stepping = Stepping(count)
+        self._stepping.append(stepping)
+        self._asked.set()
+        return stepping.future
 
     def capture(self) -> Future[FullState]:
         """Copy the full state at the next frame boundary."""
-        future: Future[FullState] = Future()
-        self._requests.append((None, CAPTURE, future))
+        return self._ask(None, CAPTURE)
+
+    def _ask(self, command: Command | None, source: str) -> Future[Any]:
+        future: Future[Any] = Future()
+        self._requests.append((command, source, future))
+        self._asked.set()
         return future
 
     def take_statistics(self) -> FrameStatistics:
@@ -165,33 +175,36 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
-        for command in self._simulation.commands.values():  # of a snapshot: they too want to go on
-            self._hold(command)
+        self._hold_all()
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
         first = True
         while not self._stopping.is_set():
-            stepping = self._obey()
-            if self._paused and not stepping:
+            if self._requests or self._deadlines:
+                self._obey()
+            stepping = self._stepping[0] if self._stepping else None
+            if self._paused and stepping is None:
                 anchor = None
-                self._stopping.wait(IDLE)
+                self._asked.wait(IDLE)
+                self._asked.clear()
                 continue
+            paced = self._factor > 0.0 and not self._paused
             if anchor is None:
                 anchor = time.monotonic(), self._simulation.time
-                if first or not stepping:
+                if first or not self._paused:
                     self._on_run(first)
                 first = False
             snapshot = self._advance()
             if snapshot is not None:
                 frame = self._prepare(snapshot)
-                if self._factor > 0.0:
+                if paced:
                     self._wait(anchor[0] + (snapshot.time - anchor[1]) / self._factor)
                     if self._stopping.is_set():
                         break  # this frame is not due yet
                 self._publish(frame)
-            for future in stepping:
-                if not future.set_running_or_notify_cancel():
-                    continue
-                future.set_result(None)
+            if stepping is not None and stepping.took(snapshot is not None):
+                self._stepping.popleft()
+            if self._paused:
+                anchor = None
 
     def _advance(self) -> Snapshot | None:
         """Compute the next frame; a failed step stops simulated time and says so."""
@@ -225,14 +238,10 @@ class FrameLoop:
         self._statistics.lateness.add(late)
         self.total_lateness.add(late)
 
-    def _obey(self) -> Sequence[Future[AppliedCommand | None]]:
-        """Apply what waits; returns the requests for a single frame."""
-        stepping = []
+    def _obey(self) -> None:
+        """Apply what waits."""
         while self._requests:
             command, source, future = self._requests.popleft()
-            if command is None and source == STEP:
-                stepping.append(future)
-                continue
             if not future.set_running_or_notify_cancel():
                 continue
             if command is None:
@@ -248,7 +257,6 @@ class FrameLoop:
         silent = [name for name, deadline in self._deadlines.items() if now > deadline]
         if silent and not self._paused:
             self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
-        return stepping
 
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         self._before_command()
@@ -257,11 +265,16 @@ class FrameLoop:
             self._hold(command)
         elif KINDS[command.kind].halts:
             self._deadlines.clear()
+            self._hold_all()
             if command.kind == "reset" and self.fault:
                 self.fault = ""
                 self._paused = False
         self._on_applied(applied)
         return applied
+
+    def _hold_all(self) -> None:
+        for command in self._simulation.commands.values():  # of a snapshot, or of a start in motion
+            self._hold(command)
 
     def _hold(self, command: Command) -> None:
         """Let a drive command hold until the time-out."""

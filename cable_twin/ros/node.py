@@ -31,8 +31,10 @@ from cable_twin.ros.output import Output
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
+from cable_twin.ros.simulation_services import offer_simulation_services
 from cable_twin.ros.status import Status, live_hint
 from cable_twin.scenario import load_scenario
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation
 
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
@@ -66,6 +68,7 @@ class TwinNode(Node):
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
         table = topics(layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None)
+        table += sensor_topics(self._simulation.scenario)
         self._endpoints = Endpoints(self, table)
         self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
         self._output = Output(
@@ -99,8 +102,9 @@ class TwinNode(Node):
         self._endpoints.subscribe(self._on_command)
         self._endpoints.warn_of_unknown()
         self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
-        self._offered = Services(self._loop, self._log_directory)
+        self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
         self._offered.offer(self)
+        offer_simulation_services(self, self._simulation, self._loop, self._run_clock, self._offered, self._frames)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_pre_set_parameters_callback(as_meant)
@@ -123,7 +127,6 @@ class TwinNode(Node):
         gc.freeze()  # what stays to the end need not be looked through between two frames
         start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
-        rate = 1.0 / self._loop.frame_period
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
             pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
@@ -134,8 +137,8 @@ class TwinNode(Node):
             names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         self.get_logger().info(
-            f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
-            f"commands on {self._endpoints.names.full(JOINT_COMMANDS)}"
+            f"'{scenario.name}' runs at {1.0 / self._loop.frame_period:g} Hz{start}; {drives}"
+            f"carriages: {', '.join(names)}; commands on {self._endpoints.names.full(JOINT_COMMANDS)}"
         )
 
     def stop(self) -> None:
@@ -286,7 +289,7 @@ class TwinNode(Node):
         return result
 
     def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Only `command_timeout` may change while the twin runs."""
+        """Only parameters of `CHANGING` may change while the twin runs."""
         table = {parameter.name: parameter for parameter in PARAMETERS}
         for parameter in parameters:
             if parameter.name in table and (fault := table[parameter.name].fault(parameter.value)):

@@ -12,6 +12,7 @@ from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("none", "file", "live", "web")
 FALSE = ("off", "false")  # what stands for none; YAML reads the former as the latter
+CHANGING = ("command_timeout", "step_count")  # may be set while the twin runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,7 @@ class Parameter:
     """One parameter: what it means, its unit and what it may be."""
 
     name: str
-    default: str | bool | float
+    default: str | bool | int | float
     description: str
     unit: str = ""
     low: float | None = None
@@ -30,7 +31,9 @@ class Parameter:
     @property
     def placeholder(self) -> str:
         """What stands for the value in a usage line: its unit, or its kind."""
-        return self.unit.upper() or {bool: "{true,false}", str: "TEXT", float: "NUMBER"}[type(self.default)]
+        return (
+            self.unit.upper() or {bool: "{true,false}", str: "TEXT", int: "COUNT", float: "NUMBER"}[type(self.default)]
+        )
 
     @property
     def help(self) -> str:
@@ -58,7 +61,9 @@ class Parameter:
             return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
         if self.low is None or self.high is None:
             return None
-        number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = isinstance(value, int if isinstance(self.default, int) else int | float) and not isinstance(
+            value, bool
+        )
         if not number or not self.low <= value <= self.high:  # type: ignore[operator]
             unit = f" {self.unit}" if self.unit else ""
             return f"parameter '{self.name}' is {value!r}; allowed are {self.low:g} to {self.high:g}{unit}"
@@ -120,6 +125,7 @@ PARAMETERS = (
     ),
     Parameter("allow_second", False, "start even where a twin of the same name runs in this ROS domain"),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
+    Parameter("step_count", 1, "frames that a call of ~/step takes while paused, as fast as they go", "", 1, 1_000_000),
     Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),
 )
 

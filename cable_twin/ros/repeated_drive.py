@@ -89,17 +89,15 @@ class Driver:
             self._stop()
 
     def _send_until_the_end(self) -> str | None:
-        options = self._options
-        unit, value = self._kind.unit, self._value
+        unit = self._kind.unit
         terminal = sys.stdout.isatty()
         started = time.monotonic()
         next_command = next_line = started
         self._answered = started
         fault = None
-        while not self._ending.is_set():
+        value: float | None = 0.0
+        while not self._ending.is_set() and fault is None:
             now = time.monotonic()
-            if options.duration is not None and now - started >= options.duration:
-                break
             if now - self._answered > ANSWER:
                 fault = (
                     f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop "
@@ -107,16 +105,39 @@ class Driver:
                 )
                 break
             if now >= next_command:
-                share = 1.0 if not options.ramp else min((now - started) / options.ramp, 1.0)
-                self._send(value * share)
+                value = self._next(now - started)
+                if value is None:
+                    break
+                self._send(value)
                 next_command = max(next_command + 1.0 / RATE, now)
                 if now >= next_line:
-                    self._print_state(now - started, f"{value * share:+9.2f} {unit}", terminal)
+                    self._print_state(now - started, f"{value:+9.2f} {unit}", terminal)
                     next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
             self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
+            fault = self._fault()
         if terminal:
             print()
+        if value is None:
+            self._tell_end(time.monotonic() - started)
         return fault
+
+    def _next(self, elapsed: float) -> float | None:
+        """Value that is due so many seconds from the first one; None at the end."""
+        options = self._options
+        if options.duration is not None and elapsed >= options.duration:
+            return None
+        return self._value * (1.0 if not options.ramp else min(elapsed / options.ramp, 1.0))
+
+    def _fault(self) -> str | None:
+        """Why it cannot go on, in a line; None where it can."""
+        return None
+
+    def _note(self) -> str:
+        """What else to say of the state."""
+        return ""
+
+    def _tell_end(self, elapsed: float) -> None:
+        """Say that the end was reached after so many seconds."""
 
     def _send(self, value: float) -> None:
         self._publish(self._kind.field, value)
@@ -138,7 +159,7 @@ class Driver:
         arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
         line = (
             f"{elapsed:7.1f} s  commanded {commanded}  {name}: "
-            f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN"
+            f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN{self._note()}"
         )
         print(f"\r{line}  " if terminal else line, end="" if terminal else "\n", flush=True)
 

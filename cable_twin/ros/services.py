@@ -10,7 +10,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.task import Future as RosFuture
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.commands import Kind, kinds_by_service
@@ -30,20 +32,21 @@ class _NothingSavedError(Exception):
 class Services:
     """Commands without numbers, pause, step and snapshots of a frame loop."""
 
-    def __init__(self, loop: FrameLoop, directory: Callable[[], Path]) -> None:
-        """Offer nothing yet; snapshots are written to what `directory` says then."""
+    def __init__(self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int]) -> None:
+        """Offer nothing yet; snapshots are written to what `directory` says then, a step is `step_count` frames."""
         self._loop = loop
-        self._directory = directory
+        self._directory, self._step_count = directory, step_count
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
     def offer(self, node: Node) -> None:
         """Create the services, below the name of the node."""
-        self._logger = node.get_logger()
+        self._node, self._logger = node, node.get_logger()
         for service, kinds in kinds_by_service().items():
             service_type = Trigger if None in kinds else SetBool
             node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
         node.create_service(SetBool, "~/pause", self._on_pause)
-        node.create_service(Trigger, "~/step", self._on_step)
+        # of a group of its own: the others' callbacks do not wait until a step is done
+        node.create_service(Trigger, "~/step", self._on_step, callback_group=ReentrantCallbackGroup())
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
 
     def close(self) -> None:
@@ -74,18 +77,33 @@ class Services:
             self._logger.info(response.message)
         return response
 
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._loop.paused:
-            response.success, response.message = False, "not paused: call ~/pause with true first"
-            return response
-        try:
-            self._loop.step().result(SERVICE_TIMEOUT)
-        except (FutureTimeoutError, CancelledError):
-            response.success, response.message = False, NO_ANSWER
-        else:
-            response.success = not self._loop.fault
-            response.message = self._loop.fault or f"one frame, to {self._loop.simulated_time:.3f} s of simulated time"
+    async def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = await self.step(self._step_count())
         return response
+
+    async def step(self, count: int) -> tuple[bool, str]:
+        """Take frames while paused, as fast as they go, while the node takes commands; whether that was done, and how.
+
+        It waits without holding the executor, so that an emergency stop comes through.
+        """
+        if not self._loop.paused:
+            return False, "not paused: call ~/pause with true first"
+        stepping = self._loop.step(count)
+        done: RosFuture[None] = RosFuture()
+
+        def wake(_: Future[int]) -> None:
+            done.set_result(None)
+            if self._node.executor is not None:
+                self._node.executor.wake()
+
+        stepping.add_done_callback(wake)
+        await done
+        if stepping.cancelled():
+            return False, "the twin ends"
+        if stepping.result() < count:
+            return False, self._loop.fault or f"paused after {stepping.result()} of {count} frames"
+        frames = "one frame" if count == 1 else f"{count} frames"
+        return True, f"{frames}, to {self._loop.simulated_time:.3f} s of simulated time"
 
     def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Copy the state between two frames and write it where neither frames nor commands wait for the disk."""

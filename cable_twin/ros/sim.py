@@ -39,7 +39,7 @@ def parser() -> OneLineParser:
         result.add_argument(
             f"--{parameter.name.replace('_', '-')}",
             dest=parameter.name,
-            type=float if isinstance(parameter.default, float) else str,
+            type=type(parameter.default) if type(parameter.default) in (int, float) else str,
             choices=("true", "false") if isinstance(parameter.default, bool) else None,
             nargs="?" if isinstance(parameter.default, bool) else None,
             const="true" if isinstance(parameter.default, bool) else None,

@@ -14,6 +14,7 @@ from cable_twin.ros.command_line import Ending
 
 ANSWER = 2.0  # s within which the twin has to apply a command
 SERVICE_ANSWER = 10.0  # s within which a service has to answer: the node itself waits for a frame for 5 s
+SLOW_FRAME = 0.1  # s that a frame may take where many are asked for
 REFUSED = "command refused, the last good one stays: "  # in the log of the node
 
 
@@ -43,19 +44,48 @@ class TwinClient:
         from std_srvs.srv import SetBool, Trigger  # noqa: PLC0415
 
         kind = Trigger if switch is None else SetBool
+        answer = self._call(kind, service, kind.Request() if switch is None else kind.Request(data=switch))
+        return self._told(answer.success, answer.message)
+
+    def step(self, count: int) -> str:
+        """Have a paused twin take frames, in one call; returns what it answers.
+
+        Raises:
+            TwinError: there is no twin, it does not answer, is not paused, or a step fails.
+        """
+        from std_srvs.srv import Trigger  # noqa: PLC0415
+
+        self._set_step_count(count)
+        try:
+            answer = self._call(Trigger, "step", Trigger.Request(), SERVICE_ANSWER + SLOW_FRAME * count)
+        finally:
+            if count != 1:
+                self._set_step_count(1)
+        return self._told(answer.success, answer.message)
+
+    def _set_step_count(self, count: int) -> None:
+        from rcl_interfaces.srv import SetParameters  # noqa: PLC0415
+        from rclpy.parameter import Parameter  # noqa: PLC0415
+
+        setting = Parameter("step_count", value=count).to_parameter_msg()
+        result = self._call(SetParameters, "set_parameters", SetParameters.Request(parameters=[setting])).results[0]
+        self._told(result.successful, result.reason)
+
+    def _call(self, kind: Any, service: str, request: Any, patience: float = SERVICE_ANSWER) -> Any:
         name = f"{self._twin}/{service}"
         client = self._node.create_client(kind, name)
         try:
             self._until(client.service_is_ready, self._wait, self._nobody(name))
-            request = kind.Request() if switch is None else kind.Request(data=switch)
             future = client.call_async(request)
-            self._until(future.done, SERVICE_ANSWER, f"{name} has not answered for {SERVICE_ANSWER:g} s")
-            answer = future.result()
+            self._until(future.done, patience, f"{name} has not answered for {patience:g} s")
+            return future.result()
         finally:
             self._node.destroy_client(client)
-        if not answer.success:
-            raise TwinError(f"{self._twin}: {answer.message}")
-        return str(answer.message)
+
+    def _told(self, success: bool, message: str) -> str:
+        if not success:
+            raise TwinError(f"{self._twin}: {message}")
+        return message
 
     def give(self, kind: Kind, values: Mapping[str, float]) -> str:
         """Publish a command once and wait until the twin has applied it; returns what it was, with units.

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sensor_checks import sensor_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 
@@ -140,7 +141,8 @@ def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
     elif get_origin(kind) is Literal:
         text = f"one of {', '.join(map(str, get_args(kind)))}"
     elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
-        words = get_args(get_args(kind)[0]) if get_origin(get_args(kind)[0]) is Literal else ()
+        inner = get_args(kind)[0]
+        words = get_args(inner) if get_origin(inner) is Literal else ("names",) if inner is str else ()
         text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
         if get_args(kind)[0] is float:
             text, limits = _numbers(field), []
@@ -195,3 +197,4 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     """Values that are sound alone but not together."""
     yield from cable_faults(scenario)
     yield from vehicle_faults(scenario)
+    yield from sensor_faults(scenario)

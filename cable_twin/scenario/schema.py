@@ -281,6 +281,9 @@ class Carriage(Section):
     """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
 
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
+    speed: float = quantity(
+        "m/s", "speed along the cable at the start of the run, which a drive of mode speed keeps until a command", 0.0
+    )
     joint: Literal["sliding", "fixed", "clamped"] = Field(
         default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
     )
@@ -302,17 +305,73 @@ class RopeDrive(Section):
     """What moves the cable along itself, through its held ends; commands name it."""
 
     kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
+    speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
 
 
+class CarrierPayload(Section):
+    """What each carrier carries, which changes in the stations: full up, empty down."""
+
+    capacity: float = quantity("kg", "most that it can carry", gt=0)
+    from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
+    from_end: float = quantity("kg", "what one carries that comes onto the cable at its end", 0.0, ge=0)
+    on_cable: float | None = quantity(
+        "kg", "what those carry that are on the cable at the start of the run; null: as from_start", None, ge=0
+    )
+    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    position: Vector = quantity(
+        "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
+    )
+
+
+class CarrierKind(Section):
+    """One kind of carrier where there are several."""
+
+    bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
+    payload: CarrierPayload | None = Field(default=None, description="what it can carry")
+
+
 class Carriers(Section):
-    """Carriages of one kind, clamped to a moving cable at equal distances round its whole loop: NAME_1, NAME_2, ..."""
+    """Carriages of one kind or a few, clamped to a moving cable at equal distances round its loop: NAME_1, NAME_2."""
 
     name: str = Field(default="carrier", description="what they are called, before their number")
     count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
     spacing: float = quantity("m", "unstrained distance of one to the next; the loop is count times as long", gt=0)
     first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
-    bodies: dict[str, Body] = Field(description="bodies of each by name, from the cable downwards", min_length=1)
+    bodies: dict[str, Body] = Field(
+        default_factory=dict, description="bodies of each by name, from the cable downwards; where all are of one kind"
+    )
+    payload: CarrierPayload | None = Field(default=None, description="what each can carry, where all are of one kind")
+    kinds: dict[str, CarrierKind] = Field(
+        default_factory=dict, description="kinds by name, where they are several, instead of bodies and payload"
+    )
+    order: Annotated[tuple[str, ...], FromList] = Field(
+        default=(), description="kinds from the first carrier on, over and over again; by default each once"
+    )
+
+    def kind(self, number: int) -> CarrierKind:
+        """Kind of the carrier of a number, from 0 on."""
+        if not self.kinds:
+            return CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
+        order = self.order or tuple(self.kinds)
+        return self.kinds[order[number % len(order)]]
+
+
+class Sensor(Section):
+    """What measures the plant; published beside the truth, below `sensors/`."""
+
+    kind: Literal["encoder", "load_cell", "inclinometer", "imu"] = Field(
+        description="what it measures: m along the cable, N, rad of pitch, or m/s^2 and rad/s"
+    )
+    of: str = Field(description="vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)")
+    rate: float = quantity("Hz", "how often, at most every frame", 50.0, gt=0)
+    noise: float = quantity("unit of the kind", "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
+    bias: float = quantity("unit of the kind", "constant error", 0.0)
+    quantum: float = quantity("unit of the kind", "step of what it can tell; 0: none", 0.0, ge=0)
+    rate_noise: float = quantity("rad/s", "standard deviation of the rate of turn of an imu", 0.0, ge=0)
+    rate_bias: float = quantity("rad/s", "constant error of that", 0.0)
+    delay: float = quantity("s", "time from the measurement, which the stamp has, to its arrival", 0.0, ge=0, le=60)
+    seed: int = quantity("-", "seed of its noise", 0, ge=0, le=2**63 - 1)
 
 
 class Solver(Section):
@@ -366,6 +425,7 @@ class Scenario(Section):
     air: Air = Field(default_factory=Air, description="wind and drag")
     terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
+    sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
 
     @property
@@ -375,14 +435,22 @@ class Scenario(Section):
         if carriers is None:
             return self.carriages
         first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
+        places = [(first + number * carriers.spacing) % self.loop_length for number in range(carriers.count)]
         return self.carriages | {
-            f"{carriers.name}_{number + 1}": Carriage(
-                arc_length=(first + number * carriers.spacing) % self.loop_length,
-                joint="clamped",
-                bodies=carriers.bodies,
-            )
-            for number in range(carriers.count)
+            f"{carriers.name}_{number + 1}": self._carrier(carriers.kind(number), place)
+            for number, place in enumerate(places)
         }
+
+    def _carrier(self, kind: CarrierKind, place: float) -> Carriage:
+        """A carrier at a place (m) of the loop, with what it carries there."""
+        room, length, payload = kind.payload, self.cable.unstrained_length, None
+        if room is not None:
+            beyond = place - length
+            mass = room.from_start if room.on_cable is None else room.on_cable
+            if beyond > 0.0:  # it comes on next at the nearer station
+                mass = room.from_end if 2.0 * beyond < self.loop_length - length else room.from_start
+            payload = Payload(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
+        return Carriage(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
 
     @property
     def dim(self) -> int:

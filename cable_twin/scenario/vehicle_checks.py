@@ -12,6 +12,9 @@ from cable_twin.scenario.build_vehicles import BRAKES, inertia_tensor, stop_stro
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
 
+SHORTEST_STAY = 0.1  # s in a station, in which what gets in and out is changed
+FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
+
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
@@ -59,6 +62,15 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
         yield from _bodies(scenario, path, carriage.bodies)
         yield from _payload(path, carriage)
         yield from _drive(path, carriage, scenario.solver.integrator)
+        if carriage.speed != 0.0 and carriage.joint != "sliding":
+            where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
+            yield Fault((*path, "speed"), f"given {carriage.speed!r}; allowed: 0, {where}")
+        yield from _initial_speed(path, carriage.speed, carriage.drive.limits.speed)
+
+
+def _initial_speed(path: tuple[str, ...], speed: float, limit: float | None) -> Iterator[Fault]:
+    if limit is not None and abs(speed) > limit:
+        yield Fault((*path, "speed"), f"given {speed!r}; allowed: -{limit:g} to {limit:g} m/s, the limit of the drive")
 
 
 def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
@@ -128,6 +140,7 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             yield Fault(path, "given a second drive of the cable; allowed: one")
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+        yield from _initial_speed(path, drive.speed, drive.limits.speed)
         for key, why in (
             ("force", "a moving cable keeps its speed"),
             ("power", "a moving cable keeps its speed"),
@@ -223,4 +236,45 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield Fault(
             ("carriers", "first"), f"given {carriers.first!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop"
         )
-    yield from _bodies(scenario, ("carriers",), carriers.bodies)
+    yield from _kinds(scenario, carriers)
+    payloads = (carriers.payload, *(kind.payload for kind in carriers.kinds.values()))
+    rooms = [room for room in payloads if room is not None]
+    limits = [drive.limits.speed for drive in scenario.drives.values()]
+    hidden = scenario.loop_length - length
+    if rooms and limits and hidden < (least := SHORTEST_STAY * (limits[0] or FASTEST_ROPE)):
+        yield Fault(
+            ("carriers", "payload"),
+            f"given where {hidden:.3g} m of the loop are not on the cable; allowed: at least {least:.3g} m, "
+            "so that carriers are in a station for a moment",
+        )
+
+
+def _kinds(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
+    """Bodies and payloads, of the only kind or of each."""
+    path: KeyPath = ("carriers",)
+    if bool(carriers.bodies) == bool(carriers.kinds):
+        given = "both are" if carriers.bodies else "none is"
+        yield Fault((*path, "bodies"), f"{given} given, bodies and kinds; allowed: bodies where all are of one kind")
+    if carriers.kinds and carriers.payload is not None:
+        yield Fault((*path, "payload"), "given beside kinds; allowed: a payload of each kind")
+    for name in carriers.order:
+        if name not in carriers.kinds:
+            known = ", ".join(carriers.kinds) or "none, for there are no kinds"
+            yield Fault((*path, "order"), f"given {show(name)}; allowed: {known}")
+    for name in carriers.kinds:
+        yield from name_faults(("carriers", "kinds", name))
+    one = [(("carriers",), carriers.bodies, carriers.payload)]
+    for where, bodies, room in one + [
+        (("carriers", "kinds", n), k.bodies, k.payload) for n, k in carriers.kinds.items()
+    ]:
+        yield from _bodies(scenario, where, bodies)
+        if room is None:
+            continue
+        for key in ("from_start", "from_end", "on_cable"):
+            mass = getattr(room, key)
+            if mass is not None and mass > room.capacity:
+                yield Fault(
+                    (*where, "payload", key), f"given {mass!r}; allowed: 0 to the capacity of {room.capacity:g} kg"
+                )
+        if room.body is not None and room.body not in bodies:
+            yield Fault((*where, "payload", "body"), f"given {show(room.body)}; allowed: one of {', '.join(bodies)}")

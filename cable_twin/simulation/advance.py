@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from cable_twin.mechanics.parameters import Solver
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.simulation.loading import load_on
+from cable_twin.simulation.loading import exchange, load_on
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.ropeway import Ropeway
 
@@ -20,12 +20,14 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
     Returns:
         What came of all of them, or until one failed or two vehicles have met.
     """
+    if not ropeway.loading and not ropeway.rooms and not meeting.possible:
+        return Outcome(*advance(steps))
     step, clock = ropeway.system.solver.step, ropeway.state.clock
     period = max(round(PERIOD / step), 1)
     total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0)
     while total.converged and total.steps < steps and not meeting.found(ropeway.state):
         rest = steps - total.steps
-        until = period - int(clock[0]) % period if ropeway.loading or meeting.possible else rest
+        until = period - int(clock[0]) % period if ropeway.loading or ropeway.rooms or meeting.possible else rest
         part = Outcome(*advance(min(rest, until)))
         total = part._replace(
             steps=total.steps + part.steps,
@@ -35,6 +37,8 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
         )
         if total.converged and int(clock[0]) % period == 0:
             load_on(ropeway, period * step)
+            if ropeway.rooms:
+                exchange(ropeway)
     return total
 
 

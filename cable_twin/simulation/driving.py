@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope
+from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.state import State
+from cable_twin.records import Command
+from cable_twin.scenario import Scenario
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:
@@ -62,4 +67,22 @@ def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
             state.drive_force[index] = 0.0
 
 
-__all__ = ["brake", "drive", "drive_mode", "hang_in_ropes"]
+def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str, Command]:
+    """Give what starts with a speed that speed; returns the commands that keep it, by carriage or drive."""
+    held = {}
+    for name, drive in scenario.drives.items():
+        if drive.speed != 0.0:
+            state.rope.velocity[0] = state.rope_target[0] = drive.speed
+            held[name] = Command("speed", {name: drive.speed})
+            for index in np.flatnonzero(system.carriages.clamped & state.attached).tolist():
+                set_going(system, state, index, drive.speed)
+    for index, (name, vehicle) in enumerate(scenario.vehicles.items()):
+        if vehicle.speed != 0.0:
+            set_going(system, state, index, vehicle.speed)
+            if drive_mode(state, index) == SPEED:
+                state.drive_target[index] = vehicle.speed
+                held[name] = Command("speed", {name: vehicle.speed})
+    return held
+
+
+__all__ = ["brake", "drive", "drive_mode", "hang_in_ropes", "set_in_motion"]

@@ -91,7 +91,6 @@ def _release(ropeway: Ropeway, _: Command) -> None:
 
 def _reset(ropeway: Ropeway, _: Command) -> None:
     ropeway.stopped = False
-    ropeway.commands.clear()
     ropeway.go_back()
 
 

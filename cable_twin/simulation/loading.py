@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from cable_twin.mechanics.on_rope.payload import shift_centres
 from cable_twin.scenario.schema import Payload
 from cable_twin.simulation.ropeway import Ropeway
@@ -24,6 +26,20 @@ def load_on(ropeway: Ropeway, time: float) -> None:
     """Let what gets in or out go on by `time` (s)."""
     if ropeway.loading:
         put_in(ropeway, _next_loads(ropeway, time))
+
+
+def exchange(ropeway: Ropeway) -> None:
+    """Let carriers that have come into a station carry what one does that leaves it."""
+    here = ropeway.stations_now()
+    came = ~np.isnan(here) & (here != ropeway.stations)
+    ropeway.stations = here
+    if came.any():
+        loads = {
+            name: room.from_start if here[ropeway.rows[name]] == 0.0 else room.from_end
+            for name, room in ropeway.rooms.items()
+            if came[ropeway.rows[name]]
+        }
+        put_in(ropeway, loads)
 
 
 def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
@@ -53,4 +69,4 @@ def _room(ropeway: Ropeway, name: str) -> Payload:
     return room
 
 
-__all__ = ["load", "load_on", "put_in"]
+__all__ = ["exchange", "load", "load_on", "put_in"]

@@ -19,6 +19,9 @@ class Meeting:
     Their bodies count as they hang upright; two points, of a `size` of 0, may pass each other. What is clamped to a
     moving cable keeps its distance anyway.
 
+    Attributes:
+        possible: whether there are vehicles that could meet.
+
     Args:
         scenario: what runs.
 
@@ -33,6 +36,7 @@ class Meeting:
         reach = [_reach(scenario.vehicles[name]) for name in self._names]
         room = np.array([before[1] + after[0] for before, after in pairwise(reach)], dtype=np.float64)
         self._room = np.where(room > 0.0, room, -np.inf)
+        self.possible = bool(np.any(room > 0.0))
         for number, (before, after) in enumerate(pairwise(sorted(on_rope))):
             if after[0] - before[0] < self._room[number]:
                 raise EquilibriumError(
@@ -40,13 +44,10 @@ class Meeting:
                     f"'{self._names[number]}' at {before[0]!r}; allowed: {self._room[number]:.3g} m apart at least"
                 )
 
-    @property
-    def possible(self) -> bool:
-        """Whether there are vehicles that could meet."""
-        return bool(np.any(self._room > 0.0))
-
     def found(self, state: State) -> str:
         """The line about two vehicles that have met, or nothing."""
+        if not self.possible:
+            return ""
         places = state.joints.position[self._rows]
         for number in np.flatnonzero(np.diff(places) < self._room).tolist():
             one, other = self._names[number : number + 2]

@@ -44,4 +44,13 @@ class Observer:
         return Snapshot(self.layout, self._numbers.copy(), report)
 
 
-__all__ = ["Observer"]
+def read_only(arrays: Any) -> Any:
+    """Views of the arrays of a named tuple that cannot be written."""
+    if isinstance(arrays, tuple):
+        return type(arrays)(*map(read_only, arrays))
+    view = arrays.view()
+    view.flags.writeable = False
+    return view
+
+
+__all__ = ["Observer", "read_only"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from cable_twin.geometry.clearance import clearance_seen, ground_of
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import energies, groups, sample_positions, sample_tensions
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
-from cable_twin.records import Clearance, Energy
+from cable_twin.records import Clearance, Energy, SolverReport
+from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.snapshot import CABLE, Snapshot
 
@@ -21,7 +23,18 @@ class Readings:
     """Reads the present state of a ropeway, and changes nothing."""
 
     _ropeway: Ropeway
-    _snapshot: Snapshot
+    _packed_state: Any
+    _observer: Observer
+    _on_demand: bool
+    _report: SolverReport
+    _seen: Snapshot | None
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The present state."""
+        if self._seen is None:
+            self._seen = self._observe()
+        return self._seen
 
     def cable_positions(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
         """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
@@ -57,7 +70,8 @@ class Readings:
         if not scenario.terrain:
             raise ValueError("clearance: the scenario has no terrain")
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        seen = self._snapshot.layout.columns(self._snapshot.numbers.copy())  # kernels want what may be written
+        snapshot = self.snapshot
+        seen = snapshot.layout.columns(snapshot.numbers.copy())  # kernels want what may be written
         rope = self.cable_positions(points)
         look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
         return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
@@ -93,6 +107,21 @@ class Readings:
         from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, which no start needs
 
         return natural_modes(self._ropeway.system, self._ropeway.state, count)
+
+    def _show(self, report: SolverReport) -> None:
+        """Let the snapshot be that of now; `report` is what the solver did for it."""
+        self._report = report
+        self._seen = None if self._on_demand else self._observe()
+
+    def _observe(self) -> Snapshot:
+        time = self._time_at(int(self._ropeway.state.clock[0]))
+        return self._observer.snapshot(
+            time, self._ropeway.packed_system, self._packed_state, self._ropeway.start.tower_load, self._report
+        )
+
+    def _time_at(self, clock: int) -> float:
+        """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
+        return round(clock * self._ropeway.system.solver.step * 1e9) / 1e9
 
     @cached_property
     def _ground(self) -> Ground:

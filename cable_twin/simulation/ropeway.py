@@ -15,7 +15,7 @@ from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
-from cable_twin.simulation.driving import hang_in_ropes
+from cable_twin.simulation.driving import hang_in_ropes, set_in_motion
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
@@ -32,6 +32,8 @@ class Ropeway:
         stopped: whether an emergency stop is in force.
         commands: the last drive command in force of each carriage or drive that has one.
         loading: what vehicles shall carry (kg) that are being loaded or unloaded.
+        stations: where carriers were in stations when they were last looked at, see `stations_now`.
+        rooms: what carriers carry from either station, by name.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -45,6 +47,9 @@ class Ropeway:
         self.commands: dict[str, Command] = {}
         self.loading: dict[str, float] = {}
         self.state.wind[:] = scenario.vector(scenario.air.wind)
+        carriers = scenario.carriers
+        rooms = {} if carriers is None else {n: carriers.kind(n).payload for n in range(carriers.count)}
+        self.rooms = {f"{carriers.name}_{n + 1}": room for n, room in rooms.items() if carriers and room is not None}
         self._first_loads = np.array(
             [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
             dtype=np.float64,
@@ -72,17 +77,29 @@ class Ropeway:
             settle(self.system, self.state, work)
         self.state.payload[:] = self._first_loads
         hang_in_ropes(self.system, self.state, [*self.rows])
+        self.commands = set_in_motion(self.system, self.state, self.scenario)
 
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
-        self.start = clone_state(self.state)
+        self.start, self._first_commands = clone_state(self.state), dict(self.commands)
+        self.note_stations()
+
+    def note_stations(self) -> None:
+        """Note in which station each carrier is now."""
+        self.stations = self.stations_now()
+
+    def stations_now(self) -> FloatArray:
+        """Place (m) on the cable of the station in which each vehicle is, NaN on the cable."""
+        return np.where(self.state.attached, np.nan, self.state.joints.position)
 
     def go_back(self) -> None:
         """Put the state back to the start; time runs on."""
         clock = int(self.state.clock[0])
         write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
+        self.commands = dict(self._first_commands)
         self.loading.clear()
+        self.note_stations()
         self.carry(self.state.payload)
 
     def carry(self, masses: FloatArray) -> None:

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import System
@@ -25,7 +25,7 @@ from cable_twin.simulation.advance import in_parts, undamped
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
-from cable_twin.simulation.observer import Observer
+from cable_twin.simulation.observer import Observer, read_only
 from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
@@ -50,21 +50,22 @@ class Simulation(Readings):
     Args:
         scenario: what to simulate.
         samples: points (at least 2) at which snapshots hold the cable.
+        on_demand: read a snapshot when it is asked for, and not at each command: for one thread alone.
 
     Raises:
         EquilibriumError: the cable finds no rest with its carriages on it, or they start within each other.
     """
 
-    def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
+    def __init__(self, scenario: Scenario, *, samples: int = SAMPLES, on_demand: bool = False) -> None:
         self.scenario = scenario
         self._ropeway, self._meeting = Ropeway(scenario), Meeting(scenario)
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
         self.supports = (*ENDS, *scenario.towers)
         self._state = self._ropeway.state
-        self._shown = _read_only(self._state)
+        self._shown = read_only(self._state)
         self._work = allocate_workspace(self.system)
-        self._observer = Observer(scenario, self.system, samples)
+        self._observer, self._on_demand = Observer(scenario, self.system, samples), on_demand
         with compiling_ahead(scenario.solver.integrator):
             self._ropeway.find_rest(self._work)
             # compiles what reads the state, while the other process is still at it
@@ -82,7 +83,7 @@ class Simulation(Readings):
                 f"{stable_step(self.system):.3g} s: the motion will not stay finite",
                 stacklevel=2,
             )
-        self._snapshot = self._observe(NOTHING_DONE)
+        self._show(NOTHING_DONE)
 
     @classmethod
     def load(cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES) -> Simulation:
@@ -123,11 +124,6 @@ class Simulation(Readings):
     def step(self) -> float:
         """Solver step (s)."""
         return self.system.solver.step
-
-    @property
-    def snapshot(self) -> Snapshot:
-        """The present state."""
-        return self._snapshot
 
     @property
     def layout(self) -> Layout:
@@ -178,11 +174,12 @@ class Simulation(Readings):
         """
         ropeway = self._ropeway
         full.copy_to(ropeway.state, ropeway.start, self.scenario)
+        ropeway.note_stations()
         ropeway.carry(ropeway.state.payload)
         ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
         ropeway.loading = dict(full.loading)
         self._at_start = full.at_start
-        self._snapshot = self._observe(NOTHING_DONE)
+        self._show(NOTHING_DONE)
 
     def command(self, name: str, *, speed: float | None = None, force: float | None = None) -> AppliedCommand:
         """Drive one carriage, or a moving cable by the name of its drive, until the next command.
@@ -240,7 +237,7 @@ class Simulation(Readings):
         take_effect(self._ropeway, command, ahead=ahead)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
-        self._snapshot = self._observe(NOTHING_DONE)
+        self._show(NOTHING_DONE)
         return applied
 
     def advance_to(self, time: float) -> Snapshot:
@@ -255,12 +252,10 @@ class Simulation(Readings):
         clock = int(self._state.clock[0])
         steps = max(round(time / self.step) - clock, 0)
         if steps == 0:
-            return self._snapshot
+            return self.snapshot
         self._at_start = False
         outcome = in_parts(self._ropeway, self._meeting, steps, self._take)
-        self._snapshot = self._observe(
-            SolverReport(int(outcome.steps), int(outcome.iterations), int(outcome.halvings), float(outcome.gap))
-        )
+        self._show(SolverReport(int(outcome.steps), int(outcome.iterations), int(outcome.halvings), float(outcome.gap)))
         if met := self._meeting.found(self._state):
             raise SolverError(f"{met}; the state is that at {self.time:g} s")
         if not outcome.converged:
@@ -271,29 +266,10 @@ class Simulation(Readings):
                 f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
                 f"the state is that at {self.time:g} s"
             )
-        return self._snapshot
+        return self.snapshot
 
     def _take(self, steps: int) -> tuple:
         return self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps)
-
-    def _time_at(self, clock: int) -> float:
-        """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
-        return round(clock * self.step * 1e9) / 1e9
-
-    def _observe(self, report: SolverReport) -> Snapshot:
-        """What there is to see now."""
-        return self._observer.snapshot(
-            self.time, self._ropeway.packed_system, self._packed_state, self._ropeway.start.tower_load, report
-        )
-
-
-def _read_only(arrays: Any) -> Any:
-    """Views of the arrays of a named tuple that cannot be written."""
-    if isinstance(arrays, tuple):
-        return type(arrays)(*map(_read_only, arrays))
-    view = arrays.view()
-    view.flags.writeable = False
-    return view
 
 
 __all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from cable_twin.offline.script import ScriptError, read_script
+from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
+from cable_twin.offline.script_places import Place
+from cable_twin.offline.scripted_run import simulate
 from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 
 YAML_TEXT = """\
 # up, and an emergency stop on the way
@@ -56,6 +62,15 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
     ("line", "said"),
     [
         ("{name: cabin, speed: 6}", "no time given; allowed: zero or more, in s"),
+        (
+            "{at: here, event: release}",
+            "at 'here' given; allowed: {name: VEHICLE or DRIVE, position: m",
+        ),
+        ("{at: {name: cabin}, event: release}", "at {'name': 'cabin'} given; allowed: {name: VEHICLE or DRIVE"),
+        (
+            "{at: {name: cabin, position: .nan}, event: release}",
+            "at position nan given; allowed: a finite",
+        ),
         ("{time: -1, name: cabin, speed: 6}", "time -1 given; allowed: zero or more, in s"),
         ("{time: .inf, name: cabin, speed: 6}", "time inf given"),
         ("{time: true, name: cabin, speed: 6}", "time True given"),
@@ -127,3 +142,78 @@ def test_missing_and_binary_files_are_named(tmp_path):
 def test_empty_script_has_no_commands(tmp_path):
     assert read_script(write(tmp_path, "none.yaml", "# nothing\n")) == []
     assert read_script(write(tmp_path, "none.csv", "\n")) == []
+
+
+PLACES_YAML = """\
+- {time: 0, name: cabin, speed: 8.0}
+- {at: {name: cabin, position: 80}, event: emergency_stop}
+- {time: 25, event: release}
+- {time: 26, name: cabin, speed: -4}
+- {time: 26, at: {name: cabin, position: 70.5}, name: cabin, speed: 0}
+- {at: {name: cabin, position: 900}, wind: 5}
+"""
+PLACES_CSV = """\
+time,at_name,at_position,name,speed,wind,event
+0,,,cabin,8
+,cabin,80,,,,emergency_stop
+25,,,,,,release
+26,,,cabin,-4
+26,cabin,70.5,cabin,0
+,cabin,900,,,5
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("trip.yaml", PLACES_YAML), ("trip.csv", PLACES_CSV)])
+def test_commands_are_given_where_a_vehicle_comes_by(tmp_path, name, text):
+    """At the first step beyond the place, from either side, whatever the frames are; each once, from its time on."""
+    script = read_script(write(tmp_path, name, text))
+    applied = []
+    for frame_steps in (2, 7):
+        simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
+        given = []
+        apply = simulation.apply
+        simulation.apply = lambda command, source, apply=apply, given=given: (
+            given.append(command) or apply(command, source)
+        )
+        seen = []
+
+        def look(time, simulation=simulation, seen=seen):
+            seen.append((time, simulation.snapshot.carriages["cabin"].arc_length))
+
+        outcome = simulate(simulation, script, duration=45.0, frame_steps=frame_steps, epoch_ns=0, on_frame=look)
+        assert outcome.refused == []
+        assert outcome.not_reached == [
+            f"{tmp_path / name}:{6 if name == 'trip.yaml' else 7}: 'cabin' has not come by 900 m"
+        ]
+        applied.append([(command.kind, *command.values.values()) for command in given])
+    assert applied[0] == applied[1]
+    assert applied[0] == [("speed", 8.0), ("emergency_stop",), ("release",), ("speed", -4.0), ("speed", 0.0)]
+
+
+def test_a_place_is_reached_at_the_same_step_whatever_the_frames_are():
+    script = [
+        ScriptedCommand(0.0, Command("speed", {"haul_rope": 2.0}), "script", ""),
+        ScriptedCommand(0.0, Command("emergency_stop", {}), "script", "", Place("haul_rope", 5.0)),
+    ]
+    ends = []
+    for frame_steps in (1, 13, 200):
+        simulation = Simulation(load_scenario("gondola", {"cable.elements": 60}))
+        outcome = simulate(simulation, script, duration=13.0, frame_steps=frame_steps, epoch_ns=0)
+        assert not outcome.not_reached
+        ends.append(simulation.advance_to(20.0).numbers.tobytes())
+        assert simulation.snapshot.drives["haul_rope"].speed == 0.0
+        assert simulation.snapshot.drives["haul_rope"].position == pytest.approx(6.05, abs=0.05)  # 1.58 m/s there
+    assert len(set(ends)) == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("{name: bus, position: 10}", "at 'bus'; known: cabin"),
+        ("{name: cabin, position: 5000}", r"at 5000 m of 'cabin'; allowed: 0 to 1044\.25 m, on the cable"),
+    ],
+)
+def test_places_that_nothing_can_come_by_are_told_before_the_run(tmp_path, place, said):
+    script = read_script(write(tmp_path, "trip.yaml", f"- {{at: {place}, event: emergency_stop}}\n"))
+    (fault,) = check_script(Simulation(load_scenario("single_span", {"cable.elements": 20})), script)
+    assert re.search(rf"trip\.yaml:1: {said}", fault)

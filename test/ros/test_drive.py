@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,9 @@ from cable_twin.records import Command
 pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
+
+from cable_twin.ros.trip import STATIONS, target_of
+from cable_twin.scenario import load_scenario
 
 STOP = Command("speed", {"cabin": 0.0})
 
@@ -57,6 +61,39 @@ def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
     line = process.output.splitlines()[-1]
     assert "commanded     +3.00 m/s  cabin:" in line
     assert line.rstrip().endswith("kN")
+
+
+def test_it_goes_to_a_place_and_stops_there(twin, drive):
+    process = drive("cabin", "--to", "95.5", "--at-most", "6")
+    assert finish(twin, process) == 0, process.output
+    said = re.fullmatch(
+        r"arrived: cabin at (\S+) m, 0\.\d\d m from 95\.50 m, after \S+ s", process.output.splitlines()[-1]
+    )
+    assert said, process.output
+    twin.until(lambda: twin.speed == 0.0, what="stop")
+    assert twin.arc_length == pytest.approx(95.5, abs=0.1)
+    speeds = [message.velocity[0] for message in twin.received["joint_states"]]
+    assert 5.0 < max(speeds) <= 6.01  # up, along
+    assert min(speeds) > -0.1  # and down to a stop, not to and fro
+    assert " m to go" in process.output
+    process = drive("cabin", "--to", "5000")
+    assert finish(twin, process) == 1
+    assert re.search(
+        r"drive: --to '5000' given for 'cabin'; allowed: \S+ to \S+ m along the cable, or start, end, lower_",
+        process.output,
+    )
+
+
+def test_stations_are_where_the_end_stops_begin():
+    scenario = load_scenario("single_span")
+    length = scenario.cable.unstrained_length
+    places = {name: target_of(scenario, "cabin", name) for name in STATIONS}
+    assert places["lower_station"] == places["start"] == pytest.approx(0.005 * length)
+    assert places["upper_station"] == places["end"] == pytest.approx(0.995 * length)
+    falling = load_scenario("single_span", {"cable.start.position": [0.0, 300.0], "cable.end.position": [1000.0, 0.0]})
+    assert target_of(falling, "cabin", "upper_station") == pytest.approx(0.005 * length)
+    with pytest.raises(ValueError, match="'upper_station' given for 'haul_rope', which moves the cable"):
+        target_of(load_scenario("gondola"), "haul_rope", "upper_station")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -145,9 +182,12 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["cabin", "--speed", "fast"], "argument --speed: 'fast' given, a finite number is needed"),
         (["cabin", "--speed", "1", "--ramp", "-1"], "argument --ramp: -1 s given, zero or more is needed"),
         (["--speed", "1"], "--speed needs the name of a carriage or drive before it"),
+        (["--to", "5"], "--to needs the name of a carriage or drive before it"),
+        (["cabin", "--to", "5", "--at-most", "0"], "--at-most 0 given; it goes with --to, and is above 0 m/s"),
+        (["cabin", "--to", "5", "--ramp", "2"], "--ramp given; it goes with --speed, --force"),
         (["--payload", "1"], "--payload needs the name of a carriage before it"),
-        (["cabin", "--pause"], "'cabin' given; only --speed, --force, --payload take a name"),
-        (["cabin", "--wind", "1"], "'cabin' given; only --speed, --force, --payload take a name"),
+        (["cabin", "--pause"], "'cabin' given; only --speed, --force, --payload, --to take a name"),
+        (["cabin", "--wind", "1"], "'cabin' given; only --speed, --force, --payload, --to take a name"),
         (["--reset", "--duration", "1"], "--duration given; it goes with --speed, --force"),
         (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
         (["--wind", "1", "2", "3"], "argument --wind: 3 numbers given; allowed: x, z, in m/s"),
@@ -161,7 +201,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (
             ["cabin"],
             "one of the arguments --speed --force --payload --wind --emergency-stop --release --reset --pause --resume "
-            "--snapshot --step --list is required",
+            "--snapshot --step --to --list is required",
         ),
     ],
 )

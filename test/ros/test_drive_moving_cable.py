@@ -49,6 +49,23 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
     assert participant.call("emergency_stop", SetBool, data=False).success
 
 
+def test_the_rope_goes_by_to_a_place(lift, processes):
+    process, participant = lift
+
+    def rope():
+        message = participant.received["joint_states"][-1]
+        row = message.name.index("haul_rope")
+        return message.position[row], message.velocity[row]
+
+    participant.until(lambda: rope()[1] == 0.0, what="stop")
+    target = rope()[0] - 7.5
+    drive = processes("haul_rope", "--to", f"{target:.3f}", *WAIT, module="drive", domain=process.domain)
+    participant.until(lambda: drive.process.poll() is not None, what=f"end of drive; {drive.output}")
+    assert drive.wait() == 0, drive.output
+    participant.until(lambda: rope()[1] == 0.0, what="stop")
+    assert rope()[0] == pytest.approx(target, abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

@@ -14,9 +14,9 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 
-def frame_loop(scenario="aerial_tramway", **options):
+def frame_loop(scenario="aerial_tramway", *, overrides=None, **options):
     """A loop of a small simulation whose callbacks do nothing where they are not given."""
-    simulation = Simulation(load_scenario(scenario, {"cable.elements": 10}))
+    simulation = Simulation(load_scenario(scenario, {"cable.elements": 10, **(overrides or {})}))
     defaults = {
         "frame_steps": 2,
         "real_time_factor": 1.0,
@@ -175,3 +175,37 @@ def test_it_tells_of_a_command_before_that_changes_a_twin_that_waits_for_its_sta
     finally:
         loop.stop()
     assert told[:4] == ["command"] * 4  # the last one for the silence
+
+
+def test_steps_do_not_wait_for_the_clock_and_what_waits_is_done_between_them():
+    applied, published = [], []
+    loop = frame_loop(real_time_factor=1e-3, paused=True, on_applied=applied.append, publish=published.append)
+    loop.start()
+    try:
+        assert loop.step(100).result(PATIENCE) == 100  # paced, that would be 1000 s
+        assert loop.simulated_time == pytest.approx(1.0)
+        many = loop.step(10**9)
+        loop.submit(Command("wind", {"x": 3.0, "z": 0.0}), "test").result(PATIENCE)
+        assert not many.done()
+        loop.pause(True)
+        assert 100 < 100 + many.result(PATIENCE) == len(published)
+        assert applied[0].time < loop.simulated_time
+        left = loop.step(10**9)
+    finally:
+        loop.stop()
+    assert left.cancelled() or left.result() < 10**9
+
+
+def test_silence_stops_a_start_in_motion_also_after_a_reset():
+    applied = []
+    loop = frame_loop(
+        "single_span", on_applied=applied.append, command_timeout=0.2, overrides={"carriages.cabin.speed": 2.0}
+    )
+    loop.start()
+    try:
+        wait_until(lambda: [item for item in applied if item.source == "command_timeout"])
+        loop.submit(Command("reset", {}), "test").result(PATIENCE)
+        wait_until(lambda: len([item for item in applied if item.source == "command_timeout"]) == 2)
+    finally:
+        loop.stop()
+    assert applied[-1].command == Command("speed", {"cabin": 0.0})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import time
 from contextlib import contextmanager
 from itertools import pairwise
@@ -253,6 +254,14 @@ def test_reset_puts_the_state_back_and_never_the_time(twin):
     assert min(gaps(twin.received["cable"])) > 0
 
 
+def set_step_count(twin, count):
+    value = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=count)
+    (result,) = twin.call(
+        "set_parameters", SetParameters, parameters=[Parameter(name="step_count", value=value)]
+    ).results
+    assert result.successful, result.reason
+
+
 def test_pause_and_step(twin):
     refusal = twin.call("step", Trigger)
     assert not refusal.success
@@ -311,7 +320,7 @@ def test_parameters_are_described_with_unit_and_range(twin):
     assert [descriptor.name for descriptor in descriptors] == names
     for descriptor, parameter in zip(descriptors, PARAMETERS, strict=True):
         assert len(descriptor.description) > 15
-        assert descriptor.read_only == (parameter.name != "command_timeout")
+        assert descriptor.read_only == (parameter.name not in ("command_timeout", "step_count"))
         assert parameter.unit in descriptor.description
         if isinstance(parameter.default, float):
             (bounds,) = descriptor.floating_point_range
@@ -346,3 +355,31 @@ def test_time_has_never_gone_back(running):
     """Looks at the same collected topics as the tests before it, with all their resets."""
     _, participant = running
     assert stamps(participant.received["joint_states"]) == sorted(stamps(participant.received["joint_states"]))
+
+
+def test_many_frames_in_one_call(twin):
+    """One call for many frames, which do not wait for the clock; a stop comes between them, and a pause ends it."""
+    assert twin.call("pause", SetBool, data=True).success
+    set_step_count(twin, 1)
+    first = twin.call("step", Trigger).message
+    set_step_count(twin, 2000)
+    called = time.monotonic()
+    last = twin.call("step", Trigger).message
+    assert time.monotonic() - called < 10.0
+    before, after = (float(re.search(r"to (.*) s of", answer).group(1)) for answer in (first, last))
+    assert after - before == pytest.approx(20.0)
+    set_step_count(twin, 1_000_000)
+    long = twin.node.create_client(Trigger, f"{twin.twin}/step")
+    twin.until(long.service_is_ready)
+    future = long.call_async(Trigger.Request())
+    seen = len(twin.received["joint_states"])
+    twin.until(lambda: len(twin.received["joint_states"]) > seen + 100)
+    for data in (True, False):
+        assert twin.call("emergency_stop", SetBool, data=data).success
+        assert not future.done()
+    assert twin.call("pause", SetBool, data=True).success
+    twin.until(future.done)
+    assert not future.result().success
+    assert re.fullmatch(r"paused after \d+ of 1000000 frames", future.result().message)
+    twin.node.destroy_client(long)
+    set_step_count(twin, 1)

@@ -1,0 +1,16 @@
+"""The twin as an environment of gymnasium, for learning controllers; needs the extra `gym`.
+
+`gymnasium.make("cable_twin.gym:cable_twin/Ropeway-v0", scenario="single_span")` works as well.
+"""
+
+import gymnasium
+
+from cable_twin.gym.environment import RopewayEnv, vector_env
+from cable_twin.gym.observation import Observed
+
+NAME = "cable_twin/Ropeway-v0"
+
+if NAME not in gymnasium.registry:
+    gymnasium.register(NAME, entry_point="cable_twin.gym:RopewayEnv")
+
+__all__ = ["NAME", "Observed", "RopewayEnv", "vector_env"]

@@ -1,0 +1,210 @@
+"""The environment: one twin, driven by actions, seen by observations; rewards are the user's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AsyncVectorEnv
+
+from cable_twin.commands import KINDS
+from cable_twin.gym.observation import Observed, by_default, chosen, quantities
+from cable_twin.records import Command, FloatArray
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.simulation import Simulation, SolverError
+
+Reward = Callable[[Observed, FloatArray, Observed], float]
+ENDS_OF_CABLE = 2  # samples of the cable: the fewest
+
+
+class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
+    """A ropeway of a scenario as gymnasium has environments.
+
+    An action is a number for each of `action_names`, a speed (m/s) or a force (N), within the limits of the scenario;
+    what is beyond is cut off there. An observation is a number for each of `observation_names`, in `observation_units`.
+    Each episode begins with the same bits; `prepare` may change that. It ends (`terminated`) where `ended` says so, or
+    where the solver fails or vehicles meet, of which `info["fault"]` has the line; and after `duration` (`truncated`).
+
+    A subclass may have `reward`, `ended` and `prepare` as methods instead of giving them as arguments.
+
+    Args:
+        scenario: name, path, mapping, or one that is loaded.
+        overrides: values of the scenario by dotted key.
+        command: what actions are, "speed" (m/s) or "force" (N); or that by name of carriage or drive, for some of them.
+        observations: names, with * for any text, such as ("cabin/*", "end/tension"); None for motion and pitch.
+        period: s of simulated time in a step, a whole number of solver steps.
+        duration: s of simulated time in an episode.
+        reward: takes the observation before, the action and the observation after, with names; without it, 0.
+        ended: takes an observation with names, and says whether the episode has ended.
+        prepare: takes the simulation at its start and the random generator of the environment, before an episode.
+
+    Raises:
+        ScenarioError: the scenario does not load.
+        EquilibriumError: its cable finds no rest.
+        ValueError: an argument that does not fit the scenario, in one line.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
+
+    def __init__(
+        self,
+        scenario: str | Path | Mapping[str, Any] | Scenario = "single_span",
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        command: str | Mapping[str, str] = "speed",
+        observations: Sequence[str] | None = None,
+        period: float = 0.01,
+        duration: float = 120.0,
+        reward: Reward | None = None,
+        ended: Callable[[Observed], bool] | None = None,
+        prepare: Callable[[Simulation, np.random.Generator], None] | None = None,
+    ) -> None:
+        self._reward, self._ended, self._prepare = reward, ended, prepare
+        if isinstance(scenario, Scenario):
+            scenario = scenario.resolved()
+        self.simulation = Simulation(load_scenario(scenario, overrides), samples=ENDS_OF_CABLE, on_demand=True)
+        self._start = self.simulation.capture()
+        self._period, self._steps_left = _whole_steps(period, self.simulation.step), 0
+        if not duration >= self._period or not math.isfinite(duration):
+            raise ValueError(f"duration: {duration:g} s given; allowed: at least the period of {self._period:g} s")
+        self._steps = math.ceil(round(duration / self._period, 6))
+        limits = _limits(self.simulation.scenario, command)
+        self.action_names = tuple(limits)
+        high = np.array([limit for _, limit in limits.values()])
+        self.action_space = spaces.Box(-high, high, dtype=np.float64)
+        kinds = [kind for kind, _ in limits.values()]
+        self._by_kind = [(kind, [i for i, one in enumerate(kinds) if one == kind]) for kind in dict.fromkeys(kinds)]
+        self._highest = high.tolist()
+        layout = self.simulation.layout
+        patterns = by_default(layout) if observations is None else observations
+        seen = chosen(quantities(self.simulation.scenario, layout), patterns, self.simulation.snapshot)
+        self.observation_names = tuple(seen)
+        self.observation_units = tuple(one.unit for one in seen.values())
+        self._columns = np.array([one.column for one in seen.values()], dtype=np.intp)
+        self._numbers = {name: number for number, name in enumerate(seen)}
+        bounds = np.array([(one.low, one.high) for one in seen.values()])
+        self.observation_space = spaces.Box(bounds[:, 0], bounds[:, 1], dtype=np.float64)
+        self._before = self._observed()
+
+    def named(self, observation: FloatArray) -> Observed:
+        """An observation (n,) with its names."""
+        return Observed(self._numbers, observation)
+
+    def reward(self, before: Observed, action: FloatArray, after: Observed) -> float:
+        """What a step was worth; for a subclass, where no argument says it."""
+        return 0.0 if self._reward is None else self._reward(before, action, after)
+
+    def ended(self, after: Observed) -> bool:
+        """Whether the episode has ended there; for a subclass, where no argument says it."""
+        return self._ended is not None and self._ended(after)
+
+    def prepare(self, simulation: Simulation, generator: np.random.Generator) -> None:
+        """Change the start of an episode: wind, payload, a command, some time; for a subclass as well."""
+        if self._prepare is not None:
+            self._prepare(simulation, generator)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begin an episode; `options` are not used."""
+        super().reset(seed=seed)
+        self.simulation.restore(self._start)
+        self.prepare(self.simulation, self.np_random)
+        self._steps_left = self._steps
+        self._before = self._observed()
+        return self._before.array.copy(), {"time": self.simulation.time}
+
+    def step(self, action: FloatArray) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
+        """Drive as `action` (n,) says for a period.
+
+        Raises:
+            ValueError: not one finite number for each name.
+            RuntimeError: no episode has begun.
+        """
+        if self._steps_left <= 0:
+            raise RuntimeError("step: no episode under way; call reset first")
+        numbers = np.asarray(action, dtype=np.float64).tolist()
+        if not isinstance(numbers, list) or len(numbers) != len(self._highest) or not all(map(_is_finite, numbers)):
+            raise ValueError(f"action: {action} given; allowed: finite numbers for {', '.join(self.action_names)}")
+        # numbers, not arrays: there are few, and thousands of steps in a second
+        numbers = [min(max(number, -high), high) for number, high in zip(numbers, self._highest, strict=True)]
+        simulation, names = self.simulation, self.action_names
+        for kind, members in self._by_kind:
+            simulation.apply(Command(kind, {names[i]: numbers[i] for i in members}))
+        info: dict[str, Any] = {}
+        try:
+            time = simulation.advance_to(simulation.time + self._period).time
+        except SolverError as error:
+            info["fault"], time = str(error), simulation.time
+        info["time"] = time
+        before, after = self._before, self._observed()
+        self._before = after
+        terminated = "fault" in info or bool(self.ended(after))
+        self._steps_left = 0 if terminated else self._steps_left - 1
+        truncated = self._steps_left == 0 and not terminated
+        return after.array.copy(), float(self.reward(before, np.array(numbers), after)), terminated, truncated, info
+
+    def _observed(self) -> Observed:
+        return Observed(self._numbers, self.simulation.snapshot.numbers[self._columns])
+
+
+def vector_env(count: int, *arguments: Any, context: str | None = None, **named: Any) -> AsyncVectorEnv:
+    """As many environments, each in a process of its own; on one core for each of them as fast as one alone.
+
+    Args:
+        count: how many.
+        arguments: of `RopewayEnv`.
+        context: how processes are started, of `multiprocessing`; None for the default of the system.
+        named: of `RopewayEnv`.
+    """
+    return AsyncVectorEnv([partial(RopewayEnv, *arguments, **named)] * count, context=context)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, float) and math.isfinite(value)
+
+
+def _whole_steps(period: float, step: float) -> float:
+    """The period (s), in whole solver steps."""
+    count = round(period / step) if math.isfinite(period) else 0
+    if count < 1 or abs(count * step - period) > 1e-9:
+        raise ValueError(f"period: {period:g} s given; allowed: a whole number of solver steps of {step:g} s")
+    return count * step
+
+
+def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, tuple[str, float]]:
+    """Kind of command and its limit by name of carriage or drive."""
+    known = {name: drive.limits for name, drive in scenario.drives.items()}
+    movable = {name: one.drive.limits for name, one in scenario.carriages.items() if one.joint == "sliding"}
+    known |= movable
+    wanted = dict.fromkeys(known, command) if isinstance(command, str) else dict(command)
+    kinds = [name for name, kind in KINDS.items() if kind.drives]
+    found: dict[str, tuple[str, float]] = {}
+    for name, kind in wanted.items():
+        if name not in known:
+            raise ValueError(
+                f"command: '{name}' given; the scenario has: {', '.join(known) or 'nothing that is driven'}"
+            )
+        if kind not in kinds or (kind == "force" and name in scenario.drives):
+            allowed = "speed, for it moves the cable" if name in scenario.drives else " or ".join(kinds)
+            raise ValueError(f"command: {kind!r} given for '{name}'; allowed: {allowed}")
+        limit = getattr(known[name], kind)
+        if limit is None:
+            owner = f"drives.{name}" if name in scenario.drives else f"carriages.{name}.drive"
+            unit = KINDS[kind].unit
+            raise ValueError(
+                f"{owner}.limits.{kind}: null given; an action needs a limit, in {unit}: overrides set one"
+            )
+        found[name] = (kind, float(limit))
+    if not found:
+        raise ValueError(f"command: the scenario '{scenario.name}' has nothing that is driven")
+    return found
+
+
+__all__ = ["RopewayEnv", "vector_env"]

@@ -1,0 +1,27 @@
+"""Frames that are asked for while a twin is paused."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Stepping:
+    """Frames that somebody has asked for."""
+
+    count: int
+    taken: int = 0
+    future: Future[int] = field(default_factory=Future)
+
+    def took(self, took: bool) -> bool:
+        """Note a frame that was taken, or failed; whether that was the last one."""
+        self.taken += took
+        if took and self.taken < self.count:
+            return False
+        if self.future.set_running_or_notify_cancel():
+            self.future.set_result(self.taken)
+        return True
+
+
+__all__ = ["Stepping"]

@@ -1,0 +1,55 @@
+"""Sensors that have nothing to measure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cable_twin.scenario.fault import Fault, name_faults, show
+from cable_twin.scenario.schema import Scenario
+
+ENDS = ("start", "end")
+
+
+def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them."""
+    vehicles = _vehicles(scenario)
+    bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
+    known = {
+        "encoder": [*scenario.drives, *vehicles],
+        "load_cell": [*ENDS, *scenario.towers],
+        "inclinometer": [*vehicles, *bodies],
+        "imu": [*vehicles, *bodies],
+    }
+    taken: dict[tuple[str, str], str] = {}
+    for name, sensor in scenario.sensors.items():
+        path = ("sensors", name)
+        yield from name_faults(path)
+        if sensor.kind not in known or not isinstance(sensor.of, str):
+            continue  # a fault of its own
+        if sensor.of not in known[sensor.kind]:
+            allowed = ", ".join(known[sensor.kind][:8]) or "nothing in this scenario"
+            more = ", ..." if len(known[sensor.kind]) > 8 else ""
+            yield Fault((*path, "of"), f"given {show(sensor.of)}; allowed for {sensor.kind}: {allowed}{more}")
+        first = taken.setdefault((sensor.kind, sensor.of), name)
+        if first != name:
+            yield Fault((*path, "of"), f"given {show(sensor.of)}, which '{first}' measures; allowed: one {sensor.kind}")
+        if sensor.kind != "imu":
+            for key in ("rate_noise", "rate_bias"):
+                if getattr(sensor, key) != 0.0:
+                    yield Fault((*path, key), f"given {getattr(sensor, key)!r}; allowed: 0, only an imu has it")
+
+
+def _vehicles(scenario: Scenario) -> dict[str, list[str]]:
+    """Names of the bodies of all vehicles, also where the scenario has other faults."""
+    found = {name: [*vehicle.bodies] for name, vehicle in scenario.carriages.items()}
+    carriers = scenario.carriers
+    if carriers is None or not isinstance(carriers.count, int):
+        return found
+    order = carriers.order or tuple(carriers.kinds)
+    for number in range(carriers.count):
+        kind = carriers.kinds.get(order[number % len(order)]) if order else None
+        found[f"{carriers.name}_{number + 1}"] = [*(carriers.bodies if kind is None else kind.bodies)]
+    return found
+
+
+__all__ = ["sensor_faults"]

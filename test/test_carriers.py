@@ -1,0 +1,106 @@
+"""Carriers that are full up and empty down, and of several kinds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.offline.simulate import main
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.simulation import Simulation
+
+FULL_UP = {"capacity": 320.0, "from_start": 320.0, "from_end": 80.0, "position": [0.0, -0.5]}
+CHAIR = {"chair": {"mass": 200.0, "inertia": 200.0, "upper_pivot": [0.0, 2.5]}}
+CABIN = {
+    "hanger": {"mass": 100.0, "inertia": 50.0, "upper_pivot": [0.0, 1.0], "lower_pivot": [0.0, -1.0]},
+    "cabin": {"mass": 400.0, "inertia": 300.0, "upper_pivot": [0.0, 1.0]},
+}
+MIXED = {
+    "kinds": {"chair": {"bodies": CHAIR, "payload": FULL_UP}, "gondola": {"bodies": CABIN}},
+    "order": ["chair", "chair", "gondola"],
+}
+
+
+def lift(carriers, **overrides):
+    """A quick chairlift whose carriers are as given."""
+    data = load_scenario("chairlift").resolved()
+    data["carriers"] = {"name": "chair", "count": 28, "spacing": 60.0, **carriers}
+    return load_scenario(data, {"drives.haul_rope.speed": 2.5, **overrides})
+
+
+def test_carriers_are_loaded_in_one_station_and_unloaded_in_the_other():
+    """The masses take part in the motion, whatever the frames are."""
+    ends = []
+    for period in (1.0, 0.37):
+        simulation = Simulation(lift({"bodies": CHAIR, "payload": FULL_UP}), samples=10)
+        start = simulation.snapshot.vehicles
+        assert set(start.payload[start.attached == 1.0]) == {320.0}
+        full_weight = simulation.snapshot.columns.contact_force[:, 2]
+        assert full_weight[3] == pytest.approx(520.0 * 9.81, rel=0.02)
+        time = 0.0
+        while time < 60.0:
+            time = min(time + period, 60.0)
+            simulation.advance_to(time)
+        simulation.command("haul_rope", speed=-2.5)  # those that come back down now come from the upper station
+        simulation.advance_to(180.0)
+        ends.append(simulation.snapshot.numbers.tobytes())
+    assert ends[0] == ends[1]
+    vehicles = simulation.snapshot.vehicles
+    on_rope = vehicles.attached == 1.0
+    assert set(vehicles.payload[on_rope]) == {80.0, 320.0}
+    from_end = on_rope & (vehicles.payload == 80.0)
+    assert vehicles.arc_length[from_end].min() > vehicles.arc_length[on_rope & ~from_end].max()
+    simulation.command("haul_rope", speed=0.0)
+    simulation.advance_to(240.0)
+    hanging = simulation.snapshot.columns.contact_force[from_end, 2]
+    assert hanging == pytest.approx(np.full(from_end.sum(), 280.0 * 9.81), rel=0.15)  # it swings out
+
+
+def test_a_state_that_is_gone_back_to_loads_as_before():
+    simulation = Simulation(lift({"bodies": CHAIR, "payload": FULL_UP}), samples=10)
+    simulation.advance_to(10.0)
+    full = simulation.capture()
+    ends = []
+    for _ in range(2):
+        simulation.restore(full)
+        ends.append(simulation.advance_to(60.0).numbers.tobytes())
+    assert ends[0] == ends[1]
+
+
+def test_kinds_come_in_their_order_and_are_logged(tmp_path, capsys):
+    scenario = lift(MIXED)
+    bodies = [tuple(vehicle.bodies) for vehicle in scenario.vehicles.values()]
+    assert bodies[:4] == [("chair",), ("chair",), ("hanger", "cabin"), ("chair",)]
+    path = tmp_path / "mixed.yaml"
+    path.write_text(scenario.to_yaml(), encoding="utf-8")
+    assert load_scenario(path).vehicles == scenario.vehicles
+    code = main([str(path), "--duration", "2", "--output", str(tmp_path / "logs")])
+    assert code == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("carriers", "said"),
+    [
+        ({}, "carriers.bodies: none is given, bodies and kinds; allowed: bodies where all are of one kind"),
+        ({**MIXED, "bodies": CHAIR}, "carriers.bodies: both are given"),
+        ({**MIXED, "payload": FULL_UP}, "carriers.payload: given beside kinds; allowed: a payload of each kind"),
+        ({**MIXED, "order": ["bus"]}, "carriers.order: given 'bus'; allowed: chair, gondola"),
+        ({**MIXED, "order": 3}, "carriers.order: given 3; allowed: a list of some of names"),
+        (
+            {"bodies": CHAIR, "payload": {**FULL_UP, "from_start": 400.0}},
+            "carriers.payload.from_start: given 400.0; allowed: 0 to the capacity of 320 kg",
+        ),
+        (
+            {"bodies": CHAIR, "payload": {**FULL_UP, "body": "roof"}},
+            "carriers.payload.body: given 'roof'; allowed: one of chair",
+        ),
+        (
+            {"bodies": CHAIR, "payload": FULL_UP, "count": 14, "spacing": 58.47},
+            "of the loop are not on the cable; allowed: at least 0.25 m",
+        ),
+    ],
+)
+def test_carriers_that_cannot_be_are_told_in_a_line(carriers, said):
+    with pytest.raises(ScenarioError) as caught:
+        lift(carriers)
+    assert any(said in fault for fault in caught.value.faults), caught.value.faults

@@ -1,0 +1,158 @@
+"""The environment for learning: gymnasium's own checker, names, the user's reward, processes."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from test_meeting import two_cabins
+
+from cable_twin.gym import NAME, RopewayEnv, vector_env
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.snapshot import CABLE
+
+TARGET = 160.0  # m
+
+
+def nearer(before, action, after):
+    """Reward: metres by which the cabin has come nearer, less what the speed is that was asked for."""
+    return abs(before["cabin/arc_length"] - TARGET) - abs(after["cabin/arc_length"] - TARGET) - 1e-3 * abs(action[0])
+
+
+def arrived(after):
+    return abs(after["cabin/arc_length"] - TARGET) < 1.0
+
+
+def windy(simulation, generator):
+    simulation.wind(generator.uniform(-5.0, 5.0))
+
+
+@pytest.fixture(scope="module")
+def env():
+    return RopewayEnv("single_span", reward=nearer, ended=arrived, period=0.1, duration=60.0)
+
+
+@pytest.mark.parametrize("scenario", ["single_span", "gondola"])
+def test_the_checker_of_gymnasium(scenario):
+    made = gymnasium.make(f"cable_twin.gym:{NAME}", scenario=scenario, prepare=windy, duration=1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # units of the scenario are neither normalised nor bounded
+        check_env(made.unwrapped)
+
+
+def test_spaces_have_names_units_and_limits(env):
+    assert env.action_names == ("cabin",)
+    assert env.action_space == gymnasium.spaces.Box(-10.0, 10.0, (1,), np.float64)
+    assert env.observation_names[:2] == ("cabin/arc_length", "cabin/speed")
+    assert env.observation_units == ("m", "m/s", *["rad", "rad/s"] * 3)
+    assert env.observation_space.high[0] == env.simulation.scenario.cable.unstrained_length
+    lift = RopewayEnv("gondola", observations=["haul_rope/*", "tower_*/load", "*/tension"], period=0.1)
+    assert lift.action_names == ("haul_rope",)
+    assert lift.observation_names[3:] == (*(f"tower_{n}/load" for n in range(1, 8)), "start/tension", "end/tension")
+
+
+def test_a_step_is_what_the_api_does(env):
+    """The same bits, whatever is asked for beyond the limits."""
+    observation, info = env.reset(seed=1)
+    assert info["time"] == 0.0
+    plain = Simulation(load_scenario("single_span"))
+    for speed in (3.0, 20.0, -1.0):
+        before = env.named(observation)
+        observation, reward, terminated, truncated, info = env.step(np.array([speed]))
+        plain.command("cabin", speed=min(speed, 10.0))
+        cabin = plain.advance_to(plain.time + 0.1).carriages["cabin"]
+        seen = env.named(observation)
+        assert seen["cabin/arc_length"] == cabin.arc_length
+        assert seen["cabin/hanger/pitch"] == cabin.bodies["hanger"].pitch
+        assert reward == nearer(before, [min(speed, 10.0)], seen) != 0.0
+        assert (terminated, truncated, info) == (False, False, {"time": plain.time})
+    assert plain.snapshot.ropes[CABLE].tensions.size > 2  # which the environment does not read
+
+
+def test_episodes_end(env):
+    env.reset()
+    terminated = truncated = False
+    while not (terminated or truncated):
+        observation, _, terminated, truncated, info = env.step(np.array([8.0]))
+    assert terminated
+    assert arrived(env.named(observation))
+    env.reset()
+    count = 0
+    while not truncated:
+        *_, terminated, truncated, info = env.step(np.array([0.0]))
+        count += 1
+    assert (count, terminated, info["time"]) == (600, False, pytest.approx(60.0))
+    with pytest.raises(RuntimeError, match="call reset first"):
+        env.step(np.array([0.0]))
+
+
+def test_what_the_solver_cannot_do_ends_an_episode():
+    crash = RopewayEnv(
+        two_cabins(),
+        overrides={f"carriages.{name}.drive.limits.speed": 5.0 for name in ("up", "down")},
+        command={"up": "speed", "down": "speed"},
+        period=0.05,
+    )
+    crash.reset()
+    terminated, steps = False, 0
+    while not terminated and steps < 1000:
+        *_, terminated, truncated, info = crash.step(np.array([5.0, -5.0]))
+        steps += 1
+    assert terminated
+    assert not truncated
+    assert "have met" in info["fault"]
+
+
+def test_a_seed_gives_the_same_start_and_another_one_another(env):
+    seeded = RopewayEnv("gondola", prepare=windy, observations=["cabin_1/cabin/pitch"], period=1.0)
+
+    def first(seed):
+        seeded.reset(seed=seed)
+        return float(seeded.step(np.array([1.0]))[0][0])
+
+    assert first(3) == first(3) != first(4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ({"observations": ["cabin/colour"]}, r"'cabin/colour' given; allowed, with \* for any text: time, cabin/arc_"),
+        ({"command": "torque"}, "'torque' given for 'cabin'; allowed: speed or force"),
+        ({"command": {"bus": "speed"}}, "'bus' given; the scenario has: cabin"),
+        ({"period": 0.0123}, "period: 0.0123 s given; allowed: a whole number of solver steps of 0.005 s"),
+        ({"duration": 0.0}, "duration: 0 s given; allowed: at least the period"),
+        (
+            {"overrides": {"carriages.cabin.drive.limits.speed": None}},
+            r"drive\.limits\.speed: null given; .* m/s",
+        ),
+    ],
+)
+def test_arguments_that_do_not_fit_are_told_in_a_line(arguments, line):
+    with pytest.raises(ValueError, match=line) as caught:
+        RopewayEnv("single_span", **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_action_that_is_none(env):
+    env.reset()
+    for action in ([np.nan], [1.0, 2.0], 1.0):
+        with pytest.raises(ValueError, match="allowed: finite numbers for cabin"):
+            env.step(np.array(action))
+
+
+def test_environments_in_processes_go_as_one_alone(env):
+    many = vector_env(2, "single_span", reward=nearer, period=0.1, context="spawn")
+    try:
+        many.reset(seed=1)
+        observations, rewards, *_ = many.step(np.array([[4.0], [-4.0]]))
+    finally:
+        many.close()
+    for row, speed in enumerate((4.0, -4.0)):
+        env.reset(seed=1)
+        observation, reward, *_ = env.step(np.array([speed]))
+        assert np.array_equal(observations[row], observation)
+        assert rewards[row] == reward

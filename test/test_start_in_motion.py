@@ -1,0 +1,83 @@
+"""Starts with a speed: the drive keeps it, the first steps are quiet, a reset goes back to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.records import Command
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.simulation import Simulation
+
+TRAMWAY = {"cable.elements": 60}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "name", "speed"),
+    [
+        ("aerial_tramway", {"carriages.cabin.speed": 6.0, **TRAMWAY}, "cabin", 6.0),
+        ("single_span", {"carriages.cabin.speed": -3.0, "carriages.cabin.arc_length": 300.0}, "cabin", -3.0),
+        ("gondola", {"drives.haul_rope.speed": 5.0}, "haul_rope", 5.0),
+    ],
+)
+def test_it_goes_on_with_the_speed_of_its_start(scenario, overrides, name, speed):
+    simulation = Simulation(load_scenario(scenario, overrides))
+
+    def state():
+        snapshot = simulation.snapshot
+        return snapshot.drives[name] if name in snapshot.drives else snapshot.carriages[name]
+
+    assert state().speed == speed
+    assert simulation.commands == {name: Command("speed", {name: speed})}
+    first = simulation.snapshot
+    moving = first.columns.attached == 1.0
+    assert np.all(first.columns.speed[moving] == speed)
+    along = np.linalg.norm(first.columns.body_velocity[:, [0, 2]], axis=1)
+    bodies = np.repeat(moving, np.diff(first.layout.first_body))
+    assert along[bodies] == pytest.approx(abs(speed), rel=0.01)  # the rope is stretched by less
+    swings = []
+    for step in range(1, 101):
+        snapshot = simulation.advance_to(0.02 * step)
+        swings.append(np.abs(snapshot.columns.body_angles[:, 1]).max())
+        assert snapshot.solver.halvings == 0
+    assert state().speed == pytest.approx(speed, abs=0.05)
+    assert max(swings) < np.radians(6.0)
+    simulation.command(name, speed=0.0)
+    simulation.advance_to(3.0)
+    simulation.reset()
+    assert state().speed == speed
+    assert simulation.commands == {name: Command("speed", {name: speed})}
+    assert np.array_equal(simulation.snapshot.columns.joint_position, first.columns.joint_position)
+
+
+def test_a_carriage_without_a_drive_just_goes():
+    """It has what it was given, and no force to keep it."""
+    overrides = {"carriages.cabin.drive": {"mode": "free"}, "carriages.cabin.speed": 4.0}
+    simulation = Simulation(load_scenario("single_span", overrides))
+    assert simulation.commands == {}
+    assert simulation.snapshot.carriages["cabin"].speed == 4.0
+    assert simulation.advance_to(0.005).carriages["cabin"].speed == pytest.approx(4.0, abs=0.12)  # but for gravity
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "said"),
+    [
+        ("single_span", {"carriages.cabin.speed": 20.0}, "carriages.cabin.speed: given 20.0; allowed: -10 to 10 m/s"),
+        (
+            "single_span",
+            {"carriages.cabin.speed": 2.0, "carriages.cabin.joint": "fixed"},
+            "speed: given 2.0; allowed: 0,",
+        ),
+        ("gondola", {"drives.haul_rope.speed": -7.0}, "drives.haul_rope.speed: given -7.0; allowed: -6 to 6 m/s"),
+        (
+            "single_span",
+            {"carriages.cabin.speed": "fast"},
+            "cabin.speed: given 'fast'; allowed: a finite",
+        ),
+    ],
+)
+def test_speeds_that_cannot_be_are_told_in_a_line(scenario, overrides, said):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(scenario, overrides)
+    (fault,) = caught.value.faults
+    assert said in fault
