@@ -11,6 +11,8 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/cable_twin"]),
         ("share/cable_twin", ["package.xml"]),
         ("share/cable_twin/config", glob("config/*.yaml")),
+        ("share/cable_twin/launch", glob("launch/*.launch.py")),
+        ("share/cable_twin/rviz", glob("rviz/*.rviz")),
         ("share/cable_twin/docs", ["docs/scenario.schema.json"]),  # where the first line of each scenario looks for it
     ],
 )

@@ -15,11 +15,13 @@ from cable_twin.snapshot import Layout
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
     "rope_rate": ("rope", 0),
     "path_rate": ("path", 0),
+    "marker_rate": ("markers", 0),
     "log_joint_rate": ("joints", 1),
     "log_pose_rate": ("poses", 1),
     "log_force_rate": ("forces", 1),
     "log_rope_rate": ("rope", 1),
     "log_path_rate": ("path", 1),
+    "log_marker_rate": ("markers", 1),
 }
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
 
@@ -77,6 +79,18 @@ def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tup
     for name, (group, taker) in RATES.items():
         rates[taker][group] = values[name]
     return rates
+
+
+def count_frame_steps(node: Node, frame_rate: float, step: float) -> int:
+    """Solver steps (s) in a frame at a rate (Hz), which is said where it cannot be kept."""
+    period = 1.0 / frame_rate
+    steps = max(round(period / step), 1)
+    if abs(steps * step - period) > 1e-9:
+        node.get_logger().warning(
+            f"frame_rate {frame_rate:g} Hz is no whole number of solver steps of {step:g} s: "
+            f"{1.0 / (steps * step):g} Hz is used"
+        )
+    return steps
 
 
 def own_topics(values: Mapping[str, Any], layout: Layout, scenario: str) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Sequence
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,12 @@ from cable_twin.commands import INPUTS, JOINT_COMMANDS, KINDS
 from cable_twin.messages import SCENARIO, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
-from cable_twin.ros.declaration import declare_parameters, own_topics, topic_rates
+from cable_twin.ros.declaration import count_frame_steps, declare_parameters, own_topics, topic_rates
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.endpoints import publisher_of, subscribe
+from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.markers import REPEAT
 from cable_twin.ros.node_parameters import PARAMETERS, splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
@@ -61,14 +62,14 @@ class TwinNode(Node):
         self._simulation = self._build_simulation()
         if alone:
             check_others(self)
-        self._frame_steps = self._count_frame_steps()
+        self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self._simulation.step)
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
-        self._topics = topics(
-            layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None
-        )
-        self._senders = {topic.name: publisher_of(self, topic) for topic in self._topics if topic.name not in INPUTS}
+        self._rviz = ForRviz(self._simulation, self._settings)
+        self._topics = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
+        senders = {topic.name: publisher_of(self, topic) for topic in self._topics if topic.name not in INPUTS}
+        self._senders = self._rviz.repeating(senders)
         self._output = Output(
             self._simulation,
             self._topics,
@@ -76,6 +77,7 @@ class TwinNode(Node):
             rates,
             frame_rate=frame_rate,
             own=own,
+            makers=self._rviz.makers,
             paced=self._settings["real_time_factor"] > 0.0,
         )
         self._run_clock, self._begun = RunClock(), threading.Lock()
@@ -106,6 +108,7 @@ class TwinNode(Node):
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(REPEAT, self._rviz.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_on_set_parameters_callback(self._on_parameters)
 
     @property
@@ -120,6 +123,7 @@ class TwinNode(Node):
         elif self._settings["rerun"] in ("live", "web"):
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
         self._senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
+        self._output.send_once(self._rviz.once())
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
@@ -175,16 +179,6 @@ class TwinNode(Node):
             timer.cancel()
             if told.is_set():
                 self.get_logger().info(f"kernels compiled in {time.monotonic() - started:.1f} s and kept for next time")
-
-    def _count_frame_steps(self) -> int:
-        period = 1.0 / self._settings["frame_rate"]
-        steps = max(round(period / self._simulation.step), 1)
-        if abs(steps * self._simulation.step - period) > 1e-9:
-            self.get_logger().warning(
-                f"frame_rate {self._settings['frame_rate']:g} Hz is no whole number of solver steps of "
-                f"{self._simulation.step:g} s: {1.0 / (steps * self._simulation.step):g} Hz is used"
-            )
-        return steps
 
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])
