@@ -44,7 +44,7 @@ TF_STATIC = "/tf_static"
 MARKERS = "markers"
 ROBOT_DESCRIPTION = "robot_description"
 
-Group = Literal["joints", "poses", "forces", "rope", "path", "markers", "clock", ""]
+Group = Literal["joints", "poses", "forces", "rope", "path", "transforms", "markers", "clock", ""]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def topics(
         layout: Of its frames.
         own: Names of carriers that have topics of their own besides.
         clock: With `/clock`, off by default.
-        tf: With `/tf` and `/tf_static`, only where tf2_msgs exists.
+        tf: With `/tf` and `/tf_static`.
         markers: With `markers`, only where visualization_msgs exists.
         robot: With `robot_description`.
 
@@ -107,7 +107,7 @@ def topics(
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))
     if tf:
-        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="poses"))
+        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
         table.append(Topic(TF_STATIC, TFMessage.__msgtype__, durability="transient_local", depth=1))
     if markers:
         table.append(Topic(MARKERS, MarkerArray.__msgtype__, group="markers"))

@@ -8,7 +8,9 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
-from cable_twin.rates import fault
+from cable_twin.messages.topics import TFMessage
+from cable_twin.rates import ONCE, fault
+from cable_twin.ros.endpoints import is_installed
 from cable_twin.ros.node_parameters import PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
@@ -21,6 +23,7 @@ RATES = {  # parameter: group of topics that it is of, and who takes them: publi
     "log_force_rate": ("forces", 1),
     "log_rope_rate": ("rope", 1),
     "log_path_rate": ("path", 1),
+    "log_transform_rate": ("transforms", 1),
     "log_marker_rate": ("markers", 1),
 }
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
@@ -78,6 +81,8 @@ def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tup
     rates: tuple[dict[str, float], dict[str, float]] = ({}, {})
     for name, (group, taker) in RATES.items():
         rates[taker][group] = values[name]
+    if not is_installed(TFMessage.__msgtype__):
+        rates[0]["transforms"] = ONCE
     return rates
 
 

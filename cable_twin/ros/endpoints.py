@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from rclpy.node import Node
@@ -18,8 +19,15 @@ def message_class(message_type: str) -> Any:
     return getattr(import_module(f"{package}.msg"), name)
 
 
+def is_installed(message_type: str) -> bool:
+    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
+    return find_spec(message_type.partition("/")[0]) is not None
+
+
 def publisher_of(node: Node, topic: Topic) -> Callable[[bytes], None]:
-    """What sends the bytes of a topic."""
+    """What sends the bytes of a topic; nowhere where its message package is not installed, as with the wheels."""
+    if not is_installed(topic.type):
+        return lambda data: None
     quality = QoSProfile(
         depth=topic.depth,
         reliability=ReliabilityPolicy[topic.reliability.upper()],

@@ -21,7 +21,7 @@ class ForRviz:
     """What there is for it, with the message packages that are installed.
 
     Attributes:
-        present: options of `topics`.
+        present: options of `topics`; `/tf` is in logs also where its messages are not installed.
         makers: of messages that are due with frames, by name of the topic.
     """
 
@@ -30,7 +30,7 @@ class ForRviz:
         self._scenario = simulation.scenario
         self._names = {"frame_id": settings.get("frame_id", "map"), "prefix": settings.get("frame_prefix", "")}
         markers = find_spec("visualization_msgs") is not None
-        self.present = {"tf": find_spec("tf2_msgs") is not None, "markers": markers, "robot": True}
+        self.present = {"tf": True, "markers": markers, "robot": True}
         make = partial(Markers, self._scenario, simulation.layout, frame_id=self._names["frame_id"])
         self.makers: dict[str, Callable[[Columns], Filled]] = {MARKERS: make} if markers else {}
         self._repeated: Repeated | None = None
@@ -50,10 +50,8 @@ class ForRviz:
     def once(self) -> list[tuple[str, bytes]]:
         """Messages that are sent once, for whoever comes."""
         described = serialize(String(robot_description(self._scenario, **self._names)))
-        messages = [(ROBOT_DESCRIPTION, described)]
-        if self.present["tf"]:
-            messages.append((TF_STATIC, still_transforms(self._scenario, time.time_ns(), **self._names)))
-        return messages
+        still = still_transforms(self._scenario, time.time_ns(), **self._names)
+        return [(ROBOT_DESCRIPTION, described), (TF_STATIC, still)]
 
 
 __all__ = ["ForRviz"]

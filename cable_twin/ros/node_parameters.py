@@ -92,6 +92,7 @@ PARAMETERS = (
             ("log_force_rate", LOGGED["forces"], "how often forces are logged"),
             ("log_rope_rate", LOGGED["rope"], "how often cable is logged"),
             ("log_path_rate", LOGGED["path"], "how often cable_path is logged"),
+            ("log_transform_rate", LOGGED["transforms"], "how often /tf is logged"),
             ("log_marker_rate", LOGGED["markers"], "how often markers is logged"),
         )
     ),

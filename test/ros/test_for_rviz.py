@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+import subprocess
+import sys
 from collections import Counter
 from functools import partial
 from importlib import import_module
@@ -14,7 +17,9 @@ import pytest
 from ruamel.yaml import YAML
 from small_tramway import TRAMWAY
 
-from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF, TF_STATIC, MessageEncoder, decode, topics
+from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF, TF_STATIC, MessageEncoder, decode, serialize, topics
+from cable_twin.messages.topics import String
+from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.ros.description import robot_description, still_transforms
 from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers, Repeated
 from cable_twin.scenario import load_scenario
@@ -364,3 +369,29 @@ def test_the_layout_for_rviz_shows_topics_of_the_twin_with_a_quality_that_they_o
     cloud = displays["Tension"]["Channel Name"]
     assert cloud in ("x", "y", "z", "arc_length", "tension")
     assert table[ROBOT_DESCRIPTION].durability == table[TF_STATIC].durability == "transient_local"
+
+
+def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
+    """As `rerun TIME_0.mcap` reads it: all in one tree of frames, the vehicles as boxes of their description."""
+    pytest.importorskip("rerun")
+    simulation, snapshot, *_ = shown
+    table = topics(simulation.layout, tf=True, robot=True)
+    log = McapLog(tmp_path / "run", table, run_metadata(scenario="shown", frame_period=0.01, sample_count=200))
+    log.begin(STAMP)
+    log.write(ROBOT_DESCRIPTION, STAMP, serialize(String(robot_description(simulation.scenario))))
+    log.write(TF_STATIC, STAMP, still_transforms(simulation.scenario, STAMP))
+    encoder = MessageEncoder(simulation.layout, STAMP)
+    for moment in (simulation.snapshot, snapshot):
+        for topic, data in encoder.frame(moment, ["cable", TF]):
+            log.write(topic, encoder.stamp_ns(moment), data)
+    log.close()
+    loaded = tmp_path / "run.rrd"
+    for arguments in (["mcap", "convert", str(log.path), "-o", str(loaded)], ["rrd", "print", "-v", str(loaded)]):
+        result = subprocess.run(
+            [sys.executable, "-m", "rerun", *arguments], capture_output=True, text=True, timeout=300, check=True
+        )
+    shown_by_rerun = result.stdout
+    assert "cable@Points3D:positions" in shown_by_rerun
+    assert "@Transform3D:parent_frame" in shown_by_rerun
+    boxed = set(re.findall(r"/visual_geometries/(\S+)/visual_\d+@Boxes3D:half_sizes", shown_by_rerun))
+    assert {name.replace("\\/", "/") for name in boxed} == set(simulation.layout.bodies)
