@@ -71,11 +71,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     ending = Ending("sim")
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
-        from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
         from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
+        from cable_twin.ros.executor import new_executor  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
     except ImportError as error:
@@ -98,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     ending.starting = False
     sys.setswitchinterval(SWITCH_INTERVAL)
-    executor = SingleThreadedExecutor()
+    executor = new_executor()
     executor.add_node(node)
     row = BottomRow(node.status.text, sys.stdout, sys.stderr)
     try:
