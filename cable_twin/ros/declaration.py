@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
@@ -10,7 +11,6 @@ from rclpy.node import Node
 
 from cable_twin.messages.topics import TFMessage
 from cable_twin.rates import ONCE, fault
-from cable_twin.ros.endpoints import is_installed
 from cable_twin.ros.node_parameters import PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
@@ -66,6 +66,11 @@ def declare_parameters(node: Node) -> dict[str, Any]:
     if faults:
         raise ParameterError("\n".join(faults))
     return values
+
+
+def is_installed(message_type: str) -> bool:
+    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
+    return find_spec(message_type.partition("/")[0]) is not None
 
 
 def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tuple[dict[str, float], dict[str, float]]:

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cable_twin.messages import Topic
+from cable_twin.ros.declaration import is_installed
 
 
 def message_class(message_type: str) -> Any:
     """Class of rclpy for a type such as "sensor_msgs/msg/JointState"."""
     package, _, name = message_type.split("/")
     return getattr(import_module(f"{package}.msg"), name)
-
-
-def is_installed(message_type: str) -> bool:
-    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
-    return find_spec(message_type.partition("/")[0]) is not None
 
 
 def publisher_of(node: Node, topic: Topic) -> Callable[[bytes], None]:
