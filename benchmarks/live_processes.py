@@ -195,5 +195,4 @@ class Twin:
         self.delays.add(max((now - stamp[0] * SECOND - stamp[1]) / SECOND, 0.0))
 
     def _on_diagnostics(self, message: Any) -> None:
-        status = message.status[0]
-        self.reports.append({pair.key: pair.value for pair in status.values})
+        self.reports.append({pair.key: pair.value for status in message.status for pair in status.values})

@@ -16,8 +16,8 @@ from cable_twin.records import AppliedCommand, Command, CommandError
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     """Encode a command that took effect as sensor_msgs/JointState.
 
-    The stamp is the simulated time of effect, the frame id "KIND:SOURCE"; by name or axis a number in the field that
-    the table of kinds says, nothing for kinds without numbers.
+    The stamp is the simulated time of effect. A name is KIND/NAME/SOURCE, with the name of a carriage or drive, or an
+    axis, and has a number in the field that the table of kinds says; or KIND/SOURCE for kinds without numbers.
 
     Args:
         applied: The command; its time to the nanosecond.
@@ -31,11 +31,12 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     if field := KINDS[command.kind].field:
         fields[field] = np.array([*command.values.values()], dtype=np.float64)
     stamp = time_of(epoch_ns + nanoseconds(applied.time))
-    header = Header(stamp, f"{command.kind}:{applied.source}")
-    return serialize(JointState(header, [*command.values], **fields))
+    names = [f"{command.kind}/{name}/{applied.source}" for name in command.values]
+    names = names or [f"{command.kind}/{applied.source}"]
+    return serialize(JointState(Header(stamp, ""), names, **fields))
 
 
-def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
+def applied_command_from_message(data: bytes, epoch_ns: int = 0) -> AppliedCommand:
     """Invert `applied_command_message`.
 
     Args:
@@ -49,15 +50,25 @@ def applied_command_from_message(data: bytes, epoch_ns: int) -> AppliedCommand:
         ValueError: The message is no applied command.
     """
     message = decode(data, JointState.__msgtype__)
-    kind, colon, source = message.header.frame_id.partition(":")
-    if not colon or kind not in KINDS:
-        msg = f"applied command {message.header.frame_id!r}; KIND:SOURCE with one of {', '.join(KINDS)}"
-        raise ValueError(msg)
+    kind, names, source = _parts(message)
     field = KINDS[kind].field
     given = getattr(message, field) if field else ()
-    values = dict(zip(message.name, map(float, given), strict=True))
+    values = dict(zip(names, map(float, given), strict=True))
     stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     return AppliedCommand((stamp - epoch_ns) / SECOND, Command(kind, values), source)
+
+
+def _parts(message: Any) -> tuple[str, list[str], str]:
+    """Kind, names and source of an applied command; raises ValueError where it is none."""
+    kind, colon, source = message.header.frame_id.partition(":")
+    if colon and kind in KINDS:  # in logs up to format 2
+        return kind, message.name, source
+    kind = message.name[0].partition("/")[0] if message.name else ""
+    parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
+    if kind not in KINDS or any(len(part) != len(parts[0]) or part[0] != kind for part in parts) or len(parts[0]) < 2:
+        msg = f"applied command {', '.join(message.name)!r}; KIND/NAME/SOURCE with one of {', '.join(KINDS)}"
+        raise ValueError(msg)
+    return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
 
 
 def command_from_message(topic: str, data: bytes) -> Command:
@@ -90,6 +101,9 @@ def command_from_joint_state(
 ) -> Command:
     """Understand a JointState of a topic; whether names and limits fit is for the simulation to say.
 
+    Joints that are not commanded may be named as well, with NaN beside the numbers of those that are: so a
+    ros2_control hardware on topics sends all of its joints.
+
     Args:
         topic: Which kinds are meant.
         names: Carriages or drives.
@@ -101,7 +115,7 @@ def command_from_joint_state(
         CommandError: What was given has no clear meaning.
     """
     kinds = kinds_on(topic)
-    fields = {"position": position, "velocity": velocity, "effort": effort}
+    names, fields = _commanded(names, {"position": position, "velocity": velocity, "effort": effort})
     if len(kinds) == 1:
         (kind,) = kinds.values()
         what = kind.name.replace("_", " ")
@@ -117,6 +131,24 @@ def command_from_joint_state(
         if not math.isfinite(value):
             raise CommandError(f"{what} {kind.field} of {name!r} is {value}; give a finite number ({kind.unit})")
     return Command(kind.name, values)
+
+
+def _commanded(
+    names: Sequence[str], fields: Mapping[str, Collection[float]]
+) -> tuple[Sequence[str], Mapping[str, Collection[float]]]:
+    """Names with a number in some field, and the fields that have any; all where nothing has, or lengths disagree."""
+    given = {field: list(map(float, numbers)) for field, numbers in fields.items() if len(numbers)}
+    if not names or any(len(numbers) != len(names) for numbers in given.values()):
+        return names, fields
+    rows = [row for row in range(len(names)) if any(not math.isnan(numbers[row]) for numbers in given.values())]
+    if not rows:
+        return names, fields
+    kept = {
+        field: [numbers[row] for row in rows]
+        for field, numbers in given.items()
+        if any(not math.isnan(number) for number in numbers)
+    }
+    return [names[row] for row in rows], {field: kept.get(field, []) for field in fields}
 
 
 def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collection[float]]) -> None:

@@ -139,9 +139,7 @@ class Link:
         states = dict(zip(message.name, zip(message.position, message.velocity, strict=True), strict=True))
         if self.name not in states:
             return
-        prefix = f"{self.name}/"
-        pitches = {key.removeprefix(prefix): state for key, state in states.items() if key.startswith(prefix)}
-        self.motion = Motion((stamp - self._start_ns) / 1e9, *states[self.name], pitches)
+        self.motion = Motion((stamp - self._start_ns) / 1e9, *states[self.name], self._pitches(states))
         if self._law is None or self._over or self.motion.time < self._next_command:
             return
         speed = self._law(self.motion)
@@ -151,11 +149,20 @@ class Link:
         self._next_command = self.motion.time + COMMAND_PERIOD - 1e-6
         self._send(speed)
 
+    def _pitches(self, states: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        """Pitch and its rate of each body: the sums of the joints from the rope down to it."""
+        pitches, pitch, rate = {}, 0.0, 0.0
+        for body in self.scenario["carriages"][self.name]["bodies"] if self.scenario else ():
+            joint = states[f"{self.name}_{body}"]
+            pitch, rate = pitch + joint[0], rate + joint[1]
+            pitches[body] = (pitch, rate)
+        return pitches
+
     def _on_scenario(self, message: Any) -> None:
         self.scenario = json.loads(message.data)
 
     def _on_applied(self, message: Any) -> None:
-        if self.name in message.name and message.header.frame_id.endswith(":joint_commands"):
+        if f"speed/{self.name}/joint_commands" in message.name:
             self._answered = time.monotonic()
 
 

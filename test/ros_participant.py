@@ -14,7 +14,9 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from twin_process import COMPILING, PATIENCE
 
-from cable_twin.messages import decode
+from cable_twin.command_messages import applied_command_from_message
+from cable_twin.messages import decode, serialize
+from cable_twin.records import AppliedCommand
 
 
 class Participant:
@@ -112,10 +114,22 @@ class Participant:
         return float(self.received["joint_states"][-1].position[0])
 
     @property
+    def applied(self) -> list[AppliedCommand]:
+        """Commands as they took effect; their times count from 1970."""
+        return [applied_command_from_message(serialize(message)) for message in self.received["applied_commands"]]
+
+    def task(self, name: str) -> tuple[int, str]:
+        """Level and message of one task in the newest diagnostics."""
+        found = {status.name.rpartition(": ")[2]: status for status in self.received["/diagnostics"][-1].status}
+        return int(found[name].level), found[name].message
+
+    @property
     def diagnostics(self) -> tuple[int, str, dict[str, str]]:
-        """Level, message and values of the newest diagnostics."""
-        status = self.received["/diagnostics"][-1].status[0]
-        return int(status.level), status.message, {pair.key: pair.value for pair in status.values}
+        """Level and message of the worst task in the newest diagnostics, limits left out, and the values of all."""
+        tasks = [status for status in self.received["/diagnostics"][-1].status if not status.name.endswith("limits")]
+        worst = max(tasks, key=lambda status: int(status.level))  # the first of them: pace
+        values = {pair.key: pair.value for status in tasks for pair in status.values}
+        return int(worst.level), worst.message, values
 
     def next_diagnostics(self) -> tuple[int, str, dict[str, str]]:
         """Wait for the second report from now on: the first one may be of before."""

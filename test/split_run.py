@@ -35,7 +35,7 @@ def record_split(
     directory: Path,
     duration: float,
     splitting: Splitting,
-    rerun: str = "off",
+    rerun: str = "none",
     rates: Mapping[str, float] = LOGGED,
 ) -> Path:
     """Simulate and record; returns the directory of the run."""

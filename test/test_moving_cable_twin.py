@@ -290,7 +290,7 @@ def test_joint_states_list_the_drive_after_the_carriages():
     snapshot = simulation.advance_to(1.0)
     encoder = MessageEncoder(simulation.layout)
     message = decode(dict(encoder.frame(snapshot, ["joint_states"]))["joint_states"], "sensor_msgs/msg/JointState")
-    assert message.name[:8] == [*simulation.carriages, "haul_rope", "chair_1/chair"]
+    assert message.name[:8] == [*simulation.carriages, "haul_rope", "chair_1_chair"]
     drive = snapshot.drives["haul_rope"]
     assert (message.position[6], message.velocity[6], message.effort[6]) == (drive.position, drive.speed, drive.force)
     for array in (message.position, message.velocity, message.effort):

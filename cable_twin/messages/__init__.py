@@ -2,6 +2,8 @@
 
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, MessageEncoder, clock_message
+from cable_twin.messages.joints import hung_rows, joint_names
+from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -20,7 +22,6 @@ from cable_twin.messages.topics import (
     JOINT_STATES,
     KEY_FIGURES,
     MARKERS,
-    NAMESPACE,
     ROBOT_DESCRIPTION,
     SCENARIO,
     TF,
@@ -29,7 +30,6 @@ from cable_twin.messages.topics import (
     Schedule,
     Topic,
     contact_force_topic,
-    full_name,
     pose_topic,
     support_force_topic,
     topics,
@@ -55,6 +55,7 @@ __all__ = [
     "TF",
     "TF_STATIC",
     "TYPESTORE",
+    "FrameNames",
     "Header",
     "JointState",
     "MessageEncoder",
@@ -62,12 +63,14 @@ __all__ = [
     "Status",
     "Time",
     "Topic",
+    "TopicNames",
     "clock_message",
     "contact_force_topic",
     "decode",
     "diagnostics_message",
-    "full_name",
     "header",
+    "hung_rows",
+    "joint_names",
     "nanoseconds",
     "pose_topic",
     "scenario_from_message",

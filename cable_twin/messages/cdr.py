@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.messages.names import FRAME_ID
+
 Time = ros2_jazzy.builtin_interfaces__msg__Time
 Header = ros2_jazzy.std_msgs__msg__Header
 
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 SECOND = 1_000_000_000  # ns
-FRAME_ID = "map"
 ENCAPSULATION = 4  # bytes in front of the message proper, from which alignment counts
 WIDEST = 8  # bytes of the longest number
 STAMP = Time(0x5E5E5E5E, 0x5A5A5A5A)  # stands for every stamp of a template
@@ -156,7 +157,6 @@ def _strided(numbers: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any] | 
 
 
 __all__ = [
-    "FRAME_ID",
     "SECOND",
     "STAMP",
     "TYPESTORE",

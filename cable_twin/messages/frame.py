@@ -3,7 +3,8 @@
 A message is built once; the same bytes go to the publisher (`publisher.publish(data)`) and into the log. Names never
 change in a run, so each message is a template into which the columns of a frame are copied.
 
-Frame `map`: x along the track, y lateral, z up (REP-103). A stamp is the epoch of the run plus simulated time, in
+All is in one frame, by default `map`: x along the track, y lateral, z up (REP-103). A force is in the frame of the
+vehicle or support where it acts, which is turned like that one. A stamp is the epoch of the run plus simulated time, in
 nanoseconds: one clock for messages, tf and logs.
 """
 
@@ -17,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.messages.cdr import FRAME_ID, SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
+from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
+from cable_twin.messages.joints import hung_rows, joint_names
+from cable_twin.messages.names import FrameNames
 from cable_twin.messages.topics import (
     CABLE,
     CABLE_PATH,
@@ -51,8 +54,8 @@ PointField = ros2_jazzy.sensor_msgs__msg__PointField
 
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
 FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
-HEADER = Header(STAMP, FRAME_ID)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+PLAIN = FrameNames()
 FloatArray = NDArray[np.float64]
 
 
@@ -70,15 +73,28 @@ class MessageEncoder:
         epoch_ns: wall time (ns since 1970) of simulated time zero.
     """
 
-    def __init__(self, layout: Layout, epoch_ns: int = 0, *, own: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        layout: Layout,
+        epoch_ns: int = 0,
+        *,
+        own: Sequence[str] = (),
+        frames: FrameNames = PLAIN,
+        absolute: bool = False,
+    ) -> None:
         """Prepare what stays the same.
 
         Args:
             layout: Of the snapshots.
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
             own: Names of carriers that have topics of their own besides.
+            frames: Names of coordinate frames.
+            absolute: As in logs up to format 2: pitches of bodies, and all forces in the fixed frame.
         """
         self.epoch_ns = epoch_ns
+        self._frames, self._absolute = frames, absolute
+        self._header = Header(STAMP, frames.frame_id)
+        self._joint_angle, self._joint_rate = np.zeros((2, len(layout.bodies)))  # rad, rad/s
         self._layout = layout
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
@@ -95,7 +111,8 @@ class MessageEncoder:
             self._makers[CARRIER_POSES] = self._carrier_poses
             self._makers[CARRIER_FORCES] = self._carrier_forces
         for row, support in enumerate(layout.supports):
-            self._makers[support_force_topic(support)] = _maker(_wrench, self._columns.support_force[row])
+            force = self._columns.support_force[row]
+            self._makers[support_force_topic(support)] = _maker(_wrench, self._header_at(support), force)
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -129,39 +146,59 @@ class MessageEncoder:
     def _prepare(self, name: str) -> Callable[[int], bytes]:
         """Lay out the message of a topic when it is first wanted."""
         self._encoders[name] = clock_message if name == CLOCK else self._makers[name]().fill
+        if name == JOINT_STATES:
+            self._encoders[name] = self._fill_joint_states(self._encoders[name])
         return self._encoders[name]
+
+    def _header_at(self, thing: str) -> Header:
+        """Header of what is given in the frame of a vehicle or support."""
+        return self._header if self._absolute else Header(STAMP, self._frames.named(thing))
 
     def _offer_vehicle(self, vehicle: str) -> None:
         """Topics of one vehicle by its name."""
         layout, columns = self._layout, self._columns
         row = [*layout.vehicles].index(vehicle)
-        self._makers[pose_topic(vehicle)] = _maker(_joint_pose, columns.joint_position[row])
+        self._makers[pose_topic(vehicle)] = _maker(_joint_pose, self._header, columns.joint_position[row])
         for body, name in enumerate(layout.vehicles[vehicle], layout.first_body[row]):
             position, orientation = columns.body_position[body], columns.body_orientation[body]
-            self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, position, orientation)
-        self._makers[contact_force_topic(vehicle)] = _maker(_wrench, columns.contact_force[row])
+            self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, self._header, position, orientation)
+        force = columns.contact_force[row]
+        self._makers[contact_force_topic(vehicle)] = _maker(_wrench, self._header_at(vehicle), force)
 
     def _joint_states(self) -> Template:
-        """Carriages, drives, then bodies: place or pitch, its rate, and the force along the cable."""
+        """Vehicles, drives, then the joints of bodies: place or angle, its rate, and the force along the cable."""
         layout, c = self._layout, self._columns
-        names = [*layout.vehicles, *layout.drives, *layout.bodies]
-        sources = [c.arc_length, c.drive_position, c.body_angles[:, 1]]
-        sources += [c.speed, c.drive_speed, c.body_angular_velocity[:, 1]]
+        names = [*layout.vehicles, *layout.drives, *(layout.bodies if self._absolute else joint_names(layout))]
+        sources = [c.arc_length, c.drive_position, self._joint_angle]
+        sources += [c.speed, c.drive_speed, self._joint_rate]
         sources += [c.drive_force, c.moving_cable_force]
         driven = len(layout.vehicles) + len(layout.drives)
         numbers = marks(2 * len(names) + driven)
         effort = np.concatenate([numbers[2 * len(names) :], np.zeros(len(layout.bodies))])
-        message = JointState(HEADER, names, numbers[: len(names)], numbers[len(names) : 2 * len(names)], effort)
+        message = JointState(self._header, names, numbers[: len(names)], numbers[len(names) : 2 * len(names)], effort)
         return Template(message, sources)
+
+    def _fill_joint_states(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
+        """Each body against the one that it hangs from, before they are filled in; the first one against upright."""
+        angles, rates = self._columns.body_angles[:, 1], self._columns.body_angular_velocity[:, 1]
+        rows = hung_rows(self._layout)[: 0 if self._absolute else None]
+
+        def fill_joints(stamp_ns: int) -> bytes:
+            for joints, bodies in ((self._joint_angle, angles), (self._joint_rate, rates)):
+                joints[:] = bodies
+                joints[rows] -= bodies[rows - 1]
+            return fill(stamp_ns)
+
+        return fill_joints
 
     def _cable(self) -> Template:
         c, arc_lengths = self._columns, self._layout.arc_lengths
-        return _cloud(CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]])
+        return _cloud(self._header, CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]])
 
     def _cable_path(self) -> Template:
         positions = self._columns.rope_position
-        poses = [PoseStamped(HEADER, _pose(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
-        return Template(Path(HEADER, poses), [positions])
+        poses = [PoseStamped(self._header, _pose(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
+        return Template(Path(self._header, poses), [positions])
 
     def _carrier_poses(self) -> Template:
         """All bodies of all carriers, in the order of `joint_states`."""
@@ -171,15 +208,17 @@ class MessageEncoder:
         places = numbers[: positions.size].reshape(-1, 3)
         turns = numbers[positions.size :].reshape(-1, 4)
         poses = [_pose(place, turn) for place, turn in zip(places, turns, strict=True)]
-        return Template(PoseArray(HEADER, poses), [positions, orientations])
+        return Template(PoseArray(self._header, poses), [positions, orientations])
 
     def _carrier_forces(self) -> Template:
         """Joint and contact force of all carriers, in the order of `joint_states`."""
         first = len(self._layout.carriages)
-        return _cloud(FORCE_FIELDS, [self._columns.joint_position[first:], self._columns.contact_force[first:]])
+        return _cloud(
+            self._header, FORCE_FIELDS, [self._columns.joint_position[first:], self._columns.contact_force[first:]]
+        )
 
     def _transforms(self) -> Template:
-        """`map` to each vehicle ("cabin") and to each body ("cabin/hanger")."""
+        """The fixed frame to each vehicle ("cabin") and to each body ("cabin/hanger")."""
         layout, c = self._layout, self._columns
         joints, bodies, turns = c.joint_position, c.body_position, c.body_orientation
         numbers = marks(joints.size + bodies.size + turns.size)
@@ -188,9 +227,10 @@ class MessageEncoder:
         turn_marks = numbers[joints.size + bodies.size :].reshape(-1, 4)
         transforms = []
         for row, name in enumerate(layout.vehicles):
-            transforms.append(_transform(name, joint_marks[row], UPRIGHT))
+            child = self._frames.named(name)
+            transforms.append(_transform(self._header, child, joint_marks[row], UPRIGHT))
             transforms += [
-                _transform(layout.bodies[body], body_marks[body], turn_marks[body])
+                _transform(self._header, self._frames.named(layout.bodies[body]), body_marks[body], turn_marks[body])
                 for body in range(layout.first_body[row], layout.first_body[row + 1])
             ]
         return Template(TFMessage(transforms), [joints, bodies, turns])
@@ -201,35 +241,37 @@ def clock_message(stamp_ns: int) -> bytes:
     return serialize(Clock(time_of(stamp_ns)))
 
 
-def _maker(make: Callable[..., Template], *sources: FloatArray) -> Callable[[], Template]:
-    return lambda: make(*sources)
+def _maker(make: Callable[..., Template], header: Header, *sources: FloatArray) -> Callable[[], Template]:
+    return lambda: make(header, *sources)
 
 
 def _pose(position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray) -> Pose:
     return Pose(Point(*map(float, position)), Quaternion(*map(float, orientation)))
 
 
-def _joint_pose(position: FloatArray) -> Template:
-    return Template(PoseStamped(HEADER, _pose(marks(3), UPRIGHT)), [position])
+def _joint_pose(header: Header, position: FloatArray) -> Template:
+    return Template(PoseStamped(header, _pose(marks(3), UPRIGHT)), [position])
 
 
-def _body_pose(position: FloatArray, orientation: FloatArray) -> Template:
+def _body_pose(header: Header, position: FloatArray, orientation: FloatArray) -> Template:
     numbers = marks(7)
-    return Template(PoseStamped(HEADER, _pose(numbers[:3], numbers[3:])), [position, orientation])
+    return Template(PoseStamped(header, _pose(numbers[:3], numbers[3:])), [position, orientation])
 
 
-def _wrench(force: FloatArray) -> Template:
+def _wrench(header: Header, force: FloatArray) -> Template:
     """WrenchStamped of a force (3,) in N without a moment."""
-    message = WrenchStamped(HEADER, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0)))
+    message = WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0)))
     return Template(message, [force])
 
 
-def _transform(child: str, position: FloatArray, orientation: Sequence[float] | FloatArray) -> TransformStamped:
+def _transform(
+    header: Header, child: str, position: FloatArray, orientation: Sequence[float] | FloatArray
+) -> TransformStamped:
     turn = Quaternion(*map(float, orientation))
-    return TransformStamped(HEADER, child, Transform(Vector3(*map(float, position)), turn))
+    return TransformStamped(header, child, Transform(Vector3(*map(float, position)), turn))
 
 
-def _cloud(fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
+def _cloud(header: Header, fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
     """PointCloud2 of float32 fields, a point a row of the sources (n, k)."""
     count, step = len(sources[0]), 4 * len(fields)
     numbers = marks(count * len(fields), "<f4")
@@ -241,7 +283,7 @@ def _cloud(fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
         taken, column = taken + source.size, column + width
     described = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(fields)]
     data = points.view(np.uint8).reshape(-1)
-    message = PointCloud2(HEADER, 1, count, described, False, step, count * step, data, True)
+    message = PointCloud2(header, 1, count, described, False, step, count * step, data, True)
     return Template(message, sources, "<f4")
 
 

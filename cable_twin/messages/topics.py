@@ -28,7 +28,6 @@ PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
 MarkerArray = ros2_jazzy.visualization_msgs__msg__MarkerArray
 DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
-NAMESPACE = "/cable_twin"
 JOINT_STATES = "joint_states"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
@@ -129,11 +128,6 @@ def contact_force_topic(vehicle: str) -> str:
 def support_force_topic(support: str) -> str:
     """Give the relative name of the topic with the force (N) of a support on the cable."""
     return f"supports/{support}/force"
-
-
-def full_name(name: str, namespace: str = NAMESPACE) -> str:
-    """Give the absolute name of a topic of the node whose full name is `namespace`."""
-    return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 
 class Due(NamedTuple):

@@ -9,7 +9,7 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from ruamel.yaml import YAML
 
-from cable_twin.messages import NAMESPACE, Topic
+from cable_twin.messages import Topic, TopicNames
 from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogError, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_log import McapLog
@@ -31,9 +31,9 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
         LogError: The channels of the old one are damaged.
     """
     directory = log.source.with_name(f"{log.source.name}_repaired")
-    namespace = log.metadata.get("namespace", NAMESPACE)
     first = log.files[0]
-    new = McapLog(directory, _topics(log, namespace), log.metadata, namespace=namespace, number=first.number)
+    names = first.names
+    new = McapLog(directory, _topics(log, names), log.metadata, names=names, number=first.number)
     count = 0
     try:
         new.begin(log.epoch_ns, log.snapshot)
@@ -50,19 +50,19 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
     return directory, count
 
 
-def _topics(log: Log, namespace: str) -> list[Topic]:
+def _topics(log: Log, names: TopicNames) -> list[Topic]:
     """Topics of a bag with their QoS, from the first file whose channels can be read: all have the same."""
     faults = []
     for file in log.files:
         try:
-            if topics := _topics_of(file.path, namespace):
+            if topics := _topics_of(file.path, names):
                 return topics
         except LogError as error:  # noqa: PERF203 - every file has them
             faults.append(error)
     raise faults[0] if faults else LogError(f"{log.path}: no channel in it")
 
 
-def _topics_of(path: Path, namespace: str) -> list[Topic]:
+def _topics_of(path: Path, names: TopicNames) -> list[Topic]:
     """Topics of a file; they stand before the first message."""
     schemas: dict[int, str] = {}
     topics = []
@@ -76,7 +76,7 @@ def _topics_of(path: Path, namespace: str) -> list[Topic]:
                     (qos,) = yaml.load(record.metadata["offered_qos_profiles"])
                     topics.append(
                         Topic(
-                            record.topic.removeprefix(f"{namespace.rstrip('/')}/"),
+                            names.own(record.topic),
                             schemas[record.schema_id],
                             qos["reliability"],
                             qos["durability"],

@@ -22,6 +22,7 @@ from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.messages import (
     APPLIED_COMMANDS,
     SECOND,
+    FrameNames,
     MessageEncoder,
     decode,
     topics,
@@ -77,7 +78,8 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     """
     # carriers with topics of their own: those that were asked for, and all in logs of format 1
     layout = simulation.layout
-    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers)
+    frames, absolute = FrameNames.of(log.metadata), log.files[0].absolute
+    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=frames, absolute=absolute)
     table = topics(layout, own=layout.carriers, tf=True)
     types = {topic.name: topic.type for topic in table if topic.group}
     waiting: deque[AppliedCommand] = deque()

@@ -236,7 +236,7 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
         topics(simulation.layout),
         record_directory=options.output.expanduser(),
         frame_period=plan.frame_steps * simulation.step,
-        rerun="file" if options.record == "all" else "off",
+        rerun="file" if options.record == "all" else "none",
         splitting=plan.splitting,
     )
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from textwrap import indent
 from typing import Any
 
-from cable_twin.messages import TYPESTORE, Topic, full_name
+from cable_twin.messages import TYPESTORE, Topic, TopicNames
 
 INFINITE = {"sec": 9223372036, "nsec": 854775807}  # how rosbag2 writes a duration without end
 
@@ -51,14 +51,14 @@ class BagTopics:
         channels: In the order of the topics.
     """
 
-    def __init__(self, topics: Sequence[Topic], namespace: str) -> None:
+    def __init__(self, topics: Sequence[Topic], names: TopicNames) -> None:
         """Describe them.
 
         Args:
             topics: Everything that may be written.
-            namespace: Full name of the node, in front of relative topic names.
+            names: Full names of topics.
         """
-        self.channels = [_channel(topic, namespace) for topic in topics]
+        self.channels = [_channel(topic, names) for topic in topics]
         self._texts = []
         for channel, topic in zip(self.channels, topics, strict=True):
             described = {
@@ -87,13 +87,13 @@ class BagTopics:
         return f"{as_yaml(head)}topics_with_message_count:{listed}{as_yaml(rest)}"
 
 
-def _channel(topic: Topic, namespace: str) -> BagChannel:
+def _channel(topic: Topic, names: TopicNames) -> BagChannel:
     definition, _ = TYPESTORE.generate_msgdef(topic.type, ros_version=2)
     metadata = {
         "offered_qos_profiles": as_yaml([qos_profile(topic)]).strip(),
         "topic_type_hash": TYPESTORE.hash_rihs01(topic.type),
     }
-    return BagChannel(topic.name, full_name(topic.name, namespace), topic.type, definition.encode(), metadata)
+    return BagChannel(topic.name, names.full(topic.name), topic.type, definition.encode(), metadata)
 
 
 def _span(files: Sequence[BagFile]) -> dict[str, Any]:

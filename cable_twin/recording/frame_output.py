@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import MessageEncoder, Schedule, Topic, nanoseconds
+from cable_twin.messages import FrameNames, MessageEncoder, Schedule, Topic, nanoseconds
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
 from cable_twin.simulation import Simulation
@@ -47,6 +47,7 @@ class FrameOutput:
         run: Run | None = None,
         epoch_ns: int = 0,
         own: Sequence[str] = (),
+        frames: FrameNames | None = None,
         backlog: float = math.inf,
     ) -> None:
         """Prepare what stays the same.
@@ -59,10 +60,11 @@ class FrameOutput:
             run: Where frames are recorded, or None.
             epoch_ns: ns since 1970 of simulated time zero.
             own: Carriers with topics of their own.
+            frames: Names of coordinate frames, where they are not the usual ones.
             backlog: Frames that may wait for the disk before the simulation does.
         """
         self.run = run
-        self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own)
+        self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own, frames=frames or FrameNames())
         self.frames = 0
         self._simulation = simulation
         self._schedule = Schedule(table, frame_rate, *rates)

@@ -6,7 +6,7 @@ import os
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import IO
 
@@ -18,9 +18,9 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
-from cable_twin.messages import NAMESPACE, full_name
+from cable_twin.messages import TopicNames
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
-from cable_twin.recording.mcap_log import AFTER_LOSS, FORMAT_VERSION, READABLE_FORMATS
+from cable_twin.recording.mcap_log import ABSOLUTE_FORMATS, AFTER_LOSS, FORMAT_VERSION, READABLE_FORMATS
 
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
 UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
@@ -54,6 +54,16 @@ class LogFile:
         """Whether it was closed; else the process was killed, and everything but about its last second is here."""
         with _open(self.path) as stream:
             return _has_index(stream)
+
+    @property
+    def absolute(self) -> bool:
+        """Whether it is as up to format 2: pitches of bodies instead of joints, all forces in the fixed frame."""
+        return self.metadata["format_version"] in ABSOLUTE_FORMATS
+
+    @property
+    def names(self) -> TopicNames:
+        """Full names of its topics."""
+        return TopicNames.of(self.metadata)
 
     @property
     def starts_from_snapshot(self) -> bool:
@@ -98,14 +108,15 @@ class LogFile:
 
         A file cut short just ends, and so does a finished one where it is damaged; `damage` then says so.
         """
-        prefix = self.metadata.get("namespace", NAMESPACE).rstrip("/") + "/"
-        wanted = None if topics is None else {full_name(topic, prefix) for topic in topics}
+        names = self.names
+        own = cache(names.own)
+        wanted = None if topics is None else {names.full(topic) for topic in topics}
         with _open(self.path) as stream:
             try:
                 for topic, message in _indexed(stream, wanted) if self.complete else _streamed(stream, wanted):
                     if on_position is not None:
                         on_position(stream.tell())
-                    yield topic.removeprefix(prefix), message.log_time, message.data
+                    yield own(topic), message.log_time, message.data
             except UNREADABLE as error:
                 if self.complete and not self.damage:
                     self.damage.append(one_line(error))
@@ -142,7 +153,7 @@ def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
             f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
             f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
         )
-    raise LogError(f"{file}: format version {given!r}, this package reads {' and '.join(READABLE_FORMATS)}")
+    raise LogError(f"{file}: format version {given!r}, this package reads {', '.join(READABLE_FORMATS)}")
 
 
 def _open(file: Path) -> IO[bytes]:

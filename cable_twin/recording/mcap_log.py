@@ -18,23 +18,27 @@ from textwrap import indent
 
 from llvmlite.binding import get_host_cpu_name
 
-from cable_twin.messages import NAMESPACE, SECOND, Topic
+from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
 from cable_twin.recording.splitting import ClosedSize, Splitting
 
-FORMAT_VERSION = "2"
-READABLE_FORMATS = ("1", FORMAT_VERSION)
+FORMAT_VERSION = "3"
+ABSOLUTE_FORMATS = ("1", "2")  # with the pitch of each body instead of its joint, and all forces in one frame
+READABLE_FORMATS = (*ABSOLUTE_FORMATS, FORMAT_VERSION)
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
 
 
-def run_metadata(*, scenario: str, frame_period: float, sample_count: int) -> dict[str, str]:
+def run_metadata(
+    *, scenario: str, frame_period: float, sample_count: int, frames: FrameNames | None = None
+) -> dict[str, str]:
     """Tell where a run comes from.
 
     Args:
         scenario: Name of the scenario.
         frame_period: s of simulated time between frames.
         sample_count: Points of the cable in each frame.
+        frames: Names of coordinate frames, where they are not the usual ones.
 
     Returns:
         The metadata for `McapLog`.
@@ -49,6 +53,7 @@ def run_metadata(*, scenario: str, frame_period: float, sample_count: int) -> di
         "scenario": scenario,
         "frame_period": repr(frame_period),
         "sample_count": str(sample_count),
+        **(frames or FrameNames()).metadata,
     }
 
 
@@ -67,7 +72,7 @@ class McapLog:
         topics: Iterable[Topic],
         metadata: Mapping[str, str],
         *,
-        namespace: str = NAMESPACE,
+        names: TopicNames | None = None,
         number: int = 0,
     ) -> None:
         """Create the directory, the first file with all its channels, and a metadata.yaml for as long as it is open.
@@ -76,15 +81,15 @@ class McapLog:
             directory: Made where it does not exist; the files in it are named after it.
             topics: Everything that may be written.
             metadata: Where the run comes from, as `run_metadata` gives it.
-            namespace: Full name of the node, in front of relative topic names.
+            names: Full names of topics, where they are not the usual ones.
             number: Of the first file.
 
         Raises:
             OSError: The disk refuses, or the log exists.
         """
         self.directory = directory
-        self._namespace = namespace
-        self._topics = BagTopics(tuple(topics), namespace)
+        self._names = names or TopicNames()
+        self._topics = BagTopics(tuple(topics), self._names)
         self._metadata = dict(metadata)
         self._epoch_ns: int | None = None  # until it begins
         self._closed: list[_Closed] = []
@@ -231,7 +236,7 @@ class McapLog:
         self._ended = True
 
     def _begin_file(self, snapshot: bytes | None, *, after_loss: bool = False) -> None:
-        own = {"format_version": FORMAT_VERSION, "namespace": self._namespace, "epoch_ns": str(self._epoch_ns)}
+        own = {"format_version": FORMAT_VERSION, "epoch_ns": str(self._epoch_ns), **self._names.metadata}
         which = {"starts_from": "scenario" if snapshot is None else SNAPSHOT_NAME, "file": str(self._number)}
         if after_loss:
             which[AFTER_LOSS] = "true"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_twin.geometry.outlines import body_outlines
-from cable_twin.messages import NAMESPACE, Topic, scenario_message
+from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
@@ -61,7 +61,8 @@ def start_run(
     frame_period: float,
     rerun: str = "file",
     splitting: Splitting = HOURLY,
-    namespace: str = NAMESPACE,
+    names: TopicNames | None = None,
+    frames: FrameNames | None = None,
 ) -> Run:
     """Open the logs of a run in a new directory named after the time; `Run.begin` then says when it begins.
 
@@ -70,9 +71,10 @@ def start_run(
         topics: what the bag will hold.
         record_directory: parent of the new directory.
         frame_period: s.
-        rerun: "off", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
+        rerun: "none", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
         splitting: when the logs go on in new files, and how long old ones are kept.
-        namespace: full name of the node in the bag.
+        names: full names of topics in the bag, where they are not the usual ones.
+        frames: names of coordinate frames, likewise.
 
     Raises:
         OSError: when the directory or the bag in it cannot be made. A rerun recording that cannot be opened is a fault
@@ -80,10 +82,10 @@ def start_run(
     """
     directory = _new_directory(record_directory)
     scenario = simulation.scenario
-    metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES)
-    log = McapLog(directory, topics, metadata, namespace=namespace)
+    metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES, frames=frames)
+    log = McapLog(directory, topics, metadata, names=names)
     view, web, faults = None, None, []
-    for live in {"off": (), "file": (False,)}.get(rerun, (True, False)):
+    for live in {"none": (), "file": (False,)}.get(rerun, (True, False)):
         try:
             port = {"live_port": free_port(LIVE_PORT)} if live and rerun == "web" else {}
             view = open_view(scenario, log.path.with_suffix(".rrd"), live=live, **port)

@@ -2,15 +2,16 @@
 
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
 that time, and so is what it never has: velocities of centres of mass, haul ropes, forces in logs without their topics.
-The cable and what is known of carriers by their forces is in single precision. Of a tower a log has the force; its size
-stands for the normal load (friction adds to it, the turn of the rope takes from it), and that in the first frame for
-the load at rest, where no snapshot that the run went on from has it. The travel of a counterweight follows from the end
-of the cable, payloads from the commands.
+The cable and what is known of carriers by their forces is in single precision; the pitch of a body below another one is
+a sum of joints, right but for its last bits. Of a tower a log has the force; its size stands for the normal load
+(friction adds to it, the turn of the rope takes from it), and that in the first frame for the load at rest, where no
+snapshot that the run went on from has it. The travel of a counterweight follows from the end of the cable, payloads
+from the commands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from math import nan
 from typing import NamedTuple
@@ -30,10 +31,13 @@ from cable_twin.messages import (
     Status,
     contact_force_topic,
     decode,
+    hung_rows,
+    joint_names,
     pose_topic,
     statuses_of_message,
     support_force_topic,
 )
+from cable_twin.recording.field_numbers import cloud_points, fill, last_numbers, reader, table_reader
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
@@ -115,6 +119,8 @@ class _Frames:
         self._lowest_loads = np.full(len(layout.supports), nan)  # N, since the start or the last reset
         self._payloads = self._first_payloads()
         self._names_checked = False
+        self._absolute = log.files[0].absolute
+        self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
             self._rest_loads[len(ENDS) :] = self._full.start.tower_load[:, 0]
@@ -126,19 +132,19 @@ class _Frames:
         layout, c = self._layout, self._columns
         readers: dict[str, Callable[[bytes], None]] = {JOINT_STATES: self._read_joints, CABLE: self._read_cable}
         for row, (name, bodies) in enumerate(layout.vehicles.items()):
-            readers[pose_topic(name)] = _reader(POSE, [c.joint_position[row]])
-            readers[contact_force_topic(name)] = _reader(6, [c.contact_force[row]])
+            readers[pose_topic(name)] = reader(POSE, [c.joint_position[row]])
+            readers[contact_force_topic(name)] = reader(6, [c.contact_force[row]])
             for body, body_name in enumerate(bodies, layout.first_body[row]):
                 targets = [c.body_position[body], c.body_orientation[body]]
-                readers[pose_topic(name, body_name)] = _reader(POSE, targets)
+                readers[pose_topic(name, body_name)] = reader(POSE, targets)
         if layout.carriers:
             first = len(layout.carriages)
             hung = slice(layout.first_body[first], None)
-            readers[CARRIER_POSES] = _table_reader([c.body_position[hung], c.body_orientation[hung]])
+            readers[CARRIER_POSES] = table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
-            readers[CARRIER_FORCES] = lambda data: _fill(_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+            readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
         for row, name in enumerate(layout.supports):
-            readers[support_force_topic(name)] = _reader(6, [c.support_force[row]])
+            readers[support_force_topic(name)] = reader(6, [c.support_force[row]])
         return readers
 
     def read(self, topic: str, stamp_ns: int, data: bytes) -> None:
@@ -213,21 +219,24 @@ class _Frames:
         layout, c = self._layout, self._columns
         if not self._names_checked:
             names = decode(data, "sensor_msgs/msg/JointState").name
-            if names != [*layout.vehicles, *layout.drives, *layout.bodies]:
+            if names != [*layout.vehicles, *layout.drives, *(layout.bodies if self._absolute else joint_names(layout))]:
                 raise ValueError(f"its names are not those of the scenario: {', '.join(names[:5])}, ...")
             self._names_checked = True
         vehicles, drives = len(layout.vehicles), len(layout.vehicles) + len(layout.drives)
         count = drives + len(layout.bodies)
-        numbers = _numbers(data, 3 * count + 2)
+        numbers = last_numbers(data, 3 * count + 2)
         place, rate, force = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
         c.arc_length[:], c.drive_position[:] = place[:vehicles], place[vehicles:drives]
         c.speed[:], c.drive_speed[:] = rate[:vehicles], rate[vehicles:drives]
         c.drive_force[:], c.moving_cable_force[:] = force[:vehicles], force[vehicles:drives]
         c.body_angles[:] = 0.0
         c.body_angles[:, 1], c.body_angular_velocity[:, 1] = place[drives:], rate[drives:]
+        for row in self._hung:  # from the rope down: each against the one above it
+            for column in (c.body_angles, c.body_angular_velocity):
+                column[row, 1] += column[row - 1, 1]
 
     def _read_cable(self, data: bytes) -> None:
-        points = _points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
+        points = cloud_points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
 
     def _judge_supports(self) -> None:
@@ -257,44 +266,6 @@ def _full_state(snapshot: bytes | None) -> FullState | None:
         return read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
     except SnapshotError:
         return None
-
-
-def _numbers(data: bytes, count: int) -> FloatArray:
-    """The doubles with which a message ends."""
-    return np.frombuffer(data, "<f8", count, len(data) - 8 * count)
-
-
-def _reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
-    """Reads a message that ends with so many doubles, of which the first ones go to the targets."""
-    sizes = [target.size for target in targets]
-
-    def read(data: bytes) -> None:
-        numbers, taken = _numbers(data, count), 0
-        for target, size in zip(targets, sizes, strict=True):
-            target[:] = numbers[taken : taken + size]
-            taken += size
-
-    return read
-
-
-def _table_reader(targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
-    """Reads a message that ends with a row of doubles for each row of the targets."""
-    rows, width = len(targets[0]), sum(target.shape[1] for target in targets)
-    return lambda data: _fill(_numbers(data, rows * width).reshape(rows, width), targets)
-
-
-def _fill(table: FloatArray, targets: Sequence[FloatArray]) -> None:
-    """Spread the columns of a table (rows, width) over the targets (rows, ...)."""
-    taken = 0
-    for target in targets:
-        target[:] = table[:, taken : taken + target.shape[1]]
-        taken += target.shape[1]
-
-
-def _points(data: bytes, count: int, fields: Sequence[str]) -> FloatArray:
-    """Points (count, fields) of a PointCloud2 of float32: they stand before its last byte."""
-    size = 4 * len(fields)
-    return np.frombuffer(data, "<f4", count * len(fields), len(data) - 1 - count * size).reshape(count, -1)
 
 
 __all__ = ["Item", "RecordedFigures", "read_snapshots"]

@@ -1,10 +1,12 @@
-"""What the commands `sim` and `drive` share: signals, the hint without ROS 2."""
+"""What the commands `sim` and `drive` share: ROS arguments, signals, the hint without ROS 2."""
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 
 from cable_twin.command_line import OneLineParser, leave_at_once
 
@@ -46,9 +48,30 @@ class Ending:
             leave_at_once(self._command, 0)
 
 
+def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Options of the command, and what is for ROS: `--ros-args` and all behind it, up to `--` if there is one."""
+    arguments = list(argv)
+    if "--ros-args" not in arguments:
+        return arguments, []
+    first = arguments.index("--ros-args")
+    last = arguments.index("--", first) if "--" in arguments[first:] else len(arguments)
+    return arguments[:first] + arguments[last + 1 :], arguments[first:last]
+
+
+def rcl_fault(error: Exception) -> str:
+    """What rcl did not like, in a line without the place in its source."""
+    text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
+    if "unknown" in type(error).__name__.lower():
+        return f"unknown ROS arguments {text}"
+    wrong = re.match(r"Trying to set parameter '(.+?)' to '(.*)' of type '\w+', expecting type '(\w+)'", text)
+    if wrong:
+        return f"parameter '{wrong[1]}' is {wrong[2]!r}; a {wrong[3].lower()} is needed"
+    return text
+
+
 def print_hint(command: str, error: ImportError) -> None:
     """Say what to install."""
     print(INSTALL_HINT.format(command=command, reason=error), file=sys.stderr)
 
 
-__all__ = ["Ending", "OneLineParser", "print_hint"]
+__all__ = ["Ending", "OneLineParser", "print_hint", "rcl_fault", "split_ros_arguments"]

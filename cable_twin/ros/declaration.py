@@ -8,6 +8,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.messages.topics import TFMessage
 from cable_twin.rates import ONCE, fault
@@ -26,7 +27,8 @@ RATES = {  # parameter: group of topics that it is of, and who takes them: publi
     "log_transform_rate": ("transforms", 1),
     "log_marker_rate": ("markers", 1),
 }
-ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", "qos_overrides.")  # every node has them
+QOS_OVERRIDES = "qos_overrides."
+ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDES)  # every node has them
 
 
 class ParameterError(ValueError):
@@ -46,18 +48,17 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         if name not in names and not name.startswith(ROS_PARAMETERS):
             node.get_logger().warning(f"unknown parameter '{name}' is ignored; known: {', '.join(names)}")
     for parameter in PARAMETERS:
-        # dynamic, so that 100 may stand for 100.0
+        # of any type at first, so that 100 may stand for 100.0, and our own, clearer checks come first
         undescribed = ParameterDescriptor(dynamic_typing=True)
-        value: Any = node.declare_parameter(parameter.name, parameter.default, undescribed).value
-        if isinstance(parameter.default, float) and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
+        value: Any = parameter.meant(node.declare_parameter(parameter.name, parameter.default, undescribed).value)
         if type(value) is not type(parameter.default):
             kind = type(parameter.default).__name__
             faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
         elif fault := parameter.fault(value):
             faults.append(fault)
         else:
-            node.set_descriptor(parameter.name, _descriptor(parameter))  # after our own, clearer check
+            node.undeclare_parameter(parameter.name)
+            node.declare_parameter(parameter.name, value, _descriptor(parameter), ignore_override=True)
         values[parameter.name] = value
     if values["snapshot"] and "scenario" in node._parameter_overrides:
         faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
@@ -71,6 +72,17 @@ def declare_parameters(node: Node) -> dict[str, Any]:
 def is_installed(message_type: str) -> bool:
     """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
     return find_spec(message_type.partition("/")[0]) is not None
+
+
+def as_meant(parameters: list[RosParameter]) -> list[RosParameter]:
+    """What somebody sets while the node runs, with whole numbers where any is allowed."""
+    doubles = {parameter.name for parameter in PARAMETERS if isinstance(parameter.default, float)}
+    return [
+        RosParameter(one.name, value=float(one.value))
+        if one.type_ == RosParameter.Type.INTEGER and one.name in doubles
+        else one
+        for one in parameters
+    ]
 
 
 def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tuple[dict[str, float], dict[str, float]]:
@@ -128,7 +140,6 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
         description=parameter.help,
         additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",
         read_only=parameter.name != "command_timeout",
-        dynamic_typing=True,
     )
     if parameter.low is not None and parameter.high is not None:
         descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]

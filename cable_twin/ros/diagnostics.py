@@ -1,4 +1,4 @@
-"""What the twin says of itself once a second: /diagnostics and key figures."""
+"""What the twin says of itself once a second: /diagnostics, a status for each task, and key figures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
+from cable_twin.figure_messages import OK, WARNING
 from cable_twin.messages import DIAGNOSTICS, KEY_FIGURES, Status, diagnostics_message
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
@@ -14,12 +15,16 @@ from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.simulation import Simulation
 
+ERROR = 2  # level of diagnostics
+SOLVER = ("newton_iterations_per_step", "halved_steps", "constraint_residual_m")  # of what the loop counts
+Judged = tuple[int, str, Mapping[str, str]]  # level, a line for people, and figures
+
 
 class Diagnostics:
     """Gathers and sends them.
 
     Args:
-        node: whose name they have.
+        node: whose full name they have; their hardware is the scenario.
         simulation: what runs.
         loop: that runs it.
         output: where they go.
@@ -48,40 +53,54 @@ class Diagnostics:
 
     def publish(self) -> None:
         """Send them, and say in the log what is new."""
-        node, loop = self._node, self._loop
-        statistics = loop.take_statistics().summary()
-        total = {f"total_{key}": value for key, value in loop.total_lateness.summary().items()}
-        values: dict[str, str] = {key: f"{value:.9g}" for key, value in {**statistics, **total}.items()}
-        values["simulated_time_s"] = f"{loop.simulated_time:.3f}"
-        values |= {key: str(count) for key, count in self.counts.items()}
-        values["paused"] = str(loop.paused).lower()
-        values["emergency_stop"] = str(self._simulation.emergency_stopped).lower()
+        statistics = self._loop.take_statistics().summary()
         self.recording.look()
-        values.update(self.recording.values)
-        values.update(self.pace.look())
-        level, message = self._judge(statistics)
-        stamp_ns = self._clock.stamp_ns(loop.simulated_time)
-        statuses = self._output.figures.statuses()
+        stamp_ns = self._clock.stamp_ns(self._loop.simulated_time)
+        figures = self._output.figures.statuses()
         for line in self._output.figures.take_news():
-            node.get_logger().warning(line)
-        summary = self._output.figures.summary(f"{node.get_name()}: key figures")
-        own = Status(level, node.get_name(), message, values, node.get_fully_qualified_name())
+            self._node.get_logger().warning(line)
+        tasks: dict[str, Judged] = {
+            "pace": self._pace({key: value for key, value in statistics.items() if key not in SOLVER}),
+            "solver": self._solver({key: statistics[key] for key in SOLVER}),
+            "commands": self._commands(),
+            "recording": self.recording.judged(),
+            "limits": self._output.figures.judged(),
+        }
+        node, scenario = self._node.get_fully_qualified_name().lstrip("/"), self._simulation.scenario.name
+        statuses = [
+            Status(level, f"{node}: {task}", message, values, scenario)
+            for task, (level, message, values) in tasks.items()
+        ]
         messages = [
-            (KEY_FIGURES, diagnostics_message(stamp_ns, *statuses)),
-            (DIAGNOSTICS, diagnostics_message(stamp_ns, own, summary)),
+            (KEY_FIGURES, diagnostics_message(stamp_ns, *figures)),
+            (DIAGNOSTICS, diagnostics_message(stamp_ns, *statuses)),
         ]
         self._output.send(messages, stamp_ns)
 
-    def _judge(self, statistics: Mapping[str, float]) -> tuple[int, str]:
-        """Level and message."""
-        if self._loop.fault:
-            return 2, self._loop.fault
-        if (judged := self.recording.judge()) is not None:
-            return judged
-        if self._simulation.emergency_stopped:
-            return 1, "emergency stop in force"
-        if self._loop.paused:
-            return 0, "paused"
-        if statistics["missed_frames"] > 0:
-            return 1, f"{statistics['missed_frames']:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms"
-        return 0, "running"
+    def _pace(self, statistics: Mapping[str, float]) -> Judged:
+        """Whether frames come on time."""
+        loop = self._loop
+        total = {f"total_{key}": value for key, value in loop.total_lateness.summary().items()}
+        values = _texts({**statistics, **total})
+        values |= {"simulated_time_s": f"{loop.simulated_time:.3f}", "paused": str(loop.paused).lower()}
+        values |= self.pace.look()
+        missed = statistics["missed_frames"]
+        if missed and not loop.paused:
+            return WARNING, f"{missed:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms", values
+        return OK, "paused" if loop.paused else "running", values
+
+    def _solver(self, statistics: Mapping[str, float]) -> Judged:
+        """Whether steps converge."""
+        fault, values = self._loop.fault, _texts(statistics)
+        return (ERROR, fault, values) if fault else (OK, "all steps converged", values)
+
+    def _commands(self) -> Judged:
+        """Whether the twin takes commands, and how many it has taken and refused."""
+        stopped = self._simulation.emergency_stopped
+        values = {key: str(count) for key, count in self.counts.items()}
+        values["emergency_stop"] = str(stopped).lower()
+        return (WARNING, "emergency stop in force", values) if stopped else (OK, "takes commands", values)
+
+
+def _texts(figures: Mapping[str, float]) -> dict[str, str]:
+    return {key: f"{value:.9g}" for key, value in figures.items()}

@@ -11,7 +11,7 @@ from typing import Any
 
 from cable_twin.command_line import INTERRUPTED
 from cable_twin.commands import KINDS, Kind
-from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
+from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.repeated_drive import Driver
 from cable_twin.ros.twin_client import TwinClient, TwinError
 from cable_twin.ros.twin_list import list_twins
@@ -39,6 +39,7 @@ examples:
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
   drive --list                           the twins of this domain
+  drive cabin --speed 5 --ros-args -r __ns:=/b -r /b/cable_twin/joint_commands:=/b/desk
 """
 
 
@@ -61,7 +62,9 @@ def parser() -> OneLineParser:
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
     result.add_argument("--ramp", type=_not_negative, metavar="S", help="s from zero to the value; default 0")
     result.add_argument("--duration", type=_not_negative, metavar="S", help="s to drive; default: until Ctrl-C")
-    result.add_argument("--node", type=_node, default="/cable_twin", help="name of the twin; default: /cable_twin")
+    result.add_argument(
+        "--node", type=_node, help="full name of the twin; default: /cable_twin, in the namespace of this command"
+    )
     result.add_argument(
         "--wait",
         type=_not_negative,
@@ -74,8 +77,9 @@ def parser() -> OneLineParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Tell a twin what to do; 0 after the end, 1 when none answers, or it refuses, 130 where nothing came of it."""
+    own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     arguments = parser()
-    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    options = arguments.parse_args(own)
     given = {kind.name: getattr(options, kind.name) for kind in KINDS.values()}
     kind = next((KINDS[name] for name, value in given.items() if value is not None and value is not False), None)
     if fault := _fault(options, kind):
@@ -90,11 +94,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     ending.starting = False
     try:
-        rclpy.init(args=["drive"], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=["drive", *for_ros], signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node("cable_twin_drive")
     except Exception as error:
-        print(f"drive: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"drive: {rcl_fault(error)}", file=sys.stderr)
         return 1
+    if options.node is None:  # the one beside it, also where a launch file pushes a namespace
+        options.node = f"{node.get_namespace().rstrip('/')}/cable_twin"
     try:
         if kind is not None and kind.drives:
             fault = _drive(node, kind, options, ending)

@@ -1,43 +1,97 @@
-"""Publishers and subscriptions of rclpy for the table of topics."""
+"""Publishers and subscriptions of rclpy for the table of topics, with the names and the QoS that ROS was told."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from cable_twin.messages import Topic
-from cable_twin.ros.declaration import is_installed
+from cable_twin.commands import INPUTS
+from cable_twin.messages import Topic, TopicNames
+from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError, is_installed
 
-
-def message_class(message_type: str) -> Any:
-    """Class of rclpy for a type such as "sensor_msgs/msg/JointState"."""
-    package, _, name = message_type.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
+OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH)
 
 
-def publisher_of(node: Node, topic: Topic) -> Callable[[bytes], None]:
-    """What sends the bytes of a topic; nowhere where its message package is not installed, as with the wheels."""
-    if not is_installed(topic.type):
-        return lambda data: None
-    quality = QoSProfile(
-        depth=topic.depth,
-        reliability=ReliabilityPolicy[topic.reliability.upper()],
-        durability=DurabilityPolicy[topic.durability.upper()],
-    )
-    publish: Callable[[bytes], None] = node.create_publisher(
-        message_class(topic.type), _name(topic.name), quality
-    ).publish
-    return publish
+class Endpoints:
+    """All publishers of a node, and its subscriptions once somebody takes what they bring.
+
+    Attributes:
+        senders: by the name of the table, what sends the bytes of a topic.
+
+    Raises:
+        ParameterError: a QoS that was asked for is none, in a line.
+    """
+
+    def __init__(self, node: Node, table: Sequence[Topic]) -> None:
+        """Create the publishers; topics of `INPUTS` are for `subscribe`."""
+        self._node = node
+        self._topics = {topic.name: topic for topic in table}
+        self._remapped: dict[str, str] = {}
+        self.senders: dict[str, Callable[[bytes], None]] = {}
+        for topic in table:
+            if not is_installed(topic.type):  # in the log all the same
+                self.senders[topic.name] = _nowhere
+            elif topic.name not in INPUTS:
+                self.senders[topic.name] = self._create(topic, node.create_publisher).publish
+
+    def subscribe(self, take: Callable[[str, bytes], None]) -> None:
+        """Have the bytes of all topics taken that bring commands, each with the name of its topic."""
+        for name in INPUTS:
+            self._create(self._topics[name], self._node.create_subscription, partial(take, name), raw=True)
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The table, with the QoS that each topic has."""
+        return tuple(self._topics.values())
+
+    @property
+    def names(self) -> TopicNames:
+        """Full names of topics."""
+        return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
+
+    def warn_of_unknown(self) -> None:
+        """Name the overrides that were given for what this node does not have."""
+        for name in self._node._parameter_overrides:
+            if name.startswith(QOS_OVERRIDES) and not self._node.has_parameter(name):
+                self._node.get_logger().warning(
+                    f"parameter '{name}' is ignored: no such topic or policy; "
+                    f"known: {QOS_OVERRIDES}TOPIC.publisher or .subscription, and .reliability, .durability or .depth"
+                )
+
+    def _create(self, topic: Topic, create: Callable[..., Any], *how: Any, **options: Any) -> Any:
+        """Create a publisher or a subscription, and keep what it is called and how it is."""
+        quality = QoSProfile(
+            depth=topic.depth,
+            reliability=ReliabilityPolicy[topic.reliability.upper()],
+            durability=DurabilityPolicy[topic.durability.upper()],
+        )
+        package, _, type_name = topic.type.split("/")
+        message_class = getattr(import_module(f"{package}.msg"), type_name)
+        name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
+        overriding = QoSOverridingOptions(OVERRIDABLE)
+        try:
+            made = create(message_class, name, *how, qos_profile=quality, qos_overriding_options=overriding, **options)
+        except (ParameterException, RuntimeError) as error:  # RuntimeError: also of rcl
+            reason = " ".join(str(error).split()).partition(", at /")[0]
+            raise ParameterError(f"{QOS_OVERRIDES}{self._node.resolve_topic_name(name)}: {reason}") from None
+        if made.topic_name != self.names.full(topic.name):
+            self._remapped[topic.name] = made.topic_name
+        self._topics[topic.name] = replace(
+            topic,
+            reliability=quality.reliability.name.lower(),
+            durability=quality.durability.name.lower(),
+            depth=quality.depth,
+        )
+        return made
 
 
-def subscribe(node: Node, topic: Topic, take: Callable[[bytes], None]) -> None:
-    """Have the bytes of a topic taken."""
-    node.create_subscription(message_class(topic.type), _name(topic.name), take, topic.depth, raw=True)
-
-
-def _name(topic: str) -> str:
-    return topic if topic.startswith("/") else f"~/{topic}"
+def _nowhere(_data: bytes) -> None:
+    """Send nothing: the message package is not installed, as with the wheels."""

@@ -55,9 +55,7 @@ class FigureWatch:
         taken, self._news = self._news, []
         return taken
 
-    def summary(self, name: str) -> Status:
-        """One status about all limits: a warning that names those which were passed."""
-        if not self._passed:
-            return Status(OK, name, "all limits kept", {})
+    def judged(self) -> tuple[int, str, dict[str, str]]:
+        """Level, message and figures about all limits: a warning that names those which were passed."""
         values = {figure.name: describe(figure) for figure in self._passed.values()}
-        return Status(WARNING, name, f"limits passed: {', '.join(values)}", values)
+        return (WARNING, f"limits passed: {', '.join(values)}", values) if values else (OK, "all limits kept", {})

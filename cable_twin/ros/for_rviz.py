@@ -6,9 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.util import find_spec
-from typing import Any
 
-from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, serialize
+from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameNames, serialize
 from cable_twin.messages.frame import Filled
 from cable_twin.messages.topics import String
 from cable_twin.ros.description import robot_description, still_transforms
@@ -25,10 +24,10 @@ class ForRviz:
         makers: of messages that are due with frames, by name of the topic.
     """
 
-    def __init__(self, simulation: Simulation, settings: Mapping[str, Any]) -> None:
-        """Prepare it for a simulation and the parameters of its node."""
+    def __init__(self, simulation: Simulation, frames: FrameNames) -> None:
+        """Prepare it for a simulation and the names of its frames."""
         self._scenario = simulation.scenario
-        self._names = {"frame_id": settings.get("frame_id", "map"), "prefix": settings.get("frame_prefix", "")}
+        self._names = {"frame_id": frames.frame_id, "prefix": frames.frame_prefix}
         markers = find_spec("visualization_msgs") is not None
         self.present = {"tf": True, "markers": markers, "robot": True}
         make = partial(Markers, self._scenario, simulation.layout, frame_id=self._names["frame_id"])

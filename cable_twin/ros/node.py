@@ -16,13 +16,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from cable_twin.command_messages import command_from_message
-from cable_twin.commands import INPUTS, JOINT_COMMANDS, KINDS
-from cable_twin.messages import SCENARIO, scenario_message, topics
+from cable_twin.commands import JOINT_COMMANDS, KINDS
+from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
-from cable_twin.ros.declaration import count_frame_steps, declare_parameters, own_topics, topic_rates
+from cable_twin.ros.declaration import as_meant, count_frame_steps, declare_parameters, own_topics, topic_rates
 from cable_twin.ros.diagnostics import Diagnostics
-from cable_twin.ros.endpoints import publisher_of, subscribe
+from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.markers import REPEAT
@@ -66,18 +66,20 @@ class TwinNode(Node):
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
-        self._rviz = ForRviz(self._simulation, self._settings)
-        self._topics = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
-        senders = {topic.name: publisher_of(self, topic) for topic in self._topics if topic.name not in INPUTS}
-        self._senders = self._rviz.repeating(senders)
+        self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
+        self._rviz = ForRviz(self._simulation, self._frames)
+        table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
+        self._endpoints = Endpoints(self, table)
+        self._senders = self._rviz.repeating(self._endpoints.senders)
         self._output = Output(
             self._simulation,
-            self._topics,
+            table,
             self._senders,
             rates,
             frame_rate=frame_rate,
             own=own,
             makers=self._rviz.makers,
+            frames=self._frames,
             paced=self._settings["real_time_factor"] > 0.0,
         )
         self._run_clock, self._begun = RunClock(), threading.Lock()
@@ -98,17 +100,15 @@ class TwinNode(Node):
         self._diagnostics = Diagnostics(
             self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
         )
-        self.status = Status(
-            self._simulation, self._loop, self._output, self._diagnostics, self.get_fully_qualified_name()
-        )
-        for topic in self._topics:
-            if topic.name in INPUTS:
-                subscribe(self, topic, partial(self._on_command, topic.name))
+        self._endpoints.subscribe(self._on_command)
+        self._endpoints.warn_of_unknown()
+        self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self._offered = Services(self._loop, self._log_directory)
         self._offered.offer(self)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_timer(REPEAT, self._rviz.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.add_pre_set_parameters_callback(as_meant)
         self.add_on_set_parameters_callback(self._on_parameters)
 
     @property
@@ -141,7 +141,7 @@ class TwinNode(Node):
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         self.get_logger().info(
             f"'{scenario.name}' runs at {rate:g} Hz{start}; {drives}carriages: {', '.join(names)}; "
-            f"commands on {self.get_fully_qualified_name()}/{JOINT_COMMANDS}"
+            f"commands on {self._endpoints.names.full(JOINT_COMMANDS)}"
         )
 
     def stop(self) -> None:
@@ -185,12 +185,13 @@ class TwinNode(Node):
         try:
             run = start_run(
                 self._simulation,
-                self._topics,
+                self._endpoints.topics,
                 record_directory=directory.expanduser(),
                 frame_period=self._frame_steps * self._simulation.step,
                 rerun=self._settings["rerun"],
                 splitting=splitting_of(self._settings),
-                namespace=self.get_fully_qualified_name(),
+                names=self._endpoints.names,
+                frames=self._frames,
             )
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             reason = getattr(error, "strerror", None) or error
@@ -266,7 +267,7 @@ class TwinNode(Node):
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self.get_logger().warning(
-                f"{self.get_fully_qualified_name()}/{topic}: command refused, "
+                f"{self._endpoints.names.full(topic)}: command refused, "
                 f"the last good one stays: {error} ({counts['commands_refused']} refused so far)"
             )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
-RERUN_MODES = ("off", "file", "live", "web")
+RERUN_MODES = ("none", "file", "live", "web")
+FALSE = ("off", "false")  # what stands for none; YAML reads the former as the latter
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +25,7 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
+    pattern: str = ""  # that a text has to match
 
     @property
     def placeholder(self) -> str:
@@ -39,8 +42,18 @@ class Parameter:
             text += f" ({', '.join(self.choices)})"
         return text
 
+    def meant(self, value: Any) -> Any:
+        """A value as it is meant: a whole number where any is allowed, and none in other words."""
+        if isinstance(self.default, float) and isinstance(value, int) and not isinstance(value, bool):
+            return float(value)
+        if "none" in self.choices and (value is False or value in FALSE):
+            return "none"
+        return value
+
     def fault(self, value: object) -> str | None:
         """What is wrong with a value, in a line; None when nothing is."""
+        if self.pattern and not re.fullmatch(self.pattern, str(value)):
+            return f"parameter '{self.name}' is '{value}'; {self.description}"
         if self.choices and value not in self.choices:
             return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
         if self.low is None or self.high is None:
@@ -95,6 +108,18 @@ PARAMETERS = (
             ("log_transform_rate", LOGGED["transforms"], "how often /tf is logged"),
             ("log_marker_rate", LOGGED["markers"], "how often markers is logged"),
         )
+    ),
+    Parameter(
+        "frame_id",
+        "map",
+        "coordinate frame in which everything is; a name without spaces that does not begin with a slash",
+        pattern=r"[^/\s]\S*",
+    ),
+    Parameter(
+        "frame_prefix",
+        "",
+        "in front of the frames of vehicles, bodies and supports, as in south/; the same, or nothing",
+        pattern=r"([^/\s]\S*)?",
     ),
     Parameter("allow_second", False, "start even where a twin of the same name runs in this ROS domain"),
     Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),

@@ -41,7 +41,7 @@ def check_others(node: Node) -> None:
     Raises:
         SecondTwinError: there is one.
     """
-    if node.count_publishers(f"{node.get_fully_qualified_name()}/{SCENARIO}"):
+    if node.count_publishers(node.resolve_topic_name(f"~/{SCENARIO}")):
         raise SecondTwinError(_line(node))
 
 

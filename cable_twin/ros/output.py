@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, Topic, diagnostics_message
+from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, FrameNames, Topic, diagnostics_message
 from cable_twin.messages.frame import Filled
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
@@ -30,6 +30,7 @@ class Output:
         frame_rate: Hz.
         own: carriers with topics of their own.
         makers: of messages of further topics.
+        frames: names of coordinate frames.
         paced: whether the clock sets the pace; where not, the recorder does.
     """
 
@@ -43,13 +44,16 @@ class Output:
         frame_rate: float,
         own: Sequence[str],
         makers: Mapping[str, Callable[[Columns], Filled]],
+        frames: FrameNames,
         paced: bool,
     ) -> None:
         self.figures = FigureWatch(KeyFigures(simulation.scenario))
         self._simulation = simulation
         self._publishers = publishers
         backlog = math.inf if paced else BACKLOG
-        self._frames = FrameOutput(simulation, table, rates, frame_rate=frame_rate, own=own, backlog=backlog)
+        self._frames = FrameOutput(
+            simulation, table, rates, frame_rate=frame_rate, own=own, frames=frames, backlog=backlog
+        )
         for name, make in makers.items():
             self._frames.encoder.offer(name, make)
         self._once: Messages = []

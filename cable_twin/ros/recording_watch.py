@@ -53,7 +53,7 @@ class RecordingWatch:
             self._logger.info(f"recording: the disk has caught up; {missing} missing in the log")
 
     def judge(self) -> tuple[int, str] | None:
-        """Level and message for the diagnostics; None when all is well."""
+        """Level and message of what is wrong; None when all is well."""
         if self.fault:
             return 2, self.fault
         if self._recorder is not None and self._recorder.dropped:
@@ -62,12 +62,17 @@ class RecordingWatch:
             return 1, "the disk does not keep up with the log"
         return None
 
-    @property
-    def values(self) -> dict[str, str]:
-        """Figures by the names they have in the diagnostics."""
-        if self._recorder is None:
-            return {}
-        return {
-            "log_backlog_frames": str(self._recorder.backlog),
-            "log_dropped_frames": str(self._recorder.dropped),
-        }
+    def judged(self) -> tuple[int, str, dict[str, str]]:
+        """Level, message and figures for the diagnostics."""
+        recorder = self._recorder
+        level, message = self.judge() or (0, "nothing is recorded" if recorder is None else "all is recorded")
+        if recorder is None:
+            return level, message, {}
+        return (
+            level,
+            message,
+            {
+                "log_backlog_frames": str(recorder.backlog),
+                "log_dropped_frames": str(recorder.dropped),
+            },
+        )

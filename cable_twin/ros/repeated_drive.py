@@ -10,7 +10,9 @@ import sys
 import time
 from typing import Any
 
+from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import Kind
+from cable_twin.messages import APPLIED_COMMANDS
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.twin_client import ANSWER, nobody_listens
 
@@ -41,12 +43,12 @@ class Driver:
         self._scenario: dict[str, Any] | None = None
         self._answered = math.inf  # s of the clock
         twin = options.node
-        self._topic = f"{twin}/{kind.topic}"
-        self._publisher = node.create_publisher(JointState, self._topic, 10)
+        self._publisher = node.create_publisher(JointState, f"{twin}/{kind.topic}", 10)
+        self._topic = self._publisher.topic_name  # as remapped
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
         node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 10)
-        node.create_subscription(JointState, f"{twin}/applied_commands", self._on_applied, 50)
+        node.create_subscription(JointState, f"{twin}/{APPLIED_COMMANDS}", self._on_applied, 50, raw=True)
 
     def find_twin(self) -> str | None:
         """Wait for the twin and check the command against its scenario; returns what is wrong."""
@@ -117,16 +119,19 @@ class Driver:
         return fault
 
     def _send(self, value: float) -> None:
-        message = self._message_type(name=[self._options.name], **{self._kind.field: [value]})
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        self._publish(self._kind.field, value)
 
     def _stop(self) -> None:
         """Tell the twin to stop; a force of zero would let the carriage roll down."""
         from rclpy.duration import Duration  # noqa: PLC0415
 
-        self._publisher.publish(self._message_type(name=[self._options.name], velocity=[0.0]))
+        self._publish("velocity", 0.0)
         self._publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+    def _publish(self, field: str, value: float) -> None:
+        message = self._message_type(name=[self._options.name], **{field: [value]})
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
     def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
         name = self._options.name
@@ -150,6 +155,7 @@ class Driver:
     def _on_scenario(self, message: Any) -> None:
         self._scenario = json.loads(message.data)
 
-    def _on_applied(self, message: Any) -> None:
-        if self._options.name in message.name and message.header.frame_id.endswith(f":{self._kind.topic}"):
+    def _on_applied(self, data: bytes) -> None:
+        applied = applied_command_from_message(data)
+        if self._options.name in applied.command.values and applied.source == self._kind.topic:
             self._answered = time.monotonic()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
-import re
 import sys
 from collections.abc import Sequence
 
-from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
+from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.node_parameters import PARAMETERS
 
 EPILOG = """\
@@ -51,9 +51,9 @@ def parser() -> OneLineParser:
 
 def ros_arguments(argv: Sequence[str]) -> list[str]:
     """Turn the options of `sim` into ROS arguments, and keep those that are."""
-    split = list(argv).index("--ros-args") if "--ros-args" in argv else len(argv)
+    own, for_ros = split_ros_arguments(argv)
     options = parser()
-    parsed = options.parse_args(list(argv[:split]))
+    parsed = options.parse_args(own)
     given = {**vars(parsed), "scenario": options.given_scenario(parsed)}
     arguments = ["--ros-args"]
     for parameter in PARAMETERS:
@@ -62,7 +62,7 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
             # a text in quotes, or YAML would read a path like 1e3 as a number
             quoted = json.dumps(value, ensure_ascii=False) if isinstance(parameter.default, str) else value
             arguments += ["-p", f"{parameter.name}:={quoted}"]
-    return arguments + list(argv[split + 1 :])
+    return arguments + for_ros[1:]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -71,6 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     ending = Ending("sim")
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
+        from rclpy.exceptions import ParameterException  # noqa: PLC0415
+        from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
         from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
@@ -87,15 +89,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         rclpy.init(args=["sim", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        print(f"sim: {_rcl_fault(error)}", file=sys.stderr)
+        print(f"sim: {rcl_fault(error)}", file=sys.stderr)
         return 1
+    fault = ""
     try:
         node = TwinNode()
     except (ParameterError, SecondTwinError, ScenarioError, EquilibriumError, SnapshotError) as error:
-        for line in str(error).splitlines():
-            print(f"sim: {line}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 1
+        fault = str(error)
+    except (ParameterException, rclpy_implementation.RCLError) as error:
+        fault = rcl_fault(error)
+    if fault:
+        return _refuse_start(fault)
     ending.starting = False
     sys.setswitchinterval(SWITCH_INTERVAL)
     executor = new_executor()
@@ -116,12 +120,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 1 if node.failed else 0
 
 
-def _rcl_fault(error: Exception) -> str:
-    """What rcl did not like about the arguments, without the place in its source."""
-    text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
-    if "unknown" in type(error).__name__.lower():
-        return f"unknown ROS arguments {text}"
-    return text
+def _refuse_start(faults: str) -> int:
+    """Say why the node cannot be made, a line each; returns the exit code."""
+    import rclpy  # noqa: PLC0415
+
+    for line in faults.splitlines():
+        print(f"sim: {line}", file=sys.stderr)
+    gc.collect()  # what was made of the node goes before what it stands on, which crashes otherwise
+    rclpy.try_shutdown()
+    return 1
 
 
 def _scenario_lines() -> list[str]:

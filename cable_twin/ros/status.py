@@ -8,6 +8,8 @@ from collections import deque
 from rich.text import Text
 
 from cable_twin.command_line import typed
+from cable_twin.commands import JOINT_COMMANDS
+from cable_twin.messages import APPLIED_COMMANDS, JOINT_STATES, NAMESPACE, SCENARIO, TopicNames
 from cable_twin.recording.run import Run
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.frame_loop import FrameLoop
@@ -29,16 +31,16 @@ class Status:
         loop: that runs it.
         output: where it goes.
         diagnostics: which count commands and watch the log.
-        node: full name of the node.
+        names: full names of the node's topics.
     """
 
     def __init__(
-        self, simulation: Simulation, loop: FrameLoop, output: Output, diagnostics: Diagnostics, node: str
+        self, simulation: Simulation, loop: FrameLoop, output: Output, diagnostics: Diagnostics, names: TopicNames
     ) -> None:
         self._simulation, self._loop, self._output, self._diagnostics = simulation, loop, output, diagnostics
         self._times: deque[tuple[float, float]] = deque()  # of the clock and simulated, in the last `SPAN`
         self._highest_tension = _highest_tension(simulation.scenario, output)
-        self.hint = _drive_hint(simulation.scenario, node)
+        self.hint = drive_hint(simulation.scenario, names)
 
     def text(self) -> Text:
         """The line; what matters most comes first, as a narrow terminal shows only that."""
@@ -105,12 +107,16 @@ def _highest_tension(scenario: Scenario, output: Output) -> float | None:
     return None if factor is None or force is None else force / factor
 
 
-def _drive_hint(scenario: Scenario, node: str) -> str:
+def drive_hint(scenario: Scenario, names: TopicNames) -> str:
     """What to type in another terminal so that something moves, at about half the speed that it may have."""
     limits = [(name, drive.limits) for name, drive in scenario.drives.items()]
     limits += [(name, carriage.drive.limits) for name, carriage in scenario.carriages.items()]
     if not limits:
         return f"{typed('drive')} --help"
     name, limit = limits[0][0], limits[0][1].speed
-    elsewhere = "" if node == "/cable_twin" else f" --node {node}"
+    node = names.namespace
+    elsewhere = "" if node == NAMESPACE else f" --node {node}"
+    used = [topic for topic in (JOINT_COMMANDS, JOINT_STATES, APPLIED_COMMANDS, SCENARIO) if topic in names.remapped]
+    if used:
+        elsewhere += " --ros-args" + "".join(f" -r {node}/{topic}:={names.full(topic)}" for topic in used)
     return f"{typed('drive')} {name} --speed {1.0 if limit is None else 0.5 * limit:.2g}{elsewhere}"

@@ -6,7 +6,10 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import INPUTS, VECTOR, Kind
+from cable_twin.messages import APPLIED_COMMANDS
+from cable_twin.records import AppliedCommand, Command
 from cable_twin.ros.command_line import Ending
 
 ANSWER = 2.0  # s within which the twin has to apply a command
@@ -63,23 +66,31 @@ class TwinClient:
         from rcl_interfaces.msg import Log  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
 
-        name = f"{self._twin}/{kind.topic}"
-        applied, refusals = [], []
+        given = Command(kind.name, values)
+        applied: list[AppliedCommand] = []
+        refusals: list[str] = []
 
-        def note_applied(message: Any) -> None:
-            given = dict(zip(message.name, getattr(message, kind.field), strict=False))
-            if message.header.frame_id == f"{kind.name}:{kind.topic}" and given == values:
-                applied.append(message)
+        def note_applied(data: bytes) -> None:
+            found = applied_command_from_message(data)
+            if (found.command, found.source) == (given, kind.topic):
+                applied.append(found)
 
         def note_refusal(message: Any) -> None:
             if message.msg.startswith(f"{name}: {REFUSED}"):
                 refusals.append(message.msg.partition(REFUSED)[2].rpartition(" (")[0])
 
         message = _message(kind, values)
-        publisher = self._node.create_publisher(type(message), name, 10)
-        self._node.create_subscription(JointState, f"{self._twin}/applied_commands", note_applied, 50)
+        publisher = self._node.create_publisher(type(message), f"{self._twin}/{kind.topic}", 10)
+        name = publisher.topic_name  # as remapped
+        answers = self._node.create_subscription(
+            JointState, f"{self._twin}/{APPLIED_COMMANDS}", note_applied, 50, raw=True
+        )
         self._node.create_subscription(Log, "/rosout", note_refusal, 50)
-        self._until(lambda: publisher.get_subscription_count() and self._heard(), self._wait, self._nobody(name))
+        self._until(
+            lambda: publisher.get_subscription_count() and self._heard(answers.topic_name),
+            self._wait,
+            self._nobody(name),
+        )
         message.header.stamp = self._node.get_clock().now().to_msg()
         publisher.publish(message)
         self._until(
@@ -92,15 +103,14 @@ class TwinClient:
         what = ", ".join(f"{name} {value:g} {kind.unit}" for name, value in values.items())
         return f"{kind.name.replace('_', ' ')} {what}"
 
-    def _heard(self) -> bool:
+    def _heard(self, answer: str) -> bool:
         """Whether what the twin answers will be heard: it publishes what it applies, and why it refuses."""
-        answers = (f"{self._twin}/applied_commands", "/rosout")
         return all(
             any(
                 f"{one.node_namespace.rstrip('/')}/{one.node_name}" == self._twin
                 for one in self._node.get_publishers_info_by_topic(topic)
             )
-            for topic in answers
+            for topic in (answer, "/rosout")
         )
 
     def _nobody(self, name: str) -> str:

@@ -19,11 +19,11 @@ class _Twin:
     """What is known of one."""
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
-    status: Any = None  # of its diagnostics
+    values: Mapping[str, str] = field(default_factory=dict)  # of its diagnostics
 
     def describe(self, name: str, count: int) -> str:
         """One line."""
-        values = {pair.key: pair.value for pair in self.status.values} if self.status is not None else {}
+        values = self.values
         states = [
             *(["emergency stop in force"] if values.get("emergency_stop") == "true" else []),
             *(["paused"] if values.get("paused") == "true" else []),
@@ -61,8 +61,9 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
 
     def note_status(message: Any) -> None:
         for status in message.status:
-            if status.hardware_id in twins:
-                twins[status.hardware_id].status = status
+            twin = twins.get(f"/{status.name.rpartition(': ')[0]}")
+            if twin is not None:
+                twin.values = {**twin.values, **{pair.key: pair.value for pair in status.values}}
 
     node.create_subscription(DiagnosticArray, DIAGNOSTICS, note_status, 50)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -74,7 +75,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
                 node.create_subscription(String, name + SCENARIO, lambda m, name=name: note_scenario(name, m), latched)
         rclpy.spin_once(node, timeout_sec=0.05)
         elapsed = time.monotonic() - started
-        complete = bool(twins) and all(twin.scenario and twin.status for twin in twins.values())
+        complete = bool(twins) and all(twin.scenario and twin.values for twin in twins.values())
         if elapsed > (DISCOVERY if complete else max(wait, DISCOVERY) if twins else wait):
             break
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]

@@ -14,7 +14,25 @@ from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
     yield from _carriages(scenario)
+    yield from _joint_names(scenario)
     yield from _moving_cable(scenario)
+
+
+def _joint_names(scenario: Scenario) -> Iterator[Fault]:
+    """Bodies whose joints would have names that others have, and carriages whose frames would."""
+    for name in scenario.carriages:
+        if name in ("start", "end", *scenario.towers):
+            yield Fault(("carriages", name), f"given the name {name!r}; allowed: any that no support of the cable has")
+    taken = {*scenario.carriages, *scenario.drives}
+    for name, carriage in scenario.carriages.items():
+        for body in carriage.bodies:
+            joint = f"{name}_{body}"
+            if joint in taken:
+                path = ("carriages", name, "bodies", body)
+                yield Fault(
+                    path, f"given {body!r}, whose joint {joint!r} would have the name of another one; rename it"
+                )
+            taken.add(joint)
 
 
 def _carriages(scenario: Scenario) -> Iterator[Fault]:
@@ -160,7 +178,8 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield Fault(("carriers",), "given for a cable that stands still; allowed: with a drive in drives")
     if carriers.name is not None:
         yield from name_faults(("carriers", "name"), carriers.name)
-        taken = [name for name in (*scenario.carriages, *scenario.drives) if fullmatch(f"{carriers.name}_[0-9]+", name)]
+        own = f"{carriers.name}_[0-9]+({'|'.join(['', *(f'_{body}' for body in carriers.bodies)])})"
+        taken = [name for name in (*scenario.carriages, *scenario.drives) if fullmatch(own, name)]
         if taken:
             yield Fault(("carriers", "name"), f"given {carriers.name!r}, which would name {taken[0]!r} twice")
     if carriers.spacing > length:

@@ -14,7 +14,7 @@ from cable_twin.command_messages import (
     command_from_vector,
 )
 from cable_twin.commands import JOINT_COMMANDS
-from cable_twin.messages import JointState, header, serialize
+from cable_twin.messages import JointState, decode, header, serialize
 from cable_twin.records import AppliedCommand, Command, CommandError
 
 EPOCH = 1_700_000_000_123_456_789
@@ -45,9 +45,60 @@ def test_times_of_whole_microseconds_survive():
         assert applied_command_from_message(applied_command_message(applied, EPOCH), EPOCH) == applied
 
 
-def test_foreign_message_is_no_applied_command():
-    with pytest.raises(ValueError, match="KIND:SOURCE"):
-        applied_command_from_message(serialize(JointState(header(EPOCH), ["cabin"], *[np.zeros(1)] * 3)), EPOCH)
+@pytest.mark.parametrize("names", [["cabin"], ["speed"], [], ["speed/cabin"], ["speed/a/b", "force/a/b"], ["jump/a/b"]])
+def test_foreign_message_is_no_applied_command(names):
+    with pytest.raises(ValueError, match="KIND/NAME/SOURCE"):
+        applied_command_from_message(serialize(JointState(header(EPOCH), names, *[np.zeros(len(names))] * 3)), EPOCH)
+
+
+def test_applied_command_names_no_frame_and_has_its_numbers_by_kind_name_and_source():
+    applied = AppliedCommand(0.5, Command("speed", {"a": 1.0, "b": -2.0}), "joint_commands")
+    message = decode(applied_command_message(applied, EPOCH), JointState.__msgtype__)
+    assert message.header.frame_id == ""
+    assert message.name == ["speed/a/joint_commands", "speed/b/joint_commands"]
+    assert message.velocity.tolist() == [1.0, -2.0]
+
+
+def test_applied_command_of_an_early_log_is_understood():
+    """There the frame had kind and source, up to format 2."""
+    none = np.empty(0)
+    message = JointState(header(EPOCH, "force:odd:source"), ["cabin"], none, none, np.array([40e3]))
+    assert applied_command_from_message(serialize(message), EPOCH) == AppliedCommand(
+        0.0, Command("force", {"cabin": 40e3}), "odd:source"
+    )
+
+
+NOT = math.nan
+
+
+@pytest.mark.parametrize(
+    ("names", "fields", "expected"),
+    [
+        (["a", "b"], ([], [1.5, NOT], []), Command("speed", {"a": 1.5})),
+        (["a", "a_hanger", "b"], ([NOT] * 3, [1.5, NOT, -2.0], [NOT] * 3), Command("speed", {"a": 1.5, "b": -2.0})),
+        (["a", "b"], ([NOT, NOT], [NOT, NOT], [NOT, 40e3]), Command("force", {"b": 40e3})),
+    ],
+)
+def test_joints_that_are_named_with_nan_are_not_commanded(names, fields, expected):
+    """As a hardware of ros2_control on topics sends them: all of its joints in each message."""
+    assert command_from_joint_state(JOINT_COMMANDS, names, *fields) == expected
+
+
+@pytest.mark.parametrize(
+    ("names", "fields", "complaint"),
+    [
+        (["a"], ([], [NOT], []), "velocity of 'a' is nan; give a finite number"),
+        (["a", "b"], ([], [NOT, NOT], []), "velocity of 'a' is nan"),
+        (["a", "b"], ([], [1.0, math.inf], []), "velocity of 'b' is inf"),
+        (["a", "b"], ([], [1.0, NOT], [NOT, 5.0]), "both velocity and effort"),
+        (["a", "b"], ([7.0, NOT], [NOT, 1.0], []), "positions are not taken"),
+        (["a", "a", "b"], ([], [1.0, 2.0, NOT], []), "more than once"),
+        (["a", "b"], ([], [1.0, NOT, NOT], []), "2 names and 3 values of velocity"),
+    ],
+)
+def test_what_is_commanded_beside_nan_has_to_be_clear(names, fields, complaint):
+    with pytest.raises(CommandError, match=complaint):
+        command_from_joint_state(JOINT_COMMANDS, names, *fields)
 
 
 @pytest.mark.parametrize("make", [list, np.array])

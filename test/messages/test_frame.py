@@ -13,6 +13,7 @@ from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import (
     SECOND,
     TYPESTORE,
+    FrameNames,
     Header,
     MessageEncoder,
     Status,
@@ -60,9 +61,9 @@ def make_snapshot(time: float, samples: int = 5, carriers: int = 3) -> Snapshot:
     return Snapshot(layout, snapshot.numbers, snapshot.solver)
 
 
-def frame_at(time: float, **options) -> dict[str, bytes]:
-    snapshot = make_snapshot(time, **options)
-    encoder = MessageEncoder(snapshot.layout, EPOCH, own=OWN)
+def frame_at(time: float, carriers: int = 3, **options) -> dict[str, bytes]:
+    snapshot = make_snapshot(time, carriers=carriers)
+    encoder = MessageEncoder(snapshot.layout, EPOCH, own=OWN, **options)
     return dict(encoder.frame(snapshot, [name for name in encoder.topics if name != "/clock"]))
 
 
@@ -74,27 +75,40 @@ def test_a_frame_has_every_topic_that_is_in_a_group():
     assert set(frame_at(0.0)) == {topic.name for topic in table if topic.group}
 
 
-def test_joint_states_list_vehicles_and_drives_before_bodies():
+def test_joint_states_list_vehicles_and_drives_before_the_joints_of_bodies():
+    """Each body against the one above it, under a name that a URDF may have."""
     message = decode(frame_at(1.5)["joint_states"], TYPES["joint_states"])
     vehicles = ["cabin", "load", "chair_1", "chair_2", "chair_3"]
-    bodies = ["cabin/hanger", "cabin/cabin", "chair_1/chair", "chair_2/chair", "chair_3/chair"]
-    assert message.name == [*vehicles, "haul_rope", *bodies]
+    joints = ["cabin_hanger", "cabin_cabin", "chair_1_chair", "chair_2_chair", "chair_3_chair"]
+    assert message.name == [*vehicles, "haul_rope", *joints]
     expected = JointState(
         header(EPOCH + 1_500_000_000),
         message.name,
-        np.array([3.5, 1.5, 4.0, 8.0, 12.0, 12.5, 0.3, -0.1, 0.01, 0.02, 0.03]),
-        np.array([6.0, 0.0, 2.5, 2.5, 2.5, 2.5, -0.02, 0.04, 0.1, 0.2, 0.1 * 3]),
+        np.array([3.5, 1.5, 4.0, 8.0, 12.0, 12.5, 0.3, -0.1 - 0.3, 0.01, 0.02, 0.03]),
+        np.array([6.0, 0.0, 2.5, 2.5, 2.5, 2.5, -0.02, 0.04 + 0.02, 0.1, 0.2, 0.1 * 3]),
         np.array([120.0, 0.0, 7.0, 14.0, 21.0, 1e4, 0.0, 0.0, 0.0, 0.0, 0.0]),
     )
     assert frame_at(1.5)["joint_states"] == serialize(expected)
 
 
-def test_every_message_of_a_frame_has_the_stamp_of_its_simulated_time():
-    for name, data in frame_at(1.23).items():
+def test_messages_of_early_logs_have_pitches_of_bodies_and_all_forces_in_one_frame():
+    early = frame_at(1.5, absolute=True)
+    message = decode(early["joint_states"], TYPES["joint_states"])
+    assert message.name[6:8] == ["cabin/hanger", "cabin/cabin"]
+    assert message.position[6:8].tolist() == [0.3, -0.1]
+    wrench = Wrench(Vector3(-899.0, 0.0, 30.0), Vector3(0.0, 0.0, 0.0))
+    assert early["supports/end/force"] == serialize(WrenchStamped(header(EPOCH + 1_500_000_000), wrench))
+
+
+@pytest.mark.parametrize("frames", [FrameNames(), FrameNames("south/map", "south/")])
+def test_every_message_of_a_frame_has_its_time_and_the_frame_that_its_numbers_are_in(frames):
+    """Forces are in the frame of what they act on, where a viewer draws them."""
+    for name, data in frame_at(1.23, frames=frames).items():
         message = decode(data, TYPES[name])
         for one in message.transforms if name == "/tf" else [message]:
             assert one.header.stamp.sec * SECOND + one.header.stamp.nanosec == EPOCH + 1_230_000_000
-            assert one.header.frame_id == "map"
+            at_it = name.endswith("force") and f"{frames.frame_prefix}{name.split('/')[1]}"
+            assert one.header.frame_id == (at_it or frames.frame_id)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +121,8 @@ def test_every_message_of_a_frame_has_the_stamp_of_its_simulated_time():
 )
 def test_forces_are_what_the_typestore_writes(topic, force):
     wrench = Wrench(Vector3(*force), Vector3(0.0, 0.0, 0.0))
-    assert frame_at(1.23)[topic] == serialize(WrenchStamped(header(EPOCH + 1_230_000_000), wrench))
+    head = header(EPOCH + 1_230_000_000, topic.split("/")[1])
+    assert frame_at(1.23)[topic] == serialize(WrenchStamped(head, wrench))
 
 
 def test_cable_points():
@@ -187,6 +202,8 @@ def test_transforms_name_bodies_under_their_vehicle():
     assert children[:5] == ["cabin", "cabin/hanger", "cabin/cabin", "load", "chair_1"]
     hanger = message.transforms[1].transform
     assert (hanger.translation.x, hanger.translation.z, hanger.rotation.y) == (1.25, -0.5, math.sin(0.15))
+    again = decode(frame_at(0.0, frames=FrameNames("map", "south/"))["/tf"], TYPES["/tf"])
+    assert [transform.child_frame_id for transform in again.transforms] == [f"south/{child}" for child in children]
     chair = message.transforms[children.index("chair_3/chair")].transform
     assert (chair.translation.x, chair.translation.z, chair.rotation.w) == (30.0, -3.0, math.cos(0.5 * 0.03))
 

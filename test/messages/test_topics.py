@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.messages import Schedule, full_name, topics
+from cable_twin.messages import Schedule, TopicNames, topics
 from cable_twin.rates import LOGGED, PUBLISHED, divides, fault, frames_between
 from cable_twin.snapshot import Layout
 
@@ -50,9 +50,18 @@ def test_topics_do_not_grow_with_carriers_but_with_carriages_and_names_that_are_
 
 
 def test_full_names_follow_the_node():
-    assert full_name("joint_states") == "/cable_twin/joint_states"
-    assert full_name("joint_states", "/site/twin") == "/site/twin/joint_states"
-    assert full_name("/tf", "/site/twin") == "/tf"
+    assert TopicNames().full("joint_states") == "/cable_twin/joint_states"
+    assert TopicNames("/site/twin").full("joint_states") == "/site/twin/joint_states"
+    assert TopicNames("/site/twin").full("/tf") == "/tf"
+
+
+def test_names_that_are_remapped_come_back_from_the_metadata_of_a_log():
+    names = TopicNames("/site/twin", {"joint_states": "/js", "/clock": "/south/clock"})
+    again = TopicNames.of(names.metadata)
+    for topic, full in (("joint_states", "/js"), ("/clock", "/south/clock"), ("cable", "/site/twin/cable")):
+        assert names.full(topic) == full
+        assert again.own(full) == topic
+    assert TopicNames.of({}).own("/cable_twin/cable") == "cable"  # of an early log
 
 
 @pytest.mark.parametrize("frame_rate", [7.0, 50.0, 60.0, 100.0, 250.0, 1000.0])

@@ -11,7 +11,15 @@ from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
 from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, nanoseconds, scenario_message, topics
+from cable_twin.messages import (
+    APPLIED_COMMANDS,
+    SCENARIO,
+    MessageEncoder,
+    TopicNames,
+    nanoseconds,
+    scenario_message,
+    topics,
+)
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.mcap_log import McapLog, run_metadata
@@ -28,7 +36,8 @@ def whole(tmp_path_factory):
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
     metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES)
-    log = McapLog(directory, topics(simulation.layout), metadata, namespace="/valley/twin")
+    names = TopicNames("/valley/twin", {"cable": "/rope", "joint_states": "/js"})
+    log = McapLog(directory, topics(simulation.layout), metadata, names=names)
     log.begin(EPOCH)
     encoder = MessageEncoder(simulation.layout, EPOCH)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))

@@ -48,7 +48,7 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
     simulation = Simulation(load_scenario(write_quick_scenario(directory), drive))
     table = topics(simulation.layout)
     period = FRAME_STEPS * simulation.step
-    run = start_run(simulation, table, record_directory=directory, frame_period=period, rerun="off")
+    run = start_run(simulation, table, record_directory=directory, frame_period=period, rerun="none")
     run.begin(EPOCH)
     encoder = MessageEncoder(simulation.layout, EPOCH)
     random = np.random.default_rng(seed)
@@ -208,7 +208,7 @@ def test_it_says_what_made_the_log(recorded, capsys):
     metadata = read_log(recorded).metadata
     assert (
         f"made by: cable_twin {metadata['package_version']}, numba {metadata['numba_version']}, numpy "
-        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 2"
+        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 3"
     ) in output
     assert "here:" not in output
     assert re.search(r"scenario: quick, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
@@ -245,10 +245,10 @@ def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tm
 
 
 def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
-    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "3"})
+    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "4"})
     assert main([str(target)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "format version 3 is newer than this cable_twin reads (2); update cable_twin" in line
+    assert "format version 4 is newer than this cable_twin reads (3); update cable_twin" in line
 
 
 @pytest.mark.parametrize("golden", sorted(Path(__file__).parent.glob("golden_*.mcap")), ids=lambda path: path.stem)
@@ -258,5 +258,5 @@ def test_logs_of_earlier_versions_keep_replaying(golden):
 
 
 def test_there_is_a_golden_log_for_every_format():
-    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1", "golden_2"}
-    assert FORMAT_VERSION == "2"
+    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1", "golden_2", "golden_3"}
+    assert FORMAT_VERSION == "3"

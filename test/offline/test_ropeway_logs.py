@@ -45,7 +45,7 @@ def record(directory, scenario, commands, duration):
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(simulation, script) == []
     table = topics(simulation.layout)
-    run = start_run(simulation, table, record_directory=directory, frame_period=0.02, rerun="off")
+    run = start_run(simulation, table, record_directory=directory, frame_period=0.02, rerun="none")
     run.begin(EPOCH)
     frames = []
     outcome = simulate(

@@ -100,8 +100,8 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         writer.write(connection, 1, scenario_message({}))
     assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
     for name, metadata, words in [
-        ("later", {**METADATA, "format_version": "3"}, "format version 3 is newer than this cable_twin reads (2)"),
-        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads 1 and 2"),
+        ("later", {**METADATA, "format_version": "4"}, "format version 4 is newer than this cable_twin reads (3)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this package reads 1, 2, 3"),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
         ("pointless", {**METADATA, "sample_count": "many"}, "sample_count is 'many', a whole number of points is"),
     ]:

@@ -13,8 +13,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from ruamel.yaml import YAML
 
-from cable_twin.messages import TYPESTORE
+from cable_twin.messages import TYPESTORE, TopicNames
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.mcap_log import FORMAT_VERSION
 
 
 def test_a_finished_log_is_read_back(finished):
@@ -23,7 +24,7 @@ def test_a_finished_log_is_read_back(finished):
         read = read_log(path)
         assert read.complete
         assert read.metadata.items() >= METADATA.items()
-        assert (read.metadata["format_version"], read.metadata["namespace"]) == ("2", "/cable_twin")
+        assert (read.metadata["format_version"], read.metadata["namespace"]) == (FORMAT_VERSION, "/cable_twin")
         assert read.epoch_ns == EPOCH
         assert read.scenario == SCENARIO_VALUES
         assert read.commands == COMMANDS
@@ -66,7 +67,7 @@ def test_rosbags_opens_the_directory(finished):
             1,
         )
         assert "/clock" in connections
-        assert reader.deserialize(messages[1][2], "sensor_msgs/msg/JointState").name == ["cabin", "cabin/hanger"]
+        assert reader.deserialize(messages[1][2], "sensor_msgs/msg/JointState").name == ["cabin", "cabin_hanger"]
 
 
 def test_rosbags_opens_the_file_alone(finished):
@@ -119,12 +120,12 @@ def test_metadata_yaml_is_there_from_the_start_and_final_in_the_end(directory):
 
 
 def test_another_node_name_changes_topics_in_the_file_only(directory):
-    log = open_log(directory, namespace="/valley/twin")
+    log = open_log(directory, names=TopicNames("/valley/twin", {"joint_states": "/js"}))
     messages = write_run(log, 5)
     log.close()
     assert list(read_log(directory).messages()) == messages
     with AnyReader([directory]) as reader:
-        assert {"/valley/twin/joint_states", "/diagnostics"} <= {connection.topic for connection in reader.connections}
+        assert {"/valley/twin/cable", "/js", "/diagnostics"} <= {connection.topic for connection in reader.connections}
 
 
 def test_equal_runs_give_equal_files(tmp_path):

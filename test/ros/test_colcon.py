@@ -141,7 +141,7 @@ def test_node_runs_from_the_workspace(workspace, domain, tmp_path):
     directory, variables = workspace
     script = (
         f". {directory}/install/setup.sh && exec $COLCON_PREFIX_PATH/cable_twin/lib/cable_twin/sim "
-        "--scenario seed_example --frame-rate 10 --rerun off"
+        "--scenario seed_example --frame-rate 10 --rerun none"
     )
     # interpreted kernels, as compiling them once more for another place would take half a minute
     extra = {**variables, "ROS_DOMAIN_ID": str(domain), "NUMBA_DISABLE_JIT": "1"}
@@ -154,7 +154,7 @@ def test_node_runs_from_the_workspace(workspace, domain, tmp_path):
             state = participant.received["joint_states"][-1]
         finally:
             participant.close()
-        assert state.name == ["carriage", "carriage/rb1", "carriage/rb2"]
+        assert state.name == ["carriage", "carriage_rb1", "carriage_rb2"]
         assert process.end() == 0
         assert "'seed_example' runs at 10 Hz" in process.output
         assert len(list(process.run_directory.glob("*.mcap"))) == 1

@@ -138,7 +138,7 @@ def trips(tmp_path_factory):
 
 def drive_both(directories):
     """Run two twins with a controller each; logs, and output of the controllers."""
-    arguments = ["--rerun", "off", "--frame-rate", "50", "--command-timeout", "5"]
+    arguments = ["--rerun", "none", "--frame-rate", "50", "--command-timeout", "5"]
     started, pairs = [], []
     try:
         for script, directory in zip(SCRIPTS, directories, strict=False):

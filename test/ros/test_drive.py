@@ -9,9 +9,13 @@ import sys
 import pytest
 from twin_process import PATIENCE, TwinProcess, environment, run_module, write_quick_scenario
 
+from cable_twin.records import Command
+
 pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
+
+STOP = Command("speed", {"cabin": 0.0})
 
 
 @pytest.fixture
@@ -42,17 +46,14 @@ def finish(participant: Participant, process: TwinProcess) -> int:
 def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
     process = drive("cabin", "--speed", "3", "--ramp", "1", "--duration", "3")
     assert finish(twin, process) == 0, process.output
-    commands = [
-        message for message in twin.received["applied_commands"] if message.header.frame_id.startswith("speed:")
-    ]
-    speeds = [message.velocity[0] for message in commands]
+    speeds = [applied.command.values["cabin"] for applied in twin.applied if applied.command.kind == "speed"]
     assert speeds == [*sorted(speeds[:-1]), 0.0]  # up the ramp, and zero in the end
     assert max(speeds) == 3.0
     assert len(speeds) > 40  # 20 Hz
     assert any(0.5 < speed < 2.5 for speed in speeds)
     assert max(message.velocity[0] for message in twin.received["joint_states"]) == pytest.approx(3.0, abs=1e-3)
     twin.until(lambda: twin.speed == 0.0, what="stop")
-    assert not [message for message in twin.received["applied_commands"] if "timeout" in message.header.frame_id]
+    assert "command_timeout" not in {applied.source for applied in twin.applied}
     line = process.output.splitlines()[-1]
     assert "commanded     +3.00 m/s  cabin:" in line
     assert line.rstrip().endswith("kN")
@@ -65,8 +66,8 @@ def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
     process.send(number)
     assert finish(twin, process) == 0
     twin.until(lambda: twin.speed == 0.0, what="stop")
-    last = twin.received["applied_commands"][-1]
-    assert (last.header.frame_id, last.velocity.tolist()) == ("speed:joint_commands", [0.0])  # not by the time-out
+    last = twin.applied[-1]
+    assert (last.command, last.source) == (STOP, "joint_commands")  # not by the time-out
     assert "Traceback" not in process.output
 
 
@@ -84,8 +85,8 @@ def test_a_reader_that_leaves_ends_it_with_a_stop(running, twin):
         assert process.stderr.read() == b""
     assert process.returncode == 0
     twin.until(lambda: twin.speed == 0.0, what="stop")
-    last = twin.received["applied_commands"][-1]
-    assert (last.header.frame_id, last.velocity.tolist()) == ("speed:joint_commands", [0.0])
+    last = twin.applied[-1]
+    assert (last.command, last.source) == (STOP, "joint_commands")
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_carriers_come_in_columns_in_the_order_of_joint_states(running):
         assert joints.name[:CHAIRS] == [f"chair_{number}" for number in range(1, CHAIRS + 1)]
         assert len(poses.poses) == forces.width == CHAIRS
         assert poses.poses[2] == own.pose
-        pitch = joints.position[joints.name.index("chair_3/chair")]
+        pitch = joints.position[joints.name.index("chair_3_chair")]
         assert poses.poses[2].orientation.y == pytest.approx(np.sin(0.5 * pitch), abs=1e-12)
         points = forces.data.view("<f4").reshape(CHAIRS, 6)
         below = np.array([pose.position.z for pose in poses.poses]) - points[:, 2]

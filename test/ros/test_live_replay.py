@@ -22,7 +22,7 @@ def test_live_run_over_dds_agrees_to_the_last_bit(processes, participants, tmp_p
         participant.publish(name=["cabin"], **value)
         participant.spin(float(random.uniform(0.01, 0.2)))
     participant.until(
-        lambda: participant.received["applied_commands"][-1].header.frame_id.endswith("command_timeout"),
+        lambda: participant.applied[-1].source == "command_timeout",
         what="its stop",
     )
     assert sim.end() == 0

@@ -30,7 +30,7 @@ def motion(log: Log) -> dict[tuple[str, int], bytes]:
 
 def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path, capsys):
     scenario = str(write_quick_scenario(tmp_path))
-    first = processes("--scenario", scenario, "--rerun", "off", "--record-directory", "first", *LOG_EVERY_FRAME)
+    first = processes("--scenario", scenario, "--rerun", "none", "--record-directory", "first", *LOG_EVERY_FRAME)
     participant = participants(first.domain)
     participant.subscribe_standard()
     with participant.stream(name=["cabin"], velocity=[4.0]):
@@ -54,7 +54,7 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     assert {file.stem for file in run.glob("*.npz")} == {path.stem, *names}
     assert first.end() == 0, first.output
 
-    second = processes("--snapshot", str(path), "--rerun", "off", "--record-directory", "second", *LOG_EVERY_FRAME)
+    second = processes("--snapshot", str(path), "--rerun", "none", "--record-directory", "second", *LOG_EVERY_FRAME)
     observer = participants(second.domain)
     observer.subscribe_standard()
     second.wait_for(f"'quick' runs at 100 Hz from {saved:.3f} s of the snapshot on")
@@ -115,7 +115,7 @@ def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_
     variables = environment(tmp_path, domain)
     variables["PYTHONPATH"] = os.pathsep.join([str(tmp_path / "slow"), variables["PYTHONPATH"]])
     scenario = str(write_quick_scenario(tmp_path))
-    sim = processes("--scenario", scenario, "--rerun", "off", domain=domain, variables=variables)
+    sim = processes("--scenario", scenario, "--rerun", "none", domain=domain, variables=variables)
     participant = participants(domain)
     participant.subscribe_standard()
     with participant.stream(name=["cabin"], velocity=[1.0]):

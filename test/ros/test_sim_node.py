@@ -10,8 +10,10 @@ from itertools import pairwise
 from xml.etree import ElementTree
 
 import pytest
+from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
+from cable_twin.records import Command
 from cable_twin.ros.node_parameters import PARAMETERS
 from cable_twin.scenario import load_scenario
 
@@ -123,9 +125,33 @@ def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     assert level in (0, 1), message  # a warning where this machine was late
 
 
+def test_topics_and_services_are_those_of_the_page(twin):
+    """As other nodes see them: names, types and directions; without what every node has, and what no wheel brings."""
+    scenario = load_scenario("aerial_tramway")
+    vehicles = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
+    of_all = {*services_of_page(), *(row for row in topics_of_page() if not row.name.startswith(("carriers/", "/tf")))}
+    expected = {line for row in of_all for line in row.expanded(vehicles, ("start", "end"))}
+    ask, node = twin.node, ("cable_twin", "/")
+    groups = (
+        ("out", ask.get_publisher_names_and_types_by_node, "msg"),
+        ("in", ask.get_subscriber_names_and_types_by_node, "msg"),
+        ("service", ask.get_service_names_and_types_by_node, "srv"),
+    )
+
+    def found() -> set[tuple[str, str, str]]:
+        return {
+            (direction, name.removeprefix("/cable_twin/"), types[0].replace(f"/{form}/", "/"))
+            for direction, get, form in groups
+            for name, types in get(*node)
+            if name not in ("/rosout", "/parameter_events") and not types[0].startswith(("rcl_", "type_desc"))
+        }
+
+    twin.until(lambda: found() == expected, what=f"{expected ^ found()}")
+
+
 def test_joint_states_name_carriages_and_bodies(twin):
     state = twin.received["joint_states"][-1]
-    assert state.name == ["cabin", "cabin/running_carriage", "cabin/hanger", "cabin/cabin"]
+    assert state.name == ["cabin", "cabin_running_carriage", "cabin_hanger", "cabin_cabin"]
     assert state.position[0] == pytest.approx(60.0, abs=0.1)
     assert state.effort[0] > 1e3  # the drive holds the cabin on the slope
 
@@ -139,10 +165,8 @@ def test_command_moves_the_cabin_and_silence_stops_it(running, twin):
     silent = time.monotonic()
     twin.until(lambda: twin.speed == 0.0, what="stop after silence")
     assert time.monotonic() - silent > 0.4  # not before the time-out
-    stopping = [
-        message for message in twin.received["applied_commands"] if "command_timeout" in message.header.frame_id
-    ]
-    assert [message.velocity.tolist() for message in stopping] == [[0.0]]
+    stopping = [applied.command for applied in twin.applied if applied.source == "command_timeout"]
+    assert stopping == [Command("speed", {"cabin": 0.0})]
     assert process.output.count("no command for 0.5 s: cabin ramps to a stop") == before + 1
     speeds = [message.velocity[0] for message in twin.received["joint_states"]]
     fastest = max(abs(after - before) for before, after in pairwise(speeds))
@@ -190,18 +214,17 @@ def test_payload_and_wind_are_taken_from_their_topics_or_refused_by_name(running
     winds = twin.node.create_publisher(Vector3Stamped, f"{twin.twin}/wind", 10)
     twin.until(lambda: loads.get_subscription_count() and winds.get_subscription_count(), what="a twin that listens")
 
-    def applied(kind: str) -> JointState | None:
-        return next((m for m in twin.received["applied_commands"] if m.header.frame_id == f"{kind}:{kind}"), None)
+    def applied(kind: str) -> Command | None:
+        return next((one.command for one in twin.applied if one.command.kind == one.source == kind), None)
 
     loads.publish(JointState(name=["cabin"], effort=[3200.0]))
     winds.publish(Vector3Stamped(vector=Vector3(x=12.0, z=-1.0)))
     load = twin.until(lambda: applied("payload"), what="applied payload")
     wind = twin.until(lambda: applied("wind"), what="applied wind")
-    assert (load.name, list(load.effort)) == (["cabin"], [3200.0])
-    assert dict(zip(wind.name, wind.velocity, strict=True)) == {"x": 12.0, "z": -1.0}
-    # the cabin, third of the joints after the carriage, swings downwind
-    pitch = 3
-    twin.until(lambda: twin.received["joint_states"][-1].position[pitch] < -0.005, what="a cabin in the wind")
+    assert load.values == {"cabin": 3200.0}
+    assert wind.values == {"x": 12.0, "z": -1.0}
+    # the cabin swings downwind; its pitch is the sum of the joints above it
+    twin.until(lambda: sum(twin.received["joint_states"][-1].position[1:]) < -0.005, what="a cabin in the wind")
     for publisher, message, reason in (
         (loads, JointState(name=["cabin"], effort=[1e6]), "/payload: command refused"),
         (winds, Vector3Stamped(vector=Vector3(y=3.0)), "/wind: command refused"),
@@ -245,7 +268,8 @@ def test_pause_and_step(twin):
         assert twin.call("step", Trigger).success
     twin.until(lambda: len(twin.received["joint_states"]) == count + 3)
     assert gaps(twin.received["joint_states"])[-3:] == [FRAME] * 3
-    assert twin.next_diagnostics()[1] == "paused"
+    twin.next_diagnostics()
+    assert twin.task("pace") == (0, "paused")
     paused_at = stamps(twin.received["joint_states"])[-1]
     resumed = time.monotonic()
     assert twin.call("pause", SetBool, data=False).success
@@ -263,8 +287,8 @@ def test_emergency_stop_refuses_commands_until_released(running, twin):
         twin.until(lambda: twin.speed == 0.0, what="emergency stop against commands")
         twin.spin(0.3)
         assert twin.speed == 0.0
-        level, message, values = twin.next_diagnostics()
-        assert (level, message, values["emergency_stop"]) == (1, "emergency stop in force", "true")
+        assert twin.next_diagnostics()[2]["emergency_stop"] == "true"
+        assert twin.task("commands") == (1, "emergency stop in force")
         assert "release it before the next command" in process.output[length:]
         assert twin.call("emergency_stop", SetBool, data=False).success
         twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="motion after the release")
@@ -311,7 +335,7 @@ def test_parameters_are_described_with_unit_and_range(twin):
             (bounds,) = descriptor.floating_point_range
             assert (bounds.from_value, bounds.to_value) == (parameter.low, parameter.high)
             assert f"({parameter.low:g} to {parameter.high:g}" in descriptor.description
-    assert descriptors[names.index("rerun")].additional_constraints == "one of: off, file, live, web"
+    assert descriptors[names.index("rerun")].additional_constraints == "one of: none, file, live, web"
 
 
 def test_only_the_command_timeout_may_change_and_within_its_range(twin):

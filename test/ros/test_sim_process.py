@@ -175,7 +175,7 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants
 
 
 def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants):
-    sim = processes("--scenario", "seed_example", "--rerun", "off")
+    sim = processes("--scenario", "seed_example", "--rerun", "none")
     participant = participants(sim.domain)
     participant.subscribe_standard()
     participant.publish(name=["carriage"], effort=[1e9])
@@ -212,7 +212,7 @@ def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participa
 
 
 def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
-    arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "off"]
+    arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "none"]
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments)
     participant = participants(sim.domain)
     participant.subscribe_standard(paused=True)
@@ -260,7 +260,7 @@ BAD_PARAMETERS = [
     (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
     (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
     (["--ros-args", "-p", "command_timeout:=0"], "sim: parameter 'command_timeout' is 0.0; allowed are 0.02 to"),
-    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: off, file, live"),
+    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: none, file, live"),
     (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
     (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
     (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
@@ -272,6 +272,17 @@ BAD_PARAMETERS = [
     ),
     (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
+    (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time' is 'maybe'; a bool is needed"),
+    (["--frame-id", "/map"], "sim: parameter 'frame_id' is '/map'; coordinate frame in which everything is; "),
+    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix' is 'a b/'; in front of the frames of "),
+    (
+        ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.reliability:=sometimes"],
+        "sim: qos_overrides./cable_twin/cable: Unexpected QoS override for policy `reliability`: `sometimes`",
+    ),
+    (
+        ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.depth:=-1"],
+        "sim: qos_overrides./cable_twin/cable: Failed to create publisher: failed to set history depth",
+    ),
 ]
 
 
@@ -300,7 +311,18 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
 
 
 def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants):
-    names = ["-r", "__node:=tram", "-r", "__ns:=/site", "-p", "frame_rat:=50", "-p", "use_sim_time:=false"]
+    names = [
+        "-r",
+        "__node:=tram",
+        "-r",
+        "__ns:=/site",
+        "-p",
+        "frame_rat:=50",
+        "-p",
+        "use_sim_time:=false",
+        "-p",
+        "rerun:=off",
+    ]
     sim = processes("--frame-rate", "30", "--ros-args", *names)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
@@ -312,6 +334,7 @@ def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignore
     assert sim.end() == 0
     log = read_log(sim.run_directory)
     assert log.metadata["namespace"] == "/site/tram"
+    assert not list(sim.run_directory.glob("*.rrd"))  # off is YAML's false, and none of ours
     assert len(log.commands) >= 1
 
 

@@ -1,0 +1,50 @@
+"""Numbers of messages where they stand in the bytes, without decoding the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cable_twin.records import FloatArray
+
+
+def last_numbers(data: bytes, count: int) -> FloatArray:
+    """The doubles with which a message ends."""
+    return np.frombuffer(data, "<f8", count, len(data) - 8 * count)
+
+
+def reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
+    """Reads a message that ends with so many doubles, of which the first ones go to the targets."""
+    sizes = [target.size for target in targets]
+
+    def read(data: bytes) -> None:
+        numbers, taken = last_numbers(data, count), 0
+        for target, size in zip(targets, sizes, strict=True):
+            target[:] = numbers[taken : taken + size]
+            taken += size
+
+    return read
+
+
+def table_reader(targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
+    """Reads a message that ends with a row of doubles for each row of the targets."""
+    rows, width = len(targets[0]), sum(target.shape[1] for target in targets)
+    return lambda data: fill(last_numbers(data, rows * width).reshape(rows, width), targets)
+
+
+def fill(table: FloatArray, targets: Sequence[FloatArray]) -> None:
+    """Spread the columns of a table (rows, width) over the targets (rows, ...)."""
+    taken = 0
+    for target in targets:
+        target[:] = table[:, taken : taken + target.shape[1]]
+        taken += target.shape[1]
+
+
+def cloud_points(data: bytes, count: int, fields: Sequence[str]) -> FloatArray:
+    """Points (count, fields) of a PointCloud2 of float32: they stand before its last byte."""
+    size = 4 * len(fields)
+    return np.frombuffer(data, "<f4", count * len(fields), len(data) - 1 - count * size).reshape(count, -1)
+
+
+__all__ = ["cloud_points", "fill", "last_numbers", "reader", "table_reader"]
