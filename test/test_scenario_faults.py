@@ -190,6 +190,23 @@ def test_names_are_names_in_ros(name):
     assert f"given the name {name!r}; allowed: a letter" in fault
 
 
+def test_names_of_joints_and_frames_are_there_once():
+    """The joint of `rb1` is `carriage_rb1`; a carriage has the frame of its name, and so has a support."""
+    data = SEED.resolved()
+    carriage = data["carriages"]["carriage"]
+    data["carriages"] |= {"carriage_rb1": carriage, "end": carriage}
+    end, body = faults_of(data)
+    assert "carriages.end: given the name 'end'; allowed: any that no support of the cable has" in end
+    assert "carriages.carriage.bodies.rb1: given 'rb1'; allowed: a name whose joint is not 'carriage_rb1'" in body
+
+
+def test_a_joint_of_a_carrier_is_no_carriage():
+    data = load_scenario("chairlift").resolved()
+    carriage = SEED.resolved()["carriages"]["carriage"] | {"joint": "clamped", "bodies": {}}
+    data["carriages"] = {"chair_3_chair": carriage}
+    assert any("'chair', which would name 'chair_3_chair' twice" in fault for fault in faults_of(data))
+
+
 def test_all_faults_come_at_once_even_those_between_values():
     faults = faults_of(
         "seed_example",

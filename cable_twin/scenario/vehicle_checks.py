@@ -29,9 +29,7 @@ def _joint_names(scenario: Scenario) -> Iterator[Fault]:
             joint = f"{name}_{body}"
             if joint in taken:
                 path = ("carriages", name, "bodies", body)
-                yield Fault(
-                    path, f"given {body!r}, whose joint {joint!r} would have the name of another one; rename it"
-                )
+                yield Fault(path, f"given {body!r}; allowed: a name whose joint is not {joint!r}, as another one's")
             taken.add(joint)
 
 
