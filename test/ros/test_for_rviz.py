@@ -17,7 +17,17 @@ import pytest
 from ruamel.yaml import YAML
 from small_tramway import TRAMWAY
 
-from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF, TF_STATIC, MessageEncoder, decode, serialize, topics
+from cable_twin.messages import (
+    MARKERS,
+    ROBOT_DESCRIPTION,
+    TF,
+    TF_STATIC,
+    FrameNames,
+    MessageEncoder,
+    decode,
+    serialize,
+    topics,
+)
 from cable_twin.messages.topics import String
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.ros.description import robot_description, still_transforms
@@ -305,6 +315,36 @@ def test_the_chain_of_the_description_is_where_tf_says(shown):
         np.testing.assert_allclose(turn, turned, atol=1e-9)
         checked += 1
     assert checked > 0
+
+
+@pytest.mark.parametrize("prefix", ["", PREFIX])
+def test_every_message_is_in_a_frame_of_the_tree(shown, prefix):
+    """Also forces, which are in that of the vehicle or support where they act."""
+    simulation, snapshot, *_ = shown
+    encoder = MessageEncoder(simulation.layout, STAMP, frames=FrameNames(FRAME_ID, prefix))
+    encoded = dict(encoder.frame(snapshot, [*encoder.topics]))
+    found = frames(simulation, encoded, frame_id=FRAME_ID, prefix=prefix)
+    types = {topic.name: topic.type for topic in topics(simulation.layout, clock=True, tf=True)}
+    used = {decode(data, types[name]).header.frame_id for name, data in encoded.items() if not name.startswith("/")}
+    assert len(used) > 3
+    for frame in used:
+        placed(found, frame, FRAME_ID)
+
+
+def test_joint_states_move_the_chain_of_the_description(shown):
+    """The names and the angles that a robot_state_publisher would take."""
+    simulation, snapshot, *_ = shown
+    ((_, data),) = MessageEncoder(simulation.layout, STAMP).frame(snapshot, ["joint_states"])
+    states = decode(data, "sensor_msgs/msg/JointState")
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    moving = {joint.get("name") for joint in robot.findall("joint") if joint.get("type") != "fixed"}
+    assert set(states.name) == moving
+    given = dict(zip(states.name, states.position, strict=True))
+    for vehicle, bodies in simulation.layout.vehicles.items():
+        pitch = 0.0
+        for body in bodies:
+            pitch += given[f"{vehicle}_{body}"]
+            assert pitch == pytest.approx(snapshot.carriages[vehicle].bodies[body].pitch, abs=1e-12)
 
 
 def test_frames_have_the_names_that_they_are_given(shown):
