@@ -101,6 +101,8 @@ class Output:
             topic, data = frame.messages[number]
             self._publishers[topic](data)
         self._frames.record(frame)
+        if frame.split is not None:
+            self.record(self._once, frame.stamp_ns)  # each file of a log stands alone
 
     def send(self, messages: Messages, stamp_ns: int) -> None:
         """Publish and record what is no part of a frame."""
