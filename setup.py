@@ -1,16 +1,46 @@
 """ament_python package: installs alike with pip and with colcon."""
 
+import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
+
+COMMANDS = ("sim", "drive", "simulate", "review", "replay")  # console scripts of setup.cfg
+SHARED = "examples/control_experiment.py"  # what the controllers have in common
+CONTROLLERS = ("examples/swing_damping.py", "examples/tower_pass.py", "examples/trapezoid_driver.py")
+RELAY = """\
+#!/bin/sh
+exec "$(dirname "$0")/../../bin/$(basename "$0")" "$@"
+"""
+
+
+def behind_ros2_run() -> list[tuple[str, list[str]]]:
+    """What `ros2 run` finds of a pip install, whose commands are in bin/; colcon puts those themselves there."""
+    if "bdist_wheel" not in sys.argv:
+        return []
+    directory = Path("build") / "ros2_run"
+    directory.mkdir(parents=True, exist_ok=True)
+    relays = [directory / name for name in (*COMMANDS, *(Path(script).name for script in CONTROLLERS))]
+    for relay in relays:
+        relay.write_text(RELAY)
+        relay.chmod(0o755)
+    return [("lib/cable_twin", [str(relay) for relay in relays])]
+
 
 setup(
     python_requires=">=3.10",  # in setup.cfg it becomes an object that colcon cannot read
     packages=find_packages(include=["cable_twin", "cable_twin.*"]),
+    scripts=[SHARED, *CONTROLLERS],
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/cable_twin"]),
         ("share/cable_twin", ["package.xml"]),
         ("share/cable_twin/config", glob("config/*.yaml")),
+        ("share/cable_twin/launch", glob("launch/*.launch.py")),
+        ("share/cable_twin/ros2_control", glob("examples/ros2_control/*.*")),
+        ("share/cable_twin/rviz", glob("rviz/*.rviz")),
+        ("share/cable_twin/security", glob("security/*.xml")),
         ("share/cable_twin/docs", ["docs/scenario.schema.json"]),  # where the first line of each scenario looks for it
+        *behind_ros2_run(),
     ],
 )

@@ -6,8 +6,17 @@ import math
 from collections.abc import Mapping
 
 EVERY_FRAME = 0.0  # Hz, of a group that is due at every frame
-PUBLISHED: Mapping[str, float] = {"path": 10.0}  # Hz, of groups that are not published every frame
-LOGGED: Mapping[str, float] = {"poses": 20.0, "forces": 20.0, "rope": 10.0, "path": 1.0}  # Hz, the same of logs
+ONCE = 1e-6  # Hz, of one that nobody takes but with the first frame
+PUBLISHED: Mapping[str, float] = {"path": 10.0, "markers": 10.0}  # Hz, of groups that are not published every frame
+# Hz, the same of logs
+LOGGED: Mapping[str, float] = {
+    "poses": 20.0,
+    "forces": 20.0,
+    "rope": 10.0,
+    "path": 1.0,
+    "transforms": 10.0,
+    "markers": 1.0,
+}
 
 MOST_FRAMES = 1e9  # from one that is due to the next: a run has fewer
 ROUNDING = 1e-5  # of a rate that somebody types with six digits, as messages have them

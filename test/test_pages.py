@@ -28,6 +28,15 @@ def test_quick_start_has_two_blocks():
     assert "pytest" in second
 
 
+def test_the_quick_start_keeps_to_this_machine():
+    """By default ROS 2 announces a twin to the whole network, where anyone may then command it."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    first = re.findall(r"^```sh\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[0]
+    assert "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST" in first.splitlines()[-2]
+    assert re.search(r"`emergency_stop` is no\s+safety\s+function", text)
+    assert "**`emergency_stop` is no safety function.**" in (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#\s\\]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))

@@ -18,7 +18,7 @@ from cable_twin.snapshot import Layout
 LAYOUT = Layout(
     {"VEHICLE": ("BODY",), "chair_1": ("chair",)}, ("SUPPORT",), ("haul_rope",), np.linspace(0.0, 1.0, 3), carriers=1
 )
-TABLE = topics(LAYOUT, clock=True, tf=True)
+TABLE = topics(LAYOUT, clock=True, tf=True, markers=True, robot=True)
 RATES = {
     "joints": "frame",
     "poses": "frame",
@@ -26,6 +26,8 @@ RATES = {
     "clock": "frame",
     "rope": "`rope_rate`",
     "path": "`path_rate`",
+    "transforms": "frame",
+    "markers": "`marker_rate`",
 }
 
 

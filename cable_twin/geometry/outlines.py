@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from cable_twin.scenario.schema import Body, Scenario
 
 FloatArray = NDArray[np.float64]
+CORNERS = 4  # of a box; a line has fewer points
+LATERAL = 0.8  # width of a box over the shorter of its other sides; assumed, as a plane has none
 
 
 def body_outlines(scenario: Scenario) -> dict[str, dict[str, FloatArray]]:
@@ -34,6 +36,15 @@ def body_outline(body: Body) -> FloatArray:
     box = [(0.0, height), (width, height), (width, -height), (-width, -height), (-width, height), (0.0, height)]
     below = [] if lower is None else [(0.0, -height), lower]
     return np.array([upper, *box, *below], dtype=np.float64)
+
+
+def body_box(body: Body) -> FloatArray | None:
+    """Length, width and height (3,) in m of the box around the centre of mass of a body; None where it is a line."""
+    outline = body_outline(body)
+    if body.size is None and len(outline) < CORNERS:
+        return None
+    length, height = np.ptp(outline[1:], axis=0) if body.size is None else body.size
+    return np.array([length, LATERAL * min(length, height), height], dtype=np.float64)
 
 
 def outline_from_pivots(

@@ -22,6 +22,7 @@ Header = ros2_jazzy.std_msgs__msg__Header
 TYPESTORE = get_typestore(Stores.ROS2_JAZZY)
 SECOND = 1_000_000_000  # ns
 ENCAPSULATION = 4  # bytes in front of the message proper, from which alignment counts
+WIDEST = 8  # bytes of the longest number
 STAMP = Time(0x5E5E5E5E, 0x5A5A5A5A)  # stands for every stamp of a template
 _MARKS = {"<f8": (np.uint64, 0x7FE0_0000_0000_0000), "<f4": (np.uint32, 0x7E00_0000)}  # finite, and in no message
 
@@ -70,45 +71,59 @@ class Template:
     bytes, so nothing here knows the layout of any message.
     """
 
-    def __init__(self, message: Message, sources: Sequence[NDArray[np.float64]], kind: str = "<f8") -> None:
+    def __init__(
+        self,
+        message: Message,
+        sources: Sequence[NDArray[np.float64]],
+        kind: str = "<f8",
+        *,
+        singles: Sequence[NDArray[Any]] = (),
+    ) -> None:
         """Find the places.
 
         Args:
             message: with the marks of all sources, one source after the other, each in C order.
             sources: arrays that are copied into the message by each `fill`; (rows, ...) or (rows,).
-            kind: type of the numbers in the message, "<f8" or "<f4".
+            kind: type of their numbers in the message, "<f8" or "<f4".
+            singles: the same of "<f4" in a message whose `kind` is the other one.
         """
         plain = serialize(message)
-        size = np.dtype(kind).itemsize
         # numbers are aligned from behind the encapsulation on
-        room = np.zeros(len(plain) + 2 * size, dtype=np.uint8)
-        start = -ENCAPSULATION % size
+        room = np.zeros(len(plain) + 2 * WIDEST, dtype=np.uint8)
+        start = -ENCAPSULATION % WIDEST
         self._data = room[start : start + len(plain)]
         self._data[:] = np.frombuffer(plain, np.uint8)
-        body = room[start + ENCAPSULATION :]
-        self._numbers = body[: body.size // size * size].view(kind)
-        self._words = body[: body.size // 4 * 4].view("<u4")
+        self._body = room[start + ENCAPSULATION :]
+        self._words = self._body[: self._body.size // 4 * 4].view("<u4")
         self._stamps = np.flatnonzero(self._words == STAMP.sec)
         if self._stamps.size == 0 or (self._words[self._stamps + 1] != STAMP.nanosec).any():
             raise ValueError(f"template of {message.__msgtype__}: no stamp in it")
+        self._copies: list[tuple[NDArray[Any], NDArray[Any]]] = []
+        self._scattered: list[tuple[NDArray[Any], NDArray[np.intp], NDArray[Any]]] = []
+        self._find(message, sources, kind)
+        if singles:
+            self._find(message, singles, "<f4")
+
+    def _find(self, message: Message, sources: Sequence[NDArray[Any]], kind: str) -> None:
+        """Find the places of sources whose numbers are of one kind."""
         word, first = _MARKS[kind]
-        order = self._numbers.view(word) - word(first)
+        size = np.dtype(kind).itemsize
+        numbers = self._body[: self._body.size // size * size].view(kind)
+        order = numbers.view(word) - word(first)
         count = sum(source.size for source in sources)
         where = np.flatnonzero(order < count)
         places = where[np.argsort(order[where], kind="stable")]
         if places.size != count:
             raise ValueError(f"template of {message.__msgtype__}: {places.size} numbers in it, {count} are given")
-        self._copies: list[tuple[NDArray[Any], NDArray[np.float64]]] = []
-        self._scattered: list[tuple[NDArray[np.intp], NDArray[np.float64]]] = []
         taken = 0
         for source in sources:
             own = places[taken : taken + source.size].reshape(source.shape)
             taken += source.size
-            target = _strided(self._numbers, own)
+            target = _strided(numbers, own)
             if target is not None:
                 self._copies.append((target, source))
             else:
-                self._scattered.append((own, source))
+                self._scattered.append((numbers, own, source))
 
     def fill(self, stamp_ns: int) -> bytes:
         """The message with a stamp (ns) and what the sources hold now."""
@@ -119,8 +134,8 @@ class Template:
             self._words[self._stamps], self._words[self._stamps + 1] = second, nanosecond
         for target, source in self._copies:
             target[...] = source
-        for places, source in self._scattered:
-            self._numbers[places] = source
+        for numbers, places, source in self._scattered:
+            numbers[places] = source
         return self._data.tobytes()
 
 

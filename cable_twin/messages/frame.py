@@ -11,6 +11,8 @@ nanoseconds: one clock for messages, tf and logs.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +41,7 @@ from cable_twin.messages.topics import (
     pose_topic,
     support_force_topic,
 )
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.snapshot import Columns, Layout, Snapshot
 
 Point = ros2_jazzy.geometry_msgs__msg__Point
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
@@ -55,6 +57,13 @@ FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of eac
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 PLAIN = FrameNames()
 FloatArray = NDArray[np.float64]
+
+
+class Filled(Protocol):
+    """A message that is filled anew for each frame."""
+
+    def fill(self, stamp_ns: int) -> bytes:
+        """The message with a stamp (ns)."""
 
 
 class MessageEncoder:
@@ -90,7 +99,7 @@ class MessageEncoder:
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
         self._encoders: dict[str, Callable[[int], bytes]] = {}
-        self._makers: dict[str, Callable[[], Template]] = {
+        self._makers: dict[str, Callable[[], Filled]] = {
             JOINT_STATES: self._joint_states,
             CABLE: self._cable,
             CABLE_PATH: self._cable_path,
@@ -129,6 +138,10 @@ class MessageEncoder:
         if names is None:
             names = [name for name in self._makers if name != TF]
         return [(name, (self._encoders.get(name) or self._prepare(name))(stamp)) for name in names]
+
+    def offer(self, name: str, make: Callable[[Columns], Filled]) -> None:
+        """Have messages of one more topic made: of the columns of a frame, which `fill` finds as they are by then."""
+        self._makers[name] = partial(make, self._columns)
 
     def _prepare(self, name: str) -> Callable[[int], bytes]:
         """Lay out the message of a topic when it is first wanted."""

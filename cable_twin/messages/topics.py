@@ -25,6 +25,7 @@ TFMessage = ros2_jazzy.tf2_msgs__msg__TFMessage
 Path = ros2_jazzy.nav_msgs__msg__Path
 JointState = ros2_jazzy.sensor_msgs__msg__JointState
 PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
+MarkerArray = ros2_jazzy.visualization_msgs__msg__MarkerArray
 DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
 JOINT_STATES = "joint_states"
@@ -38,8 +39,11 @@ KEY_FIGURES = "key_figures"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 TF = "/tf"
+TF_STATIC = "/tf_static"
+MARKERS = "markers"
+ROBOT_DESCRIPTION = "robot_description"
 
-Group = Literal["joints", "poses", "forces", "rope", "path", "clock", ""]
+Group = Literal["joints", "poses", "forces", "rope", "path", "transforms", "markers", "clock", ""]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +58,24 @@ class Topic:
     group: Group = ""  # of what is due with it, frame by frame; none for what comes as it happens
 
 
-def topics(layout: Layout, *, own: Sequence[str] = (), clock: bool = False, tf: bool = False) -> tuple[Topic, ...]:
+def topics(
+    layout: Layout,
+    *,
+    own: Sequence[str] = (),
+    clock: bool = False,
+    tf: bool = False,
+    markers: bool = False,
+    robot: bool = False,
+) -> tuple[Topic, ...]:
     """Tell what the twin publishes.
 
     Args:
         layout: Of its frames.
         own: Names of carriers that have topics of their own besides.
         clock: With `/clock`, off by default.
-        tf: With `/tf`, only where tf2_msgs exists.
+        tf: With `/tf` and `/tf_static`.
+        markers: With `markers`, only where visualization_msgs exists.
+        robot: With `robot_description`.
 
     Returns:
         Every topic, in a fixed order.
@@ -92,7 +106,12 @@ def topics(layout: Layout, *, own: Sequence[str] = (), clock: bool = False, tf: 
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))
     if tf:
-        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="poses"))
+        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
+        table.append(Topic(TF_STATIC, TFMessage.__msgtype__, durability="transient_local", depth=1))
+    if markers:
+        table.append(Topic(MARKERS, MarkerArray.__msgtype__, group="markers"))
+    if robot:
+        table.append(Topic(ROBOT_DESCRIPTION, String.__msgtype__, durability="transient_local", depth=1))
     return tuple(table)
 
 

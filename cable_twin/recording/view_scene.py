@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from cable_twin.recording.view_geometry import default_ground, pixels, plane
+from cable_twin.geometry.ground_line import default_ground
+from cable_twin.recording.view_geometry import pixels, plane
 from cable_twin.records import FloatArray
 
 QUIET = 0x747D8FFF  # readable on dark and on light ground

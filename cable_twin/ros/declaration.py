@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from cable_twin.rates import fault
+from cable_twin.messages.topics import TFMessage
+from cable_twin.rates import ONCE, fault
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS, Parameter, splitting_of
 from cable_twin.snapshot import Layout
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
     "rope_rate": ("rope", 0),
     "path_rate": ("path", 0),
+    "marker_rate": ("markers", 0),
     "log_joint_rate": ("joints", 1),
     "log_pose_rate": ("poses", 1),
     "log_force_rate": ("forces", 1),
     "log_rope_rate": ("rope", 1),
     "log_path_rate": ("path", 1),
+    "log_transform_rate": ("transforms", 1),
+    "log_marker_rate": ("markers", 1),
 }
 QOS_OVERRIDES = "qos_overrides."
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDES)  # every node has them
@@ -64,6 +69,11 @@ def declare_parameters(node: Node) -> dict[str, Any]:
     return values
 
 
+def is_installed(message_type: str) -> bool:
+    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
+    return find_spec(message_type.partition("/")[0]) is not None
+
+
 def as_meant(parameters: list[RosParameter]) -> list[RosParameter]:
     """What somebody sets while the node runs, with whole numbers where any is allowed."""
     doubles = {parameter.name for parameter in PARAMETERS if isinstance(parameter.default, float)}
@@ -88,7 +98,21 @@ def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tup
     rates: tuple[dict[str, float], dict[str, float]] = ({}, {})
     for name, (group, taker) in RATES.items():
         rates[taker][group] = values[name]
+    if not is_installed(TFMessage.__msgtype__):
+        rates[0]["transforms"] = ONCE
     return rates
+
+
+def count_frame_steps(node: Node, frame_rate: float, step: float) -> int:
+    """Solver steps (s) in a frame at a rate (Hz), which is said where it cannot be kept."""
+    period = 1.0 / frame_rate
+    steps = max(round(period / step), 1)
+    if abs(steps * step - period) > 1e-9:
+        node.get_logger().warning(
+            f"frame_rate {frame_rate:g} Hz is no whole number of solver steps of {step:g} s: "
+            f"{1.0 / (steps * step):g} Hz is used"
+        )
+    return steps
 
 
 def own_topics(values: Mapping[str, Any], layout: Layout, scenario: str) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from cable_twin.commands import INPUTS
 from cable_twin.messages import Topic, TopicNames
-from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError
+from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError, is_installed
 
 OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH)
 
@@ -37,7 +37,9 @@ class Endpoints:
         self._remapped: dict[str, str] = {}
         self.senders: dict[str, Callable[[bytes], None]] = {}
         for topic in table:
-            if topic.name not in INPUTS:
+            if not is_installed(topic.type):  # in the log all the same
+                self.senders[topic.name] = _nowhere
+            elif topic.name not in INPUTS:
                 self.senders[topic.name] = self._create(topic, node.create_publisher).publish
 
     def subscribe(self, take: Callable[[str, bytes], None]) -> None:
@@ -89,3 +91,7 @@ class Endpoints:
             depth=quality.depth,
         )
         return made
+
+
+def _nowhere(_data: bytes) -> None:
+    """Send nothing: the message package is not installed, as with the wheels."""

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Sequence
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,12 @@ from cable_twin.commands import JOINT_COMMANDS, KINDS
 from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
-from cable_twin.ros.declaration import as_meant, declare_parameters, own_topics, topic_rates
+from cable_twin.ros.declaration import as_meant, count_frame_steps, declare_parameters, own_topics, topic_rates
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.endpoints import Endpoints
+from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.markers import REPEAT
 from cable_twin.ros.node_parameters import PARAMETERS, splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
@@ -63,21 +64,24 @@ class TwinNode(Node):
         self._simulation = self._build_simulation()
         if alone:
             check_others(self)
-        self._frame_steps = self._count_frame_steps()
+        self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self._simulation.step)
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
         own = own_topics(self._settings, layout, self._simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
-        table = topics(layout, own=own, clock=self._settings["publish_clock"], tf=find_spec("tf2_msgs") is not None)
+        self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
+        self._rviz = ForRviz(self._simulation, self._frames)
+        table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
         table += sensor_topics(self._simulation.scenario)
         self._endpoints = Endpoints(self, table)
-        self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
+        self._senders = self._rviz.repeating(self._endpoints.senders)
         self._output = Output(
             self._simulation,
             table,
-            self._endpoints.senders,
+            self._senders,
             rates,
             frame_rate=frame_rate,
             own=own,
+            makers=self._rviz.makers,
             frames=self._frames,
             paced=self._settings["real_time_factor"] > 0.0,
         )
@@ -107,6 +111,7 @@ class TwinNode(Node):
         offer_simulation_services(self, self._simulation, self._loop, self._run_clock, self._offered, self._frames)
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(REPEAT, self._rviz.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_pre_set_parameters_callback(as_meant)
         self.add_on_set_parameters_callback(self._on_parameters)
 
@@ -121,7 +126,8 @@ class TwinNode(Node):
             self._start_recording()
         elif self._settings["rerun"] in ("live", "web"):
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
-        self._endpoints.senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
+        self._senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
+        self._output.send_once(self._rviz.once())
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
@@ -176,16 +182,6 @@ class TwinNode(Node):
             timer.cancel()
             if told.is_set():
                 self.get_logger().info(f"kernels compiled in {time.monotonic() - started:.1f} s and kept for next time")
-
-    def _count_frame_steps(self) -> int:
-        period = 1.0 / self._settings["frame_rate"]
-        steps = max(round(period / self._simulation.step), 1)
-        if abs(steps * self._simulation.step - period) > 1e-9:
-            self.get_logger().warning(
-                f"frame_rate {self._settings['frame_rate']:g} Hz is no whole number of solver steps of "
-                f"{self._simulation.step:g} s: {1.0 / (steps * self._simulation.step):g} Hz is used"
-            )
-        return steps
 
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])

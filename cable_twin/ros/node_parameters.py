@@ -104,11 +104,14 @@ PARAMETERS = (
         for name, default, text in (
             ("rope_rate", EVERY_FRAME, "how often cable is published"),
             ("path_rate", PUBLISHED["path"], "how often cable_path is published"),
+            ("marker_rate", PUBLISHED["markers"], "how often markers is published"),
             ("log_joint_rate", EVERY_FRAME, "how often joint_states is logged"),
             ("log_pose_rate", LOGGED["poses"], "how often poses are logged"),
             ("log_force_rate", LOGGED["forces"], "how often forces are logged"),
             ("log_rope_rate", LOGGED["rope"], "how often cable is logged"),
             ("log_path_rate", LOGGED["path"], "how often cable_path is logged"),
+            ("log_transform_rate", LOGGED["transforms"], "how often /tf is logged"),
+            ("log_marker_rate", LOGGED["markers"], "how often markers is logged"),
         )
     ),
     Parameter(

@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, FrameNames, Topic, diagnostics_message
+from cable_twin.messages.frame import Filled
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
 from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Columns
 
 BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
 
@@ -27,6 +29,7 @@ class Output:
         rates: Hz by group of topics, of publishers and of logs.
         frame_rate: Hz.
         own: carriers with topics of their own.
+        makers: of messages of further topics.
         frames: names of coordinate frames.
         paced: whether the clock sets the pace; where not, the recorder does.
     """
@@ -40,6 +43,7 @@ class Output:
         *,
         frame_rate: float,
         own: Sequence[str],
+        makers: Mapping[str, Callable[[Columns], Filled]],
         frames: FrameNames,
         paced: bool,
     ) -> None:
@@ -50,6 +54,9 @@ class Output:
         self._frames = FrameOutput(
             simulation, table, rates, frame_rate=frame_rate, own=own, frames=frames, backlog=backlog
         )
+        for name, make in makers.items():
+            self._frames.encoder.offer(name, make)
+        self._once: Messages = []
         self._last_ns = 0  # newest stamp that was published
         # what is laid out, or compiled, at the first use
         self._frames.lay_out()
@@ -71,6 +78,13 @@ class Output:
         if self.run is not None:
             self.run.begin(epoch_ns)
         self._send_frame(self.prepare(self._simulation.snapshot))  # whose figures are taken already
+        self.record(self._once, epoch_ns)
+
+    def send_once(self, messages: Messages) -> None:
+        """Publish what stays valid, and record it when the run begins."""
+        self._once = messages
+        for topic, data in messages:
+            self._publishers[topic](data)
 
     def publish(self, frame: Prepared) -> None:
         """Send a frame: its time has come; then take it in, so that key figures are those of published frames."""
@@ -87,6 +101,8 @@ class Output:
             topic, data = frame.messages[number]
             self._publishers[topic](data)
         self._frames.record(frame)
+        if frame.split is not None:
+            self.record(self._once, frame.stamp_ns)  # each file of a log stands alone
 
     def send(self, messages: Messages, stamp_ns: int) -> None:
         """Publish and record what is no part of a frame."""

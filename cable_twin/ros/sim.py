@@ -72,12 +72,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.exceptions import ParameterException  # noqa: PLC0415
-        from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
         from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
+        from cable_twin.ros.executor import new_executor  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
     except ImportError as error:
@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse_start(fault)
     ending.starting = False
     sys.setswitchinterval(SWITCH_INTERVAL)
-    executor = SingleThreadedExecutor()
+    executor = new_executor()
     executor.add_node(node)
     row = BottomRow(node.status.text, sys.stdout, sys.stderr)
     try:

@@ -104,7 +104,7 @@ class Readings:
         return result / np.abs(result).max(axis=(1, 2), keepdims=True)
 
     def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
-        from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, which no start needs
+        from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, for no start
 
         return natural_modes(self._ropeway.system, self._ropeway.state, count)
 

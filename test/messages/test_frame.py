@@ -31,6 +31,8 @@ from cable_twin.messages.cdr import STAMP, Template, marks
 from cable_twin.messages.frame import Point, Pose, PoseStamped, Quaternion, Vector3, Wrench
 from cable_twin.messages.topics import JointState, Path, PoseArray, WrenchStamped
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, DriveState, SupportState
+from cable_twin.ros.description import still_transforms
+from cable_twin.scenario import load_scenario
 from cable_twin.snapshot import Layout, Snapshot
 
 EPOCH = 1_700_000_000_123_456_789
@@ -255,6 +257,7 @@ def every_message() -> dict[str, bytes]:
             EPOCH, Status(1, "cable_twin", "late", {"lag (s)": "0.2", "missed frames": "3"})
         ),
         "/clock": clock_message(EPOCH),
+        "/tf_static": still_transforms(load_scenario("seed_example"), EPOCH),
     }
 
 

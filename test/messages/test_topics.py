@@ -26,8 +26,11 @@ def names(table) -> set[str]:
 def test_nothing_is_there_twice():
     table = topics(lift(3), own=["chair_2"], clock=True, tf=True)
     assert len(names(table)) == len(table)
-    assert names(table) - names(topics(lift(3), own=["chair_2"])) == {"/clock", "/tf"}
-    assert next(topic for topic in table if topic.name == "scenario").durability == "transient_local"
+    assert names(table) - names(topics(lift(3), own=["chair_2"])) == {"/clock", "/tf", "/tf_static"}
+    shown = topics(lift(3), own=["chair_2"], clock=True, tf=True, markers=True, robot=True)
+    assert names(shown) - names(table) == {"markers", "robot_description"}
+    latched = {topic.name for topic in shown if topic.durability == "transient_local"}
+    assert latched == {"scenario", "/tf_static", "robot_description"}  # what is sent once stays there for who comes
 
 
 def test_topics_do_not_grow_with_carriers_but_with_carriages_and_names_that_are_asked_for():

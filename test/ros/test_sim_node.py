@@ -8,6 +8,7 @@ import re
 import time
 from contextlib import contextmanager
 from itertools import pairwise
+from xml.etree import ElementTree
 
 import pytest
 from topics_page import services_of_page, topics_of_page
@@ -28,6 +29,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 FRAME = 10_000_000  # ns
 MOVING = {"name": ["cabin"], "velocity": [2.0]}
@@ -312,6 +314,22 @@ def test_scenario_is_there_for_a_late_joiner(running, twin):
     scenario = load_scenario(json.loads(message.data))
     expected = load_scenario(str(process.directory / "quick.yaml"))
     assert scenario.resolved() == expected.resolved()
+
+
+def test_what_rviz_shows_is_there_for_a_late_joiner_and_while_the_twin_is_paused(twin):
+    """Markers come with frames, and once a second where there are none: what RViz shows of them has a lifetime."""
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    twin.subscribe("robot_description", String, latched)
+    twin.subscribe("markers", MarkerArray)
+    twin.until(lambda: len(twin.received["markers"]) >= 5 and twin.received["robot_description"])
+    steps = gaps([message.markers[0] for message in twin.received["markers"]])
+    assert steps.count(10 * FRAME) >= 0.5 * len(steps)
+    assert min(steps) > 0
+    joints = ElementTree.fromstring(twin.received["robot_description"][-1].data).findall("joint")
+    assert {joint.get("name") for joint in joints} >= {"cabin", "cabin_hanger", "cabin_cabin"}
+    assert twin.call("pause", SetBool, data=True).success
+    collected = twin.received["markers"]
+    twin.until(lambda: gaps([message.markers[0] for message in collected[-2:]]) == [0], what="the same markers again")
 
 
 def test_parameters_are_described_with_unit_and_range(twin):

@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from split_run import bags
 from twin_process import wait_until, write_quick_scenario
 
+from cable_twin.messages import ROBOT_DESCRIPTION, TF_STATIC
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 
@@ -46,6 +47,11 @@ def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path
     assert {after - before for before, after in pairwise(stamps)} == {FRAME}
     with AnyReader([sim.run_directory]) as reader:
         assert reader.message_count == sum(1 for _ in log.messages())
+    for file in log.files:  # each is shown alone as well
+        assert {topic for topic, _, _ in file.messages([ROBOT_DESCRIPTION, TF_STATIC])} == {
+            ROBOT_DESCRIPTION,
+            TF_STATIC,
+        }
     for path in (sim.run_directory, *bags(sim.run_directory)):
         assert replay.main([str(path)]) == 0
         assert "every sample agrees to the last bit" in capsys.readouterr().out

@@ -1,0 +1,167 @@
+"""What RViz is told once: the vehicles as a URDF, and the frames that stand still.
+
+Links are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of mass
+without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin from
+which it hangs. The way of a vehicle along the rope is a straight joint from the start of the rope to its end in the
+URDF; the poses are those of `/tf`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import dist
+from xml.etree import ElementTree
+
+import numpy as np
+from rosbags.typesys.stores import ros2_jazzy
+
+from cable_twin.geometry.outlines import body_box
+from cable_twin.messages import header, serialize
+from cable_twin.messages.topics import TFMessage
+from cable_twin.scenario import Scenario, in_space
+from cable_twin.scenario.schema import Body, Carriage, Limits
+from cable_twin.snapshot import ENDS
+
+Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
+Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
+Transform = ros2_jazzy.geometry_msgs__msg__Transform
+TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
+
+THICK = 0.06  # of its length, how thick a hanger is drawn
+UNLIMITED = 1e9  # m/s or N, for what a drive does not limit: a URDF has to have a number
+COLORS = ("0.78 0.49 0 1", "0.18 0.56 0.89 1")  # of hangers, of boxes
+Element = ElementTree.Element
+Place = tuple[float, ...]  # x, y, z
+
+
+def pivot_frame(vehicle: str, body: str) -> str:
+    """Name of the frame at the pin from which a body hangs."""
+    return f"{vehicle}/{body}/pivot"
+
+
+def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
+    """Frames that stand still: name, frame that each is seen from (None: the fixed one), place x, y, z (m) in it."""
+    ends = (scenario.cable.start, scenario.cable.end)
+    yield from ((name, None, in_space(end.position)) for name, end in zip(ENDS, ends, strict=True))
+    yield from ((name, None, in_space(tower.position)) for name, tower in scenario.towers.items())
+    yield from ((name, None, in_space(scenario.cable.start.position)) for name in scenario.drives)
+    for vehicle, carriage in scenario.vehicles.items():
+        for name, body in carriage.bodies.items():
+            yield pivot_frame(vehicle, name), f"{vehicle}/{name}", in_space(body.upper_pivot)
+
+
+def still_transforms(scenario: Scenario, stamp_ns: int, *, frame_id: str = "map", prefix: str = "") -> bytes:
+    """Encode the frames that stand still as tf2_msgs/TFMessage.
+
+    Args:
+        scenario: What runs.
+        stamp_ns: ns since 1970.
+        frame_id: Of the fixed frame.
+        prefix: In front of the names of all other frames.
+    """
+    transforms = [
+        TransformStamped(
+            header(stamp_ns, frame_id if seen_from is None else f"{prefix}{seen_from}"),
+            f"{prefix}{name}",
+            Transform(Vector3(*map(float, place)), Quaternion(0.0, 0.0, 0.0, 1.0)),
+        )
+        for name, seen_from, place in still_places(scenario)
+    ]
+    return serialize(TFMessage(transforms))
+
+
+def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str = "") -> str:
+    """All vehicles of a scenario, and the drive of a moving cable, as a URDF.
+
+    Args:
+        scenario: What runs.
+        frame_id: Name of the root link.
+        prefix: In front of the names of all other links.
+    """
+    robot = Element("robot", name=scenario.name)
+    _add(robot, "link", name=frame_id)
+    for name, drive in scenario.drives.items():
+        _add(robot, "link", name=f"{prefix}{name}")
+        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}", drive.limits)
+    for name, vehicle in scenario.vehicles.items():
+        _add(robot, "link", name=f"{prefix}{name}")
+        limits = vehicle.drive.limits if name in scenario.carriages else next(iter(scenario.drives.values())).limits
+        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}", limits)
+        _chain(robot, name, vehicle, prefix)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str, limits: Limits) -> None:
+    """A way along the rope, drawn straight: place and speed are those along the rope."""
+    start, end = in_space(scenario.cable.start.position), in_space(scenario.cable.end.position)
+    length = dist(start, end)
+    joint = _joint(robot, name, "prismatic", parent, child, start)
+    _add(joint, "axis", xyz=" ".join(f"{(b - a) / length:.9g}" for a, b in zip(start, end, strict=True)))
+    loop = name in scenario.drives or name not in scenario.carriages
+    upper = scenario.loop_length if loop else scenario.cable.unstrained_length
+    effort, speed = limits.force or UNLIMITED, limits.speed or UNLIMITED
+    _add(joint, "limit", lower="0", upper=f"{upper:.9g}", velocity=f"{speed:.9g}", effort=f"{effort:.9g}")
+
+
+def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> None:
+    """The bodies of a vehicle, each below the one before."""
+    above, hook = vehicle, (0.0, 0.0, 0.0)
+    for name, body in carriage.bodies.items():
+        pivot, centre = pivot_frame(vehicle, name), f"{vehicle}/{name}"
+        _add(robot, "link", name=f"{prefix}{pivot}")
+        joint = _joint(robot, f"{vehicle}_{name}", "continuous", f"{prefix}{above}", f"{prefix}{pivot}", hook)
+        _add(joint, "axis", xyz="0 1 0")
+        if body.damping:
+            _add(joint, "dynamics", damping=f"{body.damping:.9g}")
+        below = tuple(-value for value in in_space(body.upper_pivot))
+        _joint(robot, f"{vehicle}_{name}_centre", "fixed", f"{prefix}{pivot}", f"{prefix}{centre}", below)
+        link = _add(robot, "link", name=f"{prefix}{centre}")
+        inertial = _add(link, "inertial")
+        _add(inertial, "mass", value=f"{body.mass:.9g}")
+        moment = f"{body.inertia:.9g}"  # about y; the others stand for what a plane does not have
+        _add(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+        _shapes(link, body)
+        above, hook = centre, in_space(body.lower_pivot or (0.0, 0.0))
+
+
+def _shapes(link: Element, body: Body) -> None:
+    """What a body looks like: a bar from its pins to its centre, and a box where it is one."""
+    box = body_box(body)
+    height = 0.0 if box is None else 0.5 * float(box[2])
+    top, low = ((v[0], v[-1]) if v else None for v in (body.upper_pivot, body.lower_pivot))
+    bars = [((0.0, height), top), ((0.0, -height), low)]
+    if top and box is None and low is None:
+        bars[1] = ((0.0, 0.0), (-top[0], -top[1]))  # a rod, as long on the other side
+    for start, end in bars:
+        if end is None or (length := dist(start, end)) < 1e-9:
+            continue
+        turn = np.arctan2(end[0] - start[0], end[1] - start[1])
+        place = f"{0.5 * (start[0] + end[0]):.9g} 0 {0.5 * (start[1] + end[1]):.9g}"
+        wide = THICK * length
+        _visual(link, f"{wide:.6g} {wide:.6g} {length:.9g}", place, f"0 {turn:.9g} 0", 0)
+    if box is not None:
+        _visual(link, " ".join(f"{side:.9g}" for side in box), "0 0 0", "0 0 0", 1)
+
+
+def _visual(link: Element, size: str, place: str, turn: str, color: int) -> None:
+    visual = _add(link, "visual")
+    _add(visual, "origin", xyz=place, rpy=turn)
+    _add(_add(visual, "geometry"), "box", size=size)
+    material = _add(visual, "material", name=f"color_{color}")
+    _add(material, "color", rgba=COLORS[color])
+
+
+def _joint(robot: Element, name: str, kind: str, parent: str, child: str, place: Place) -> Element:
+    joint = _add(robot, "joint", name=name, type=kind)
+    _add(joint, "parent", link=parent)
+    _add(joint, "child", link=child)
+    _add(joint, "origin", xyz=" ".join(f"{value:.9g}" for value in place), rpy="0 0 0")
+    return joint
+
+
+def _add(parent: Element, tag: str, **attributes: str) -> Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+__all__ = ["pivot_frame", "robot_description", "still_places", "still_transforms"]

@@ -1,0 +1,56 @@
+"""What RViz draws of a twin beside the topics of each frame: markers, frames that stand still, vehicles as a URDF."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from importlib.util import find_spec
+
+from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameNames, serialize
+from cable_twin.messages.frame import Filled
+from cable_twin.messages.topics import String
+from cable_twin.ros.description import robot_description, still_transforms
+from cable_twin.ros.markers import Markers, Repeated
+from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Columns
+
+
+class ForRviz:
+    """What there is for it, with the message packages that are installed.
+
+    Attributes:
+        present: options of `topics`; `/tf` is in logs also where its messages are not installed.
+        makers: of messages that are due with frames, by name of the topic.
+    """
+
+    def __init__(self, simulation: Simulation, frames: FrameNames) -> None:
+        """Prepare it for a simulation and the names of its frames."""
+        self._scenario = simulation.scenario
+        self._names = {"frame_id": frames.frame_id, "prefix": frames.frame_prefix}
+        markers = find_spec("visualization_msgs") is not None
+        self.present = {"tf": True, "markers": markers, "robot": True}
+        make = partial(Markers, self._scenario, simulation.layout, frame_id=self._names["frame_id"])
+        self.makers: dict[str, Callable[[Columns], Filled]] = {MARKERS: make} if markers else {}
+        self._repeated: Repeated | None = None
+
+    def repeating(self, senders: Mapping[str, Callable[[bytes], None]]) -> dict[str, Callable[[bytes], None]]:
+        """The senders of topics by name, of which that of markers can repeat its last message."""
+        if MARKERS not in senders:
+            return dict(senders)
+        self._repeated = Repeated(senders[MARKERS])
+        return {**senders, MARKERS: self._repeated}
+
+    def repeat(self) -> None:
+        """Send the last markers again where none have come since the last call: the twin is paused, or slow."""
+        if self._repeated is not None:
+            self._repeated.repeat()
+
+    def once(self) -> list[tuple[str, bytes]]:
+        """Messages that are sent once, for whoever comes."""
+        described = serialize(String(robot_description(self._scenario, **self._names)))
+        still = still_transforms(self._scenario, time.time_ns(), **self._names)
+        return [(ROBOT_DESCRIPTION, described), (TF_STATIC, still)]
+
+
+__all__ = ["ForRviz"]

@@ -1,0 +1,241 @@
+"""The topic `markers`: the twin as RViz and Foxglove draw it, with no knowledge of its own messages.
+
+Rope coloured by tension, ground, masts and stations with their names, vehicles, and forces as arrows. Names and numbers
+of markers stay the same for a whole run, so each message takes the place of the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.stores import ros2_jazzy
+
+from cable_twin.geometry.ground_line import default_ground
+from cable_twin.geometry.outlines import body_box, body_outline
+from cable_twin.messages.cdr import STAMP, Header, Template, marks
+from cable_twin.messages.topics import MarkerArray
+from cable_twin.recording.tension_colors import TensionColors
+from cable_twin.records import FloatArray
+from cable_twin.scenario import Scenario
+from cable_twin.snapshot import ENDS, Columns, Layout
+
+Marker = ros2_jazzy.visualization_msgs__msg__Marker
+MeshFile = ros2_jazzy.visualization_msgs__msg__MeshFile
+CompressedImage = ros2_jazzy.sensor_msgs__msg__CompressedImage
+ColorRGBA = ros2_jazzy.std_msgs__msg__ColorRGBA
+Duration = ros2_jazzy.builtin_interfaces__msg__Duration
+Point = ros2_jazzy.geometry_msgs__msg__Point
+Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
+Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
+Pose = ros2_jazzy.geometry_msgs__msg__Pose
+
+LIFETIME = 3  # s that a marker is shown after its last message: a twin that has ended leaves no ghost
+REPEAT = 1.0  # s after which the last message is sent again where none has come: a paused twin stays in sight
+LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
+LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
+GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
+LINE, FORCE, REACTION = (0.78, 0.49, 0.0, 1.0), (0.88, 0.32, 0.35, 1.0), (0.60, 0.43, 0.88, 1.0)
+ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+
+
+class Markers:
+    """The message of all markers, filled anew from the columns of a frame."""
+
+    def __init__(self, scenario: Scenario, layout: Layout, columns: Columns, frame_id: str) -> None:
+        """Lay it out.
+
+        Args:
+            scenario: What runs.
+            layout: Of its frames.
+            columns: Of the frame that is shown; those of the first one set the scale of arrows and colours.
+            frame_id: Of the frame in which all is.
+        """
+        self._columns, self._layout = columns, layout
+        self._header = Header(STAMP, frame_id)
+        self._span = max(float(np.ptp(columns.rope_position[:, axis])) for axis in (0, 2))
+        rope = len(layout.arc_lengths) + len(layout.vehicles)
+        self._rope, self._colors = np.empty((rope, 3)), np.empty((rope, 4))
+        self._tension_colors = TensionColors()
+        self._tension_colors.start(columns.rope_tension)
+        bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
+        boxes = [body_box(body) for body in bodies]
+        self._boxed = [row for row, box in enumerate(boxes) if box is not None]
+        self._box_position, self._box_turn = np.empty((len(self._boxed), 3)), np.empty((len(self._boxed), 4))
+        self._towers = [tower.position for tower in scenario.towers.values()]
+        self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
+        self._scales = self._scales_of_forces()
+        self._sources = [
+            self._rope,
+            columns.body_position,
+            columns.body_orientation,
+            self._box_position,
+            self._box_turn,
+            self._arrows,
+        ]
+        places, *rest = self._marks()
+        markers: list[Any] = [  # of another class to mypy
+            self._marker("rope", 0, Marker.LINE_STRIP, (self._width(scenario), 0, 0), STILL, points=places),
+            *self._still(scenario),
+            *self._bodies(scenario, [box for box in boxes if box is not None], rest),
+            *self._forces(rest[4]),
+        ]
+        markers[0].colors = [ColorRGBA(*color) for color in marks(self._colors.size, "<f4").reshape(-1, 4)]
+        self._template = Template(MarkerArray(markers), self._sources, singles=[self._colors])
+
+    def fill(self, stamp_ns: int) -> bytes:
+        """The message with a stamp (ns) and what the columns hold now."""
+        c = self._columns
+        self._fill_rope(c)
+        np.take(c.body_position, self._boxed, axis=0, out=self._box_position)
+        np.take(c.body_orientation, self._boxed, axis=0, out=self._box_turn)
+        self._arrows[:, 0] = self._points_of_action()
+        self._arrows[:, 1] = self._arrows[:, 0] + self._scales[:, None] * np.vstack([c.contact_force, c.support_force])
+        self._arrows[:, 1, 2] += LEAST * self._span
+        return self._template.fill(stamp_ns)
+
+    def _fill_rope(self, c: Columns) -> None:
+        """The samples of the rope, and its kinks at the joints that are on it, in the order along it."""
+        arc_lengths = self._layout.arc_lengths
+        on_rope = (c.attached == 1.0) & (c.arc_length >= 0.0) & (c.arc_length <= arc_lengths[-1])
+        places = np.where(on_rope, c.arc_length, arc_lengths[-1])
+        joints = np.where(on_rope[:, None], c.joint_position, c.rope_position[-1])
+        order = np.argsort(np.concatenate([arc_lengths, places]), kind="stable")
+        self._rope[:] = np.vstack([c.rope_position, joints])[order]
+        self._tension_colors.widen(c.rope_tension)
+        tensions = np.concatenate([c.rope_tension, np.interp(places, arc_lengths, c.rope_tension)])
+        self._colors[:] = self._tension_colors.rgba(tensions[order])
+
+    def _points_of_action(self) -> FloatArray:
+        """Where forces act (vehicles + supports, 3): on joints, on the ends of the rope, on towers."""
+        c = self._columns
+        towers = np.array([(x, 0.0, z) for x, z in self._towers]).reshape(-1, 3)
+        return np.vstack([c.joint_position, c.rope_position[[0, -1]], towers])
+
+    def _scales_of_forces(self) -> FloatArray:
+        """Length for a force (vehicles + supports,) in m/N, one for all vehicles and one for all supports."""
+        c = self._columns
+        scales = []
+        for forces in (c.contact_force, c.support_force):
+            greatest = float(np.nan_to_num(np.linalg.norm(forces, axis=1)).max(initial=0.0)) or 1.0
+            scales += [LONGEST * self._span / greatest] * len(forces)
+        return np.array(scales)
+
+    def _width(self, scenario: Scenario) -> float:
+        """Width (m) of the rope, that of a rope in sight of its whole length at least."""
+        return max(scenario.cable.diameter or 0.0, 5e-4 * self._span)
+
+    def _marks(self) -> list[FloatArray]:
+        """Marks for all sources, of the shape of each."""
+        numbers = marks(sum(source.size for source in self._sources))
+        ends = np.cumsum([source.size for source in self._sources])[:-1]
+        return [part.reshape(source.shape) for part, source in zip(np.split(numbers, ends), self._sources, strict=True)]
+
+    def _still(self, scenario: Scenario) -> list[Marker]:
+        """Ground, masts, stations, and what they are called."""
+        c = self._columns
+        ground = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)
+        if not len(ground):
+            reached = [np.vstack([joint, c.body_position]) for joint in c.joint_position]
+            ground = default_ground(c.rope_position[:, ::2], [points[:, ::2] for points in reached])
+        half, mast = 0.02 * self._span, 0.002 * self._span
+        left, right = ([(x, side, z) for x, z in ground] for side in (-half, half))
+        corners = [
+            (*left[k], *right[k], *left[k + 1], *right[k], *right[k + 1], *left[k + 1]) for k in range(len(ground) - 1)
+        ]
+        points = np.array(corners).reshape(-1, 3)
+        markers = [self._marker("ground", 0, Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), GROUND, points=points)]
+        ends = [scenario.cable.start.position, scenario.cable.end.position]
+        for row, (x, z) in enumerate(chain(ends, self._towers)):
+            foot = float(np.interp(x, ground[:, 0], ground[:, 1]))
+            top, wide = max(z, foot + mast), 3.0 * mast if row < len(ENDS) else mast
+            box = (wide, 2.0 * wide, top - foot)
+            markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, 0.0, 0.5 * (top + foot))))
+            name = self._marker(
+                "names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=(x, 0.0, top + 6.0 * mast)
+            )
+            name.text = self._layout.supports[row]
+            markers.append(name)
+        return markers
+
+    def _bodies(self, scenario: Scenario, boxes: Sequence[FloatArray], marked: Sequence[FloatArray]) -> list[Marker]:
+        """Each body as its outline, and what is not a line as a box."""
+        bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
+        markers = []
+        for row, (body, place, turn) in enumerate(zip(bodies, marked[0], marked[1], strict=True)):
+            line = np.insert(body_outline(body), 1, 0.0, axis=1)
+            thick = (0.03 * float(np.ptp(line, axis=0).max()), 0, 0)
+            markers.append(self._marker("outlines", row, Marker.LINE_STRIP, thick, LINE, place, turn, line))
+        for row, size, place, turn in zip(self._boxed, boxes, marked[2], marked[3], strict=True):
+            markers.append(self._marker("bodies", row, Marker.CUBE, size, BODY, place, turn))
+        return markers
+
+    def _forces(self, arrows: FloatArray) -> list[Marker]:
+        """Arrows: of the rope on vehicles, and of supports on the rope."""
+        thick = (0.002 * self._span, 0.005 * self._span, 0.0)  # m, of shaft and head
+        count = len(self._layout.vehicles)
+        return [
+            self._marker("vehicle_forces", row, Marker.ARROW, thick, FORCE, points=arrow)
+            if row < count
+            else self._marker("support_forces", row - count, Marker.ARROW, thick, REACTION, points=arrow)
+            for row, arrow in enumerate(arrows)
+        ]
+
+    def _marker(
+        self,
+        namespace: str,
+        number: int,
+        kind: int,
+        scale: Sequence[float] | FloatArray,
+        color: Sequence[float],
+        place: Sequence[float] | FloatArray = ORIGIN,
+        turn: Sequence[float] | FloatArray = UPRIGHT,
+        points: FloatArray | None = None,
+    ) -> Marker:
+        """One marker at a place (3,) in m with a turn (4,), its points (n, 3) in m from there."""
+        return Marker(
+            header=self._header,
+            ns=namespace,
+            id=number,
+            type=kind,
+            action=Marker.ADD,
+            pose=Pose(Point(*map(float, place)), Quaternion(*map(float, turn))),
+            scale=Vector3(*map(float, scale)),
+            color=ColorRGBA(*color),
+            lifetime=Duration(LIFETIME, 0),
+            frame_locked=False,
+            points=[] if points is None else [Point(*map(float, point)) for point in points],
+            colors=[],
+            texture_resource="",
+            texture=CompressedImage(self._header, "", np.zeros(0, np.uint8)),
+            uv_coordinates=[],
+            text="",
+            mesh_resource="",
+            mesh_file=MeshFile("", np.zeros(0, np.uint8)),
+            mesh_use_embedded_materials=False,
+        )
+
+
+class Repeated:
+    """Sends a topic, and its last message once more where no new one has come since."""
+
+    def __init__(self, publish: Callable[[bytes], None]) -> None:
+        self._publish = publish
+        self._last: bytes | None = None
+        self._new = False
+
+    def __call__(self, data: bytes) -> None:
+        """Send a message."""
+        self._last, self._new = data, True
+        self._publish(data)
+
+    def repeat(self) -> None:
+        """Called now and then: `REPEAT`."""
+        if self._last is not None and not self._new:
+            self._publish(self._last)
+        self._new = False
+
+
+__all__ = ["LIFETIME", "REPEAT", "Markers", "Repeated"]

@@ -1,0 +1,437 @@
+"""What RViz shows of the twin, read as RViz does: markers, tree of frames, description of the vehicles, its layout."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from collections import Counter
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from small_tramway import TRAMWAY
+
+from cable_twin.messages import (
+    MARKERS,
+    ROBOT_DESCRIPTION,
+    TF,
+    TF_STATIC,
+    FrameNames,
+    MessageEncoder,
+    decode,
+    serialize,
+    topics,
+)
+from cable_twin.messages.topics import String
+from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.ros.description import robot_description, still_transforms
+from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers, Repeated
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+ROOT = Path(__file__).resolve().parents[2]
+STAMP = 1_700_000_000_500_000_000
+TYPES = {MARKERS: "visualization_msgs/msg/MarkerArray", TF: "tf2_msgs/msg/TFMessage"}
+FRAME_ID, PREFIX = "valley", "south/"
+
+
+@pytest.fixture(scope="module", params=["tramway", "chairlift"])
+def shown(request):
+    """A scenario that has moved for a while, and an encoder that was laid out at its start."""
+    simulation = Simulation(load_scenario(TRAMWAY if request.param == "tramway" else "chairlift"))
+    encoder = MessageEncoder(simulation.layout, STAMP)
+    encoder.offer(MARKERS, partial(Markers, simulation.scenario, simulation.layout, frame_id="map"))
+    first = dict(encoder.frame(simulation.snapshot, [MARKERS, TF]))
+    simulation.command("cabin" if request.param == "tramway" else "haul_rope", speed=2.0)
+    snapshot = simulation.advance_to(8.0)
+    return simulation, snapshot, first, dict(encoder.frame(snapshot, [MARKERS, TF]))
+
+
+def markers_of(messages):
+    return {(marker.ns, marker.id): marker for marker in decode(messages[MARKERS], TYPES[MARKERS]).markers}
+
+
+def numbers(*values):
+    """All numbers of vectors, points, quaternions and colours."""
+    return [getattr(value, name) for value in values for name in "xyzwrgba" if hasattr(value, name)]
+
+
+def xyz(value):
+    return np.array([value.x, value.y, value.z])
+
+
+def matrix(q):
+    """Rotation (3, 3) of a quaternion."""
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def test_rviz_takes_every_marker(shown):
+    """The checks of rviz_default_plugins' marker display: what fails one of them is not drawn, or with an error."""
+    for messages in shown[2:]:
+        array = decode(messages[MARKERS], TYPES[MARKERS]).markers
+        assert not [key for key, count in Counter((marker.ns, marker.id) for marker in array).items() if count > 1]
+        for marker in array:
+            called = f"{marker.ns} {marker.id}"
+            values = numbers(marker.pose.position, marker.pose.orientation, marker.scale, marker.color)
+            assert np.isfinite([*values, *numbers(*marker.points, *marker.colors)]).all(), called
+            assert math.hypot(*numbers(marker.pose.orientation)) == pytest.approx(1.0, abs=1e-6), called
+            assert marker.action == Marker.ADD
+            assert marker.header.frame_id == "map"
+            assert marker.color.a > 0.0
+            assert len(marker.colors) in (0, len(marker.points)), called
+            scale = numbers(marker.scale)
+            if marker.type == Marker.CUBE:
+                assert min(scale) > 0.0, called
+            elif marker.type == Marker.LINE_STRIP:
+                assert scale[0] > 0.0, called
+                assert len(marker.points) >= 2, called
+            elif marker.type == Marker.TRIANGLE_LIST:
+                assert min(scale) > 0.0, called
+                assert marker.points, called
+                assert len(marker.points) % 3 == 0, called
+            elif marker.type == Marker.ARROW:
+                start, end = map(xyz, marker.points)
+                assert min(scale[:2]) > 0.0, called
+                assert np.linalg.norm(end - start) > 0.0, called
+            else:
+                assert marker.type == Marker.TEXT_VIEW_FACING
+                assert marker.text, called
+                assert scale[2] > 0.0, called
+
+
+def test_markers_are_the_same_things_in_each_message_and_end_with_the_twin(shown):
+    _, _, first, last = shown
+    before, after = markers_of(first), markers_of(last)
+    assert list(before) == list(after)
+    assert {name for name, _ in after} == {
+        *("rope", "ground", "supports", "names", "bodies", "outlines", "vehicle_forces", "support_forces")
+    }
+    for key, marker in after.items():
+        assert marker.type == before[key].type
+        assert marker.lifetime.sec == LIFETIME > 2.0 * REPEAT  # shown on while the twin is paused
+        assert marker.lifetime.nanosec == 0
+    moved = {ns for ns, _ in after if any(b != a for b, a in zip(places(before, ns), places(after, ns), strict=True))}
+    assert moved >= {"rope", "bodies", "outlines", "vehicle_forces", "support_forces"}
+    assert not moved & {"ground", "supports", "names"}
+
+
+def places(markers, namespace):
+    return [numbers(marker.pose.position, *marker.points) for (ns, _), marker in markers.items() if ns == namespace]
+
+
+def test_the_rope_has_its_samples_and_a_kink_at_each_joint(shown):
+    _, snapshot, _, last = shown
+    points = np.array([numbers(point) for point in markers_of(last)["rope", 0].points])
+    assert (np.diff(points[:, 0]) >= 0.0).all()
+    wanted = {tuple(place) for place in snapshot.cable.positions}
+    c = snapshot.columns
+    on_rope = (c.attached == 1.0) & (c.arc_length <= snapshot.layout.arc_lengths[-1])
+    wanted |= {tuple(place) for place in c.joint_position[on_rope]}
+    assert {tuple(point) for point in points} == wanted
+
+
+def test_the_colour_of_the_rope_goes_with_tension(shown):
+    _, snapshot, _, last = shown
+    rope = markers_of(last)["rope", 0]
+    at = {tuple(numbers(point)): color for point, color in zip(rope.points, rope.colors, strict=True)}
+    blues = [at[tuple(place)].b for place in snapshot.cable.positions]
+    reds = [at[tuple(place)].r for place in snapshot.cable.positions]
+    low, high = np.argmin(snapshot.cable.tensions), np.argmax(snapshot.cable.tensions)
+    assert reds[high] > reds[low]
+    assert blues[low] > blues[high]
+    known = {}
+    for tension, color in zip(snapshot.cable.tensions, zip(reds, blues, strict=True), strict=True):
+        assert known.setdefault(tension, color) == color
+
+
+def test_bodies_are_where_their_poses_are(shown):
+    simulation, snapshot, _, last = shown
+    markers = markers_of(last)
+    bodies = [body for vehicle in simulation.scenario.vehicles.values() for body in vehicle.bodies.values()]
+    for row, body in enumerate(bodies):
+        kinds = ["outlines", *(["bodies"] if body.size is not None else [])]
+        for namespace in kinds:
+            pose = markers[namespace, row].pose
+            np.testing.assert_array_equal(xyz(pose.position), snapshot.bodies.position[row])
+            np.testing.assert_array_equal(numbers(pose.orientation), snapshot.bodies.orientation[row])
+        if body.size is not None:
+            scale = markers["bodies", row].scale
+            assert (scale.x, scale.z) == body.size
+            assert 0.0 < scale.y <= min(body.size)
+
+
+@pytest.mark.parametrize("kind", ["vehicle", "support"])
+def test_arrows_are_forces_to_one_scale(shown, kind):
+    _, snapshot, _, last = shown
+    forces = snapshot.columns.contact_force if kind == "vehicle" else snapshot.columns.support_force
+    markers = markers_of(last)
+    arrows = np.array(
+        [np.subtract(*map(xyz, reversed(markers[f"{kind}_forces", row].points))) for row in range(len(forces))]
+    )
+    (scale, *_), *_ = np.linalg.lstsq(forces.reshape(-1, 1), arrows.reshape(-1), rcond=None)
+    span = np.ptp(snapshot.cable.positions[:, 0])
+    np.testing.assert_allclose(arrows, scale * forces, atol=2e-4 * span)
+    assert np.linalg.norm(arrows, axis=1).max() < 0.3 * span
+
+
+def test_rclpy_reads_the_same_markers(shown):
+    """Byte for byte: what RViz's own typesupport reads is what was written."""
+    serialization = pytest.importorskip("rclpy.serialization")
+    pytest.importorskip("visualization_msgs.msg")
+    message = serialization.deserialize_message(shown[3][MARKERS], import_module("visualization_msgs.msg").MarkerArray)
+    ours = decode(shown[3][MARKERS], TYPES[MARKERS]).markers
+    assert len(message.markers) == len(ours)
+    for theirs, own in zip(message.markers, ours, strict=True):
+        assert (theirs.ns, theirs.id, theirs.type, theirs.text) == (own.ns, own.id, own.type, own.text)
+        assert numbers(theirs.pose.position, *theirs.points) == numbers(own.pose.position, *own.points)
+        assert theirs.lifetime.sec == own.lifetime.sec
+
+
+def frames(simulation, messages, **names):
+    """Transforms by child: parent, position, rotation; of `/tf` and `/tf_static` together, as a listener has them."""
+    still = still_transforms(simulation.scenario, STAMP, **names)
+    found = {}
+    for data in (messages[TF], still):
+        for one in decode(data, TYPES[TF]).transforms:
+            assert one.child_frame_id not in found, "two parents"
+            turn = one.transform.rotation
+            assert math.hypot(*numbers(turn)) == pytest.approx(1.0, abs=1e-9)
+            assert np.isfinite(numbers(one.transform.translation, turn)).all()
+            assert one.header.stamp.sec > 0
+            found[one.child_frame_id] = (one.header.frame_id, xyz(one.transform.translation), matrix(turn))
+    return found
+
+
+def placed(found, frame, root="map"):
+    """Position and rotation of a frame in the root; fails where there is no way to it."""
+    if frame == root:
+        return np.zeros(3), np.eye(3)
+    parent, place, turn = found[frame]
+    above, turned = placed(found, parent, root)
+    return above + turned @ place, turned @ turn
+
+
+def test_frames_are_one_tree_with_supports_and_pins(shown):
+    simulation, snapshot, _, last = shown
+    found = frames(simulation, last)
+    for frame in found:
+        placed(found, frame)
+    assert not any(frame.startswith("/") or not frame for frame in found)
+    cable = simulation.scenario.cable
+    for name, place in (("start", cable.start.position), ("end", cable.end.position)):
+        np.testing.assert_array_equal(placed(found, name)[0], [place[0], 0.0, place[1]])
+    for name, tower in simulation.scenario.towers.items():
+        np.testing.assert_array_equal(placed(found, name)[0], [tower.position[0], 0.0, tower.position[1]])
+    for row, (name, bodies) in enumerate(simulation.layout.vehicles.items()):  # the first pin is at the joint
+        place = placed(found, f"{name}/{bodies[0]}/pivot")[0]
+        np.testing.assert_allclose(place, snapshot.columns.joint_position[row], atol=gap(snapshot, row))
+
+
+def gap(snapshot, row):
+    """How far (m) a vehicle may hang from its joint: one that waits in a station rests where the rope did at first."""
+    return 1e-6 if snapshot.columns.attached[row] == 1.0 else 0.01
+
+
+def joint_places(robot):
+    """Joints by child link: element, parent link, origin (3,)."""
+    return {
+        joint.find("child").get("link"): (
+            joint,
+            joint.find("parent").get("link"),
+            np.array([float(part) for part in joint.find("origin").get("xyz").split()]),
+        )
+        for joint in robot.findall("joint")
+    }
+
+
+def test_the_description_is_one_tree_whose_links_are_frames(shown):
+    simulation, _, _, last = shown
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    links = [link.get("name") for link in robot.findall("link")]
+    joints = joint_places(robot)
+    assert len(set(links)) == len(links)
+    assert len(joints) == len(robot.findall("joint")), "a link below two joints"
+    assert [link for link in links if link not in joints] == ["map"]
+    assert {parent for _, parent, _ in joints.values()} <= set(links)
+    assert set(links) - {"map"} <= set(frames(simulation, last))
+
+
+def test_joints_are_those_of_joint_states(shown):
+    simulation, *_ = shown
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    moving = [joint.get("name") for joint in robot.findall("joint") if joint.get("type") != "fixed"]
+    layout = simulation.layout
+    bodies = [f"{vehicle}_{body}" for vehicle, names in layout.vehicles.items() for body in names]
+    assert sorted(moving) == sorted([*layout.vehicles, *layout.drives, *bodies])
+    assert not any("/" in name for name in moving)
+    for joint in robot.findall("joint"):
+        if joint.get("type") == "prismatic":
+            limit = {key: float(value) for key, value in joint.find("limit").attrib.items()}
+            assert limit["lower"] == 0.0 < min(limit["upper"], limit["velocity"], limit["effort"])
+            axis = [float(part) for part in joint.find("axis").get("xyz").split()]
+            assert math.hypot(*axis) == pytest.approx(1.0, abs=1e-8)
+
+
+def test_the_chain_of_the_description_is_where_tf_says(shown):
+    """From the joint on the rope down, with the angle of each body against the one above, as `joint_states` has it."""
+    simulation, snapshot, _, last = shown
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    joints, found = joint_places(robot), frames(simulation, last)
+
+    def reached(link):
+        if link in simulation.layout.vehicles:
+            return placed(found, link)
+        joint, parent, origin = joints[link]
+        above, turned = reached(parent)
+        if joint.get("type") == "continuous":
+            vehicle, body = link.split("/")[:2]
+            states = snapshot.carriages[vehicle].bodies
+            before = [*states].index(body) - 1
+            angle = states[body].pitch - (states[[*states][before]].pitch if before >= 0 else 0.0)
+            turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+        else:
+            turn = np.eye(3)
+        return above + turned @ origin, turned @ turn
+
+    checked = 0
+    for body in simulation.layout.bodies:
+        place, turn = reached(body)
+        there, turned = placed(found, body)
+        vehicle = simulation.layout.vehicle_rows[body.partition("/")[0]]
+        np.testing.assert_allclose(place, there, atol=gap(snapshot, vehicle))
+        np.testing.assert_allclose(turn, turned, atol=1e-9)
+        checked += 1
+    assert checked > 0
+
+
+@pytest.mark.parametrize("prefix", ["", PREFIX])
+def test_every_message_is_in_a_frame_of_the_tree(shown, prefix):
+    """Also forces, which are in that of the vehicle or support where they act."""
+    simulation, snapshot, *_ = shown
+    encoder = MessageEncoder(simulation.layout, STAMP, frames=FrameNames(FRAME_ID, prefix))
+    encoded = dict(encoder.frame(snapshot, [*encoder.topics]))
+    found = frames(simulation, encoded, frame_id=FRAME_ID, prefix=prefix)
+    types = {topic.name: topic.type for topic in topics(simulation.layout, clock=True, tf=True)}
+    used = {decode(data, types[name]).header.frame_id for name, data in encoded.items() if not name.startswith("/")}
+    assert len(used) > 3
+    for frame in used:
+        placed(found, frame, FRAME_ID)
+
+
+def test_joint_states_move_the_chain_of_the_description(shown):
+    """The names and the angles that a robot_state_publisher would take."""
+    simulation, snapshot, *_ = shown
+    ((_, data),) = MessageEncoder(simulation.layout, STAMP).frame(snapshot, ["joint_states"])
+    states = decode(data, "sensor_msgs/msg/JointState")
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    moving = {joint.get("name") for joint in robot.findall("joint") if joint.get("type") != "fixed"}
+    assert set(states.name) == moving
+    given = dict(zip(states.name, states.position, strict=True))
+    for vehicle, bodies in simulation.layout.vehicles.items():
+        pitch = 0.0
+        for body in bodies:
+            pitch += given[f"{vehicle}_{body}"]
+            assert pitch == pytest.approx(snapshot.carriages[vehicle].bodies[body].pitch, abs=1e-12)
+
+
+def test_frames_have_the_names_that_they_are_given(shown):
+    simulation, *_ = shown
+    names = {"frame_id": FRAME_ID, "prefix": PREFIX}
+    robot = ElementTree.fromstring(robot_description(simulation.scenario, **names))
+    links = [link.get("name") for link in robot.findall("link")]
+    assert links[0] == FRAME_ID
+    assert all(link.startswith(PREFIX) for link in links[1:])
+    for one in decode(still_transforms(simulation.scenario, STAMP, **names), TYPES[TF]).transforms:
+        assert one.child_frame_id.startswith(PREFIX)
+        assert one.header.frame_id == FRAME_ID or one.header.frame_id in links
+    joints = {joint.get("name") for joint in robot.findall("joint")}
+    assert not any(name.startswith(PREFIX) for name in joints)  # joint_states has none either
+
+
+def test_the_last_markers_are_sent_again_where_none_come():
+    sent = []
+    markers = Repeated(sent.append)
+    markers.repeat()
+    assert sent == []
+    markers(b"1")
+    markers.repeat()  # one has come since the last call
+    assert sent == [b"1"]
+    markers.repeat()
+    markers.repeat()
+    assert sent == [b"1", b"1", b"1"]
+    markers(b"2")
+    markers.repeat()
+    assert sent[3:] == [b"2"]
+
+
+MESSAGES = {  # of RViz's displays
+    "rviz_default_plugins/MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "rviz_default_plugins/RobotModel": "std_msgs/msg/String",
+    "rviz_default_plugins/Path": "nav_msgs/msg/Path",
+    "rviz_default_plugins/PointCloud2": "sensor_msgs/msg/PointCloud2",
+    "rviz_default_plugins/TF": None,  # which has topics of its own
+}
+
+
+def test_the_layout_for_rviz_shows_topics_of_the_twin_with_a_quality_that_they_offer(shown):
+    simulation, _, _, last = shown
+    layout = YAML(typ="safe").load((ROOT / "rviz" / "cable_twin.rviz").read_text(encoding="utf-8"))
+    manager = layout["Visualization Manager"]
+    table = {topic.name: topic for topic in topics(simulation.layout, tf=True, markers=True, robot=True)}
+    assert manager["Global Options"]["Fixed Frame"] == "map"
+    assert {panel["Class"].partition("/")[0] for panel in layout["Panels"]} == {"rviz_common"}
+    displays = {display["Name"]: display for display in manager["Displays"]}
+    assert [name for name, display in displays.items() if display["Enabled"]] == ["Twin"]
+    assert set(displays["Twin"]["Namespaces"]) == {name for name, _ in markers_of(last)}
+    for display in displays.values():
+        message = MESSAGES[display["Class"]]
+        if message is None:
+            continue
+        asked = display["Description Topic" if display["Class"].endswith("RobotModel") else "Topic"]
+        topic = table[asked["Value"].removeprefix("/cable_twin/")]
+        assert topic.type == message
+        assert topic.reliability == "reliable" or asked["Reliability Policy"] == "Best Effort"
+        latched = asked["Durability Policy"] == "Transient Local"
+        assert latched == (topic.durability == "transient_local"), "a late RViz sees it, and subscribes at all"
+    cloud = displays["Tension"]["Channel Name"]
+    assert cloud in ("x", "y", "z", "arc_length", "tension")
+    assert table[ROBOT_DESCRIPTION].durability == table[TF_STATIC].durability == "transient_local"
+
+
+def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
+    """As `rerun TIME_0.mcap` reads it: all in one tree of frames, the vehicles as boxes of their description."""
+    pytest.importorskip("rerun")
+    simulation, snapshot, *_ = shown
+    table = topics(simulation.layout, tf=True, robot=True)
+    log = McapLog(tmp_path / "run", table, run_metadata(scenario="shown", frame_period=0.01, sample_count=200))
+    log.begin(STAMP)
+    log.write(ROBOT_DESCRIPTION, STAMP, serialize(String(robot_description(simulation.scenario))))
+    log.write(TF_STATIC, STAMP, still_transforms(simulation.scenario, STAMP))
+    encoder = MessageEncoder(simulation.layout, STAMP)
+    for moment in (simulation.snapshot, snapshot):
+        for topic, data in encoder.frame(moment, ["cable", TF]):
+            log.write(topic, encoder.stamp_ns(moment), data)
+    log.close()
+    loaded = tmp_path / "run.rrd"
+    for arguments in (["mcap", "convert", str(log.path), "-o", str(loaded)], ["rrd", "print", "-v", str(loaded)]):
+        result = subprocess.run(
+            [sys.executable, "-m", "rerun", *arguments], capture_output=True, text=True, timeout=300, check=True
+        )
+    shown_by_rerun = result.stdout
+    assert "cable@Points3D:positions" in shown_by_rerun
+    assert "@Transform3D:parent_frame" in shown_by_rerun
+    boxed = set(re.findall(r"/visual_geometries/(\S+)/visual_\d+@Boxes3D:half_sizes", shown_by_rerun))
+    assert {name.replace("\\/", "/") for name in boxed} == set(simulation.layout.bodies)

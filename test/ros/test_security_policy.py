@@ -1,0 +1,111 @@
+"""The SROS2 policy: as a running twin needs it, neither more nor less. ROS 2's wheels have no security libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from cable_twin.commands import INPUTS
+from cable_twin.messages import topics
+from cable_twin.scenario import load_scenario, scenario_names
+from cable_twin.snapshot import Layout
+
+pytest.importorskip("rclpy")
+
+POLICY = Path(__file__).resolve().parents[2] / "security" / "cable_twin.policy.xml"
+RULES = {"topics": ("publish", "subscribe"), "services": ("reply", "request"), "actions": ("call", "execute")}
+TWIN = "/cable_twin"
+
+
+def allowed(enclave: str) -> dict[str, set[str]]:
+    """Full names and patterns by rule ("publish"), as sros2 spells them out."""
+    root = ElementTree.parse(POLICY).getroot()
+    found: dict[str, set[str]] = {rule: set() for rules in RULES.values() for rule in rules}
+    profiles = root.findall(f"enclaves/enclave[@path='{enclave}']/profiles/profile")
+    assert len(profiles) == 1
+    for profile in profiles:
+        namespace, node = profile.get("ns", ""), profile.get("node", "")
+        for part in profile:
+            for rule in RULES[part.tag]:
+                if part.get(rule) == "ALLOW":
+                    names = [(one.text or "").replace("~", f"{namespace.rstrip('/')}/{node}", 1) for one in part]
+                    assert len(set(names)) == len(names)
+                    assert all(name.startswith("/") for name in names)
+                    found[rule] |= set(names)
+    return found
+
+
+def published() -> Iterator[str]:
+    """Full names of all topics of all scenarios, with everything that can be switched on."""
+    for name in scenario_names():
+        layout = Layout.of(load_scenario(name), 2)
+        table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True)
+        for topic in table:
+            if topic.name not in INPUTS:
+                yield topic.name if topic.name.startswith("/") else f"{TWIN}/{topic.name}"
+
+
+def covered(names: set[str], patterns: set[str]) -> tuple[set[str], set[str]]:
+    """Names that no pattern has, and patterns that have no name."""
+    without = {name for name in names if not any(fnmatchcase(name, pattern) for pattern in patterns)}
+    return without, {pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in names)}
+
+
+def test_it_has_the_form_of_sros2():
+    """policy.xsd of sros2: version, elements, attributes and their values."""
+    root = ElementTree.parse(POLICY).getroot()
+    assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
+    assert [child.tag for child in root] == ["enclaves"]
+    paths = [enclave.get("path") for enclave in root[0]]
+    assert paths == ["/cable_twin", "/operator", "/observer"]
+    for profile in root.iter("profile"):
+        assert set(profile.attrib) == {"ns", "node"}
+        for part in profile:
+            assert set(part.attrib) <= set(RULES[part.tag])
+            assert set(part.attrib.values()) <= {"ALLOW", "DENY"}
+            assert {one.tag for one in part} == {part.tag.rstrip("s")}
+
+
+def test_the_twin_may_publish_what_its_table_has_and_nothing_else():
+    of_every_node = {"/rosout", "/parameter_events"}
+    assert covered(set(published()) | of_every_node, allowed(TWIN)["publish"]) == (set(), set())
+
+
+def test_it_listens_to_commands_and_to_nothing_else():
+    inputs = {f"{TWIN}/{name}" for name in INPUTS}
+    assert allowed(TWIN)["subscribe"] == inputs | {"/clock", "/parameter_events"}  # those with use_sim_time
+    assert allowed("/operator")["publish"] == inputs | {"/rosout", "/parameter_events"}
+
+
+def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running):
+    _, participant = running
+    rules = allowed(TWIN)
+    node = participant.node
+    participant.until(lambda: ("cable_twin", "/") in node.get_node_names_and_namespaces(), what="the twin")
+    services = node.get_service_names_and_types_by_node
+    offered = rules["reply"]
+    participant.until(lambda: offered <= {name for name, _ in services("cable_twin", "/")}, what="all of its services")
+    for rule, ask in (
+        ("publish", node.get_publisher_names_and_types_by_node),
+        ("subscribe", node.get_subscriber_names_and_types_by_node),
+        ("reply", services),
+    ):
+        names = {name for name, _ in ask("cable_twin", "/")}
+        assert names
+        assert not covered(names, rules[rule])[0], rule
+
+
+def test_an_observer_commands_nothing():
+    observer = allowed("/observer")
+    assert not observer["request"]
+    assert not [name for name in observer["publish"] if name.startswith(TWIN)]
+    assert not any(fnmatchcase(f"{TWIN}/{name}", pattern) for name in INPUTS for pattern in observer["publish"])
+
+
+def test_an_operator_asks_for_services_that_there_are():
+    assert allowed("/operator")["request"] < allowed(TWIN)["reply"]
+    assert f"{TWIN}/emergency_stop" in allowed("/operator")["request"]
