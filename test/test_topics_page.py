@@ -76,5 +76,6 @@ def test_parameters_have_their_defaults_and_units():
             assert float(number) == parameter.default, parameter.name
             assert unit in ("", parameter.unit), parameter.name
         else:
-            written = str(parameter.default).lower() if isinstance(parameter.default, bool) else parameter.default
+            written = str(parameter.default)
+                written = written.lower() if isinstance(parameter.default, bool) else written
             assert text == (written or "none"), parameter.name

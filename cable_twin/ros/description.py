@@ -106,7 +106,7 @@ def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, chil
 
 def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> None:
     """The bodies of a vehicle, each below the one before."""
-    above, hook = vehicle, (0.0, 0.0, 0.0)
+    above, hook = vehicle, in_space((0.0, 0.0))
     for name, body in carriage.bodies.items():
         pivot, centre = pivot_frame(vehicle, name), f"{vehicle}/{name}"
         _add(robot, "link", name=f"{prefix}{pivot}")
