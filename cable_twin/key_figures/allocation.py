@@ -37,6 +37,7 @@ def allocate(scenario: Scenario) -> Memory:
         swing=highest(vehicles),
         acceleration=highest(vehicles),
         contact_force=highest(vehicles),
+        haul_force=highest(vehicles),
         tension_ratio=lowest(vehicles),
         clearance=lowest(1 + vehicles),
         next_look=np.full(1, -inf),

@@ -50,6 +50,7 @@ class Memory(NamedTuple):
     swing: Extremes  # (vehicles,) rad
     acceleration: Extremes  # (vehicles,) m/s^2
     contact_force: Extremes  # (vehicles,) N
+    haul_force: Extremes  # (vehicles,) N
     tension_ratio: Extremes  # (vehicles,) tension over the load across the rope
     clearance: Extremes  # (1 + vehicles,) m, of the rope and of the vehicles
     next_look: FloatArray  # (1,) s, when the clearance is due
@@ -156,6 +157,7 @@ def take_vehicles(memory, time, arc_lengths, columns):
         if counts:
             force = columns.contact_force[vehicle]
             take(memory.contact_force, vehicle, size(force), time, place)
+            take(memory.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place)
             if not isnan(place):
                 ratio = tension_ratio(arc_lengths, columns.rope_position, columns.rope_tension, place, force)
                 take(memory.tension_ratio, vehicle, ratio, time, place)

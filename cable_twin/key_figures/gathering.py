@@ -206,6 +206,7 @@ class KeyFigures:
         swing = worst(memory.swing, members, f"{name}: swing along the track", "rad")
         yield self._limited(swing, "swing")
         yield worst(memory.contact_force, members, f"{name}: contact force", "N")
+        yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
         yield self._limited(ratio, "tension_per_transverse_load", "at least")
         height = worst(memory.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")

@@ -33,6 +33,7 @@ from cable_twin.messages.topics import (
     TFMessage,
     WrenchStamped,
     contact_force_topic,
+    haul_force_topic,
     pose_topic,
     support_force_topic,
 )
@@ -127,6 +128,8 @@ class MessageEncoder:
             position, orientation = columns.body_position[body], columns.body_orientation[body]
             self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, position, orientation)
         self._makers[contact_force_topic(vehicle)] = _maker(_wrench, columns.contact_force[row])
+        if vehicle in layout.hauled:
+            self._makers[haul_force_topic(vehicle)] = _maker(_wrench, columns.haul_pull[row])
 
     def _joint_states(self) -> Template:
         """Carriages, drives, then bodies: place or pitch, its rate, and the force along the cable."""

@@ -30,6 +30,7 @@ from cable_twin.messages import (
     Status,
     contact_force_topic,
     decode,
+    haul_force_topic,
     pose_topic,
     statuses_of_message,
     support_force_topic,
@@ -128,6 +129,7 @@ class _Frames:
         for row, (name, bodies) in enumerate(layout.vehicles.items()):
             readers[pose_topic(name)] = _reader(POSE, [c.joint_position[row]])
             readers[contact_force_topic(name)] = _reader(6, [c.contact_force[row]])
+            readers[haul_force_topic(name)] = _reader(6, [c.haul_pull[row]])
             for body, body_name in enumerate(bodies, layout.first_body[row]):
                 targets = [c.body_position[body], c.body_orientation[body]]
                 readers[pose_topic(name, body_name)] = _reader(POSE, targets)

@@ -24,7 +24,7 @@ from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 VERSION_1 = {  # what its fields are now, one by one or by their columns
     "nodal_coordinates": "nodes.position",
     "nodal_velocities": "nodes.velocity",
@@ -184,6 +184,9 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
+            if header["format_version"] < 3:  # what is hauled was counted by its arc length
+                joints = {key: array for key, array in arrays.items() if "/joints." in key}
+                arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import NamedTuple
 
+from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.memory import flat
@@ -86,11 +87,14 @@ def integrate(system, state, h, work):
     """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
+    leave_place(system, state, work)
     predict(c, h, state.nodes)
     predict(c, h, state.bodies)
     predict_massless(c, h, state.joints)
+    predict_massless(c, h, state.hauled)
     predict(c, h, state.sheaves)
     prescribe(state)
+    direct_haul(system, state, work)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
@@ -107,6 +111,7 @@ def integrate(system, state, h, work):
         correct(c, h, work.right_side, state.nodes)
         correct(c, h, work.body_increment, state.bodies)
         correct(c, h, work.sliding_increment, state.joints)
+        correct(c, h, work.haul_increment, state.hauled)
         correct(c, h, work.sheave_increment, state.sheaves)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
