@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from cable_twin.key_figures.allocation import allocate
+from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
 from cable_twin.key_figures.frames import DriveExtremes, take_frame
@@ -28,6 +29,7 @@ SOURCES = {  # of the default limits
     "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
     "rope_clearance": "assumed: nothing may touch the ground",
     "vehicle_clearance": "assumed: nothing may touch the ground",
+    "energy_lost": "assumed: as a damping of 0.08 % of the critical one would take, less than a rope's own",
     "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
 }
 
@@ -45,6 +47,7 @@ class KeyFigures:
         self._supports = [*ENDS, *scenario.towers]
         self._memory = allocate(scenario)
         self._packed_memory = pack(self._memory)
+        self._dissipation = Dissipation(scenario)
         self._first_tension = math.nan  # N, highest of the first frame
         driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
         self._stops = {name: Stops() for name in (*driven, *self._drives)}
@@ -57,6 +60,7 @@ class KeyFigures:
             self._take_layout(snapshot.layout)
         self._numbers[:] = snapshot.numbers
         take_frame(self._packed_memory, self._arc_lengths, self._packed_columns)
+        self._dissipation.update(self._time, snapshot.solver)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
         if self._braking:
@@ -110,6 +114,8 @@ class KeyFigures:
             *(figure for name in self._drives for figure in self._of_drive(name)),
             *(figure for name, members in self._groups() for figure in self._of_vehicles(name, members)),
         ]
+        if self._layout is not None:
+            found.append(self._limited(self._dissipation.figure(self._time), "energy_lost"))
         return [figure for figure in found if not math.isnan(figure.value)]
 
     def _motion(self, name: str) -> tuple[float, float]:

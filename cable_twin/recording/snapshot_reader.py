@@ -1,7 +1,7 @@
 """Snapshots and commands back from a log, one after the other: what a run showed, without simulating it again.
 
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
-that time, and so is what it never has: velocities of centres of mass, haul ropes, forces in logs without their topics.
+that time, and so is what it never has: sheaves, energies, velocities of centres of mass, what has no topic.
 The cable and what is known of carriers by their forces is in single precision. Of a tower a log has the force; its size
 stands for the normal load (friction adds to it, the turn of the rope takes from it), and that in the first frame for
 the load at rest, where no snapshot that the run went on from has it. The travel of a counterweight follows from the end
@@ -241,8 +241,7 @@ class _Frames:
         rest[:] = np.where(np.isnan(rest), loads, rest)
         lowest[:] = np.fmin(lowest, loads)
         seen = np.where(np.isnan(loads), nan, 1.0)
-        c.tower_load[towers], c.tower_lowest_load[towers] = loads, seen * lowest
-        c.tower_rest_load[towers] = seen * rest
+        c.tower_load[towers], c.tower_lowest_load[towers], c.tower_rest_load[towers] = loads, seen * lowest, seen * rest
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
@@ -253,10 +252,8 @@ class _Frames:
 
 def _full_state(snapshot: bytes | None) -> FullState | None:
     """What a log or a file of it starts from, where that is a snapshot that this version reads."""
-    if snapshot is None:
-        return None
     try:
-        return read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
+        return None if snapshot is None else read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
     except SnapshotError:
         return None
 

@@ -13,6 +13,7 @@ from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.memory import flat
+from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
@@ -162,8 +163,10 @@ def advance(system, state, good, before, work, steps):
     """
     solver = system.solver
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
+    lost, moved = 0.0, 0.0
     for done in range(steps):
         copy_state(state, good)
+        looks = state.clock[0] % EVERY == 0
         converged = False
         for level in range(solver.max_halvings + 1):
             parts = 1 << level
@@ -176,13 +179,16 @@ def advance(system, state, good, before, work, steps):
                         copy_state(state, before)
                     converged, used, increment, gap = step(system, state, start, solver.step / parts, work)
                     iterations += used
+                    if converged and looks:
+                        here, there = numerical_loss(system, start, state)
+                        lost, moved = lost + EVERY * here, moved + EVERY * there
             if converged:
                 worst_gap = max(worst_gap, gap)
                 break
             copy_state(good, state)
             halvings += 1
         if not converged:
-            return False, done, iterations, halvings, worst_gap, increment, worst_element(work)
+            return False, done, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved
         state.clock[0] += 1
     report_forces(system, state)
-    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work)
+    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved

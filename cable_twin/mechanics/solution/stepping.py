@@ -26,6 +26,8 @@ class Outcome(NamedTuple):
     gap: float  # m, largest gap of a joint at the end of a step
     increment: float  # m, largest of the last Newton iteration
     element: int  # where that was
+    lost: float  # J, by the integrator alone, see `dissipation`
+    moved: float  # J, sum of the changes of kinetic energy, either way
 
 
 @kernel_part
