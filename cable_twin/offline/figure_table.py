@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import string
 import sys
+from collections import Counter
 from collections.abc import Sequence
 
 from rich import box
@@ -36,14 +37,19 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
         table.add_column(title, justify="right", no_wrap=True)
     for title in ("unit", *(("limit",) if wide else ()), "", *(("at", "where") if lone and wide else ())):
         table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
-    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
+    every = [figure for run in runs for figure in run.values()]
+    usual = Counter(figure.band for figure in every).most_common(1)[0][0] if every else ""
+    notes = list(dict.fromkeys(figure.source for figure in every if figure.source))
+    notes += list(dict.fromkeys(figure.band for figure in every if figure.band not in ("", usual)))
     for name in dict.fromkeys(name for run in runs for name in run):
         found = [run.get(name) for run in runs]
         present = [figure for figure in found if figure is not None]
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
         values = ["" if figure is None else _shown(figure.value, scale) for figure in found]
-        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
+        limits = dict.fromkeys(_limit(figure, scale, notes) for figure in present)
+        if present[0].band in notes:
+            unit = f"{unit} ({notes.index(present[0].band) + 1})"
         where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
@@ -52,8 +58,10 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
             below = ", ".join(filter(None, (limit, *where)))
             table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
-    for number, source in enumerate(sources, start=1):
-        console.print(f"  ({number}) {source}", markup=False)
+    for number, note in enumerate(notes, start=1):
+        console.print(f"  ({number}) {note}", markup=False)
+    if usual:
+        console.print(f"  extremes are of {usual} where no note of the unit says otherwise", markup=False)
     print()
 
 
