@@ -24,10 +24,10 @@ def table_console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
 
 
-def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> None:
+def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "s") -> None:
     """Print one table with a column for each run; when and where only for a single one.
 
-    On a narrow terminal all but name, value, unit and verdict goes to a line of its own below them.
+    `at` is the unit of when. On a narrow terminal all but name, value, unit and verdict goes to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.name: figure for figure in run} for run in figures]
@@ -50,7 +50,7 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
         limits = dict.fromkeys(_limit(figure, scale, notes) for figure in present)
         if present[0].band in notes:
             unit = f"{unit} ({notes.index(present[0].band) + 1})"
-        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
+        where = [f"{present[0].time:.2f} {at}", present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
             table.add_row(name, *values, unit, limit, _verdict(found, scale), *where)
@@ -62,7 +62,7 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
         console.print(f"  ({number}) {note}", markup=False)
     if usual:
         console.print(f"  extremes are of {usual} where no note of the unit says otherwise", markup=False)
-    print()
+    console.print()
 
 
 def _shown(value: float, scale: float) -> str:
