@@ -106,9 +106,10 @@ def check_newton_step(system, state, work, residual, tolerance=1e-8):
     right = -residual(state)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
     matrix[:size, :size] += still
-    for k in range(count):
-        if state.drive_mode[k] != HAULED or state.sheave_mode[k] == SPEED:
-            matrix[total - 2 * count + k] = np.eye(total)[total - 2 * count + k]  # it is where it has to be
+    for k in range(count):  # what is not there does not move, and a sheave that is led is where it has to be
+        hauled, led = state.drive_mode[k] == HAULED, state.sheave_mode[k] == SPEED
+        for row, free in ((total - 2 * count + k, hauled and not led), (total - count + k, hauled)):
+            matrix[row] = matrix[row] if free else np.eye(total)[row]
     exact = np.linalg.solve(matrix, right)
     before = state.multipliers.copy()
     measure_gaps(system, state, work, True)
