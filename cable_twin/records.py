@@ -163,6 +163,8 @@ class SolverReport:
     iterations: int  # Newton iterations, all steps together
     halvings: int  # steps that had to be retried in halves
     constraint_residual: float  # m, worst joint gap
+    energy_lost: float = 0.0  # J, by the integrator itself, which no damper or friction has taken
+    energy_moved: float = 0.0  # J, changes of kinetic energy from step to step, either way, added up
 
 
 @dataclass(frozen=True, slots=True)

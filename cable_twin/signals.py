@@ -124,6 +124,15 @@ SIGNALS: Mapping[str, Signal] = {
             "contact_forces",
         ),
         Signal(
+            "haul_force",
+            "N",
+            "vehicles",
+            lambda _, c: np.linalg.norm(c.haul_pull, axis=-1),
+            "haul rope on carriage",
+            "contact_forces",
+            everywhere=False,
+        ),
+        Signal(
             "support_force",
             "N",
             "supports",
@@ -148,7 +157,7 @@ PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in whi
     "speed": "Speed and place along the rope",
     "swing": "Swing along the track",
     "drive": "Drive",
-    "contact_forces": "Contact and support forces",
+    "contact_forces": "Forces on carriages and supports",
 }
 
 

@@ -41,6 +41,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "haul_travel": ("vehicles",),
     "haul_speed": ("vehicles",),
     "haul_force": ("vehicles",),
+    "haul_pull": ("vehicles", 3),
     "body_position": ("bodies", 3),
     "body_orientation": ("bodies", 4),
     "body_velocity": ("bodies", 3),
@@ -66,7 +67,7 @@ class Layout:
     Attributes:
         vehicles: names of the bodies by name of their vehicle, in the order of the scenario: carriages, then carriers.
         carriages: names of the vehicles that are named one by one.
-        carriers: names of those of which there are many of one kind.
+        carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
         arc_lengths: (samples,) m, unstrained, where the cable is shown.
@@ -85,12 +86,13 @@ class Layout:
         arc_lengths: FloatArray,
         *,
         carriers: int = 0,
+        hauled: Sequence[str] = (),
     ) -> None:
-        """Lay out frames; the last so many of the vehicles are carriers."""
+        """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
         names = tuple(self.vehicles)
         self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
-        self.supports, self.drives = tuple(supports), tuple(drives)
+        self.supports, self.drives, self.hauled = tuple(supports), tuple(drives), tuple(hauled)
         self.arc_lengths = np.array(arc_lengths, dtype=np.float64)
         self.arc_lengths.setflags(write=False)
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
@@ -119,6 +121,7 @@ class Layout:
             tuple(scenario.drives),
             np.linspace(0.0, scenario.cable.unstrained_length, samples, dtype=np.float64),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
+            hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
         )
 
     def columns(self, numbers: FloatArray) -> Columns:
@@ -254,8 +257,7 @@ class Snapshot:
 
     def _carriage(self, index: int) -> CarriageState:
         c = self.columns
-        travel = float(c.haul_travel[index])
-        haul_rope = HaulRopeState(travel, float(c.haul_speed[index]), float(c.haul_force[index]))
+        haul = HaulRopeState(float(c.haul_travel[index]), float(c.haul_speed[index]), float(c.haul_force[index]))
         first = self.layout.first_body[index]
         return CarriageState(
             arc_length=float(c.arc_length[index]),
@@ -266,7 +268,7 @@ class Snapshot:
             bodies=Named(self.layout.body_rows[index], lambda number: self._body(first + number)),
             attached=bool(c.attached[index]),
             payload=float(c.payload[index]),
-            haul_rope=None if isnan(travel) else haul_rope,
+            haul_rope=None if isnan(haul.travel) else haul,
         )
 
     def _body(self, row: int) -> BodyState:
@@ -291,9 +293,8 @@ class Snapshot:
 
     def _drive(self, index: int) -> DriveState:
         c = self.columns
-        return DriveState(
-            float(c.drive_position[index]), float(c.drive_speed[index]), float(c.moving_cable_force[index])
-        )
+        position, speed = float(c.drive_position[index]), float(c.drive_speed[index])
+        return DriveState(position, speed, float(c.moving_cable_force[index]))
 
 
 __all__ = ["CABLE", "ENDS", "BodyColumns", "Layout", "Snapshot", "VehicleColumns"]

@@ -46,7 +46,7 @@ def test_what_a_log_does_not_hold_is_no_value():
 def test_frames_without_places_leave_accelerations_to_those_that_have_some():
     """Places at every fifth frame, as in a log: the figures are those of these frames alone."""
     sparse, alone = KeyFigures(scenario()), KeyFigures(scenario())
-    for number in range(41):
+    for number in range(101):
         moment = number * PERIOD
         one = snapshot(moment, place=500.0 + 0.5 * 1.2 * moment**2)
         if number % 5:

@@ -78,16 +78,39 @@ def test_acceleration_of_the_last_body_on_a_circle():
         angle = rate * frame * PERIOD
         figures.update(snapshot(frame * PERIOD, body=radius * np.array([math.sin(angle), -math.cos(angle)])))
     found = gathered(figures)["cabin: vehicle acceleration"]
-    assert found.value == pytest.approx(radius * rate**2, rel=1e-4)
+    # means over 0.2 s of means over 0.2 s leave the square of a sinc of it
+    assert found.value == pytest.approx(radius * rate**2 * np.sinc(0.2 * rate / (2.0 * math.pi)) ** 2, rel=1e-6)
     assert found.kept is False
+    assert "means over 0.2 s of means over 0.2 s" in found.band
+
+
+@pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
+def test_an_acceleration_does_not_depend_on_how_often_one_looks(period):
+    """A step of 1 m/s² reads as that after 0.4 s; a shock of 1 m/s² for 10 ms adds a twentieth to it."""
+    figures = KeyFigures(scenario())
+    for frame in range(round(3.0 / period)):
+        moment = frame * period
+        shock = 0.01 * max(moment - 2.495, 0.0)  # m, of 1 m/s² for 10 ms at 2.5 s
+        figures.update(snapshot(moment, body=np.array([0.5 * max(moment - 1.0, 0.0) ** 2 + shock, 0.0])))
+    found = gathered(figures)
+    assert found["cabin: vehicle acceleration"].value == pytest.approx(1.045, rel=0.01)
+    assert found["rope tension, highest"].band == f"frames of {period:g} s"
+
+
+def test_shocks_are_those_of_the_mesh():
+    figures = KeyFigures(scenario())
+    for frame in range(300):
+        figures.update(snapshot(frame * PERIOD, body=np.array([0.02 * max(frame * PERIOD - 1.0, 0.0), 0.0])))
+    # 2 m/s² for 10 ms are a step of 0.02 m/s
+    assert gathered(figures)["cabin: vehicle acceleration"].value == pytest.approx(0.02 / 0.2, rel=1e-6)
 
 
 def test_a_reset_is_no_acceleration():
     figures = KeyFigures(scenario())
-    for frame in range(10):
+    for frame in range(100):
         figures.update(snapshot(frame * PERIOD, place=100.0))
-    figures.command(AppliedCommand(9 * PERIOD, Command("reset", {}), "test"))
-    for frame in range(10, 20):
+    figures.command(AppliedCommand(99 * PERIOD, Command("reset", {}), "test"))
+    for frame in range(100, 200):
         figures.update(snapshot(frame * PERIOD, place=300.0))
     assert gathered(figures)["cabin: vehicle acceleration"].value == pytest.approx(0.0, abs=1e-6)
 

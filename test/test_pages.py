@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from cable_twin.offline import replay, review, simulate
+from cable_twin.offline import line, replay, review, simulate
 from cable_twin.ros import drive, sim
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-COMMANDS = {"sim": sim, "drive": drive, "simulate": simulate, "review": review, "replay": replay}
+COMMANDS = {"sim": sim, "drive": drive, "simulate": simulate, "review": review, "replay": replay, "line": line}
 CALL = re.compile(rf"^(?: {{4}}|\$ |)(?:\.venv/bin/)?({'|'.join(COMMANDS)})((?: +[^#\n]*|))", re.MULTILINE)
 
 

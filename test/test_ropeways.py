@@ -52,16 +52,25 @@ def carried(scenario, tension: float, height: float) -> float:
     return tension * (1.0 + 0.5 * tension / cable.axial_stiffness) - cable.mass_per_length * scenario.gravity * height
 
 
-def test_tension_of_the_tramway_at_rest_is_that_of_weight_counterweight_and_drive():
+def test_tension_of_the_tramway_at_rest_is_that_of_weight_and_counterweight():
+    """The haul rope pulls on its station, and the cabin presses on the track rope across it."""
     scenario = load_scenario("aerial_tramway")
     simulation = Simulation(scenario)
     supports, cabin = simulation.snapshot.supports, simulation.snapshot.carriages["cabin"]
     lower, upper = (float(np.linalg.norm(supports[end].force)) for end in ("start", "end"))
     pull = np.array(scenario.cable.start.direction) / np.linalg.norm(scenario.cable.start.direction)
     assert float(supports["start"].force[[0, 2]] @ pull) == pytest.approx(scenario.cable.start.mass * 9.81, rel=1e-6)
-    held = cabin.haul_rope.force
+    before, after = simulation.cable_positions([cabin.arc_length - 1e-3, cabin.arc_length + 1e-3])
+    along = (after - before) / np.linalg.norm(after - before)
+    assert cabin.haul_rope.force == pytest.approx((cabin_weight(scenario) + 9.81 * cabin.payload) * along[2], rel=1e-5)
+    assert float(cabin.contact_force @ along) == pytest.approx(0.0, abs=1.0)
     got = carried(scenario, upper, 300.0) - carried(scenario, lower, float(simulation.cable_positions([0.0])[0, 2]))
-    assert got == pytest.approx(held, abs=2e-4 * upper)
+    assert got == pytest.approx(0.0, abs=2e-4 * upper)
+
+
+def cabin_weight(scenario) -> float:
+    """Weight (N) of the empty cabin of the tramway."""
+    return scenario.gravity * sum(body.mass for body in scenario.carriages["cabin"].bodies.values())
 
 
 def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():

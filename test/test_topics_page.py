@@ -77,5 +77,5 @@ def test_parameters_have_their_defaults_and_units():
             assert unit in ("", parameter.unit), parameter.name
         else:
             written = str(parameter.default)
-                written = written.lower() if isinstance(parameter.default, bool) else written
+            written = written.lower() if isinstance(parameter.default, bool) else written
             assert text == (written or "none"), parameter.name

@@ -24,6 +24,7 @@ MODULES = (
     "counterweights",
     "moving_cable",
     "tramway",
+    "haul_ropes",
     "loads",
     "meshes",
 )

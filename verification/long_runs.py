@@ -82,7 +82,7 @@ def carriage_losses(system: System, state: State) -> float:
         if system.haul_ropes.present:
             length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
             damping, _ = rope_damping(system, carriage, length)
-            total += damping * (state.sheaves.velocity[carriage] - state.joints.velocity[carriage]) ** 2
+            total += damping * (state.sheaves.velocity[carriage] - state.hauled.velocity[carriage]) ** 2
     return total
 
 

@@ -21,7 +21,13 @@ ROPE = {"axial_stiffness": 20e3, "mass_per_length": 0.06, "damping_ratio": 0.0, 
 
 
 def tramway(
-    drive: dict[str, Any], *, start: float = 40.0, angle: float = 0.0, arm: float = 0.0, step: float = 1e-3
+    drive: dict[str, Any],
+    *,
+    start: float = 40.0,
+    angle: float = 0.0,
+    arm: float = 0.0,
+    step: float = 1e-3,
+    friction: dict[str, float] | None = None,
 ) -> Simulation:
     """One carriage at arc length `start` (m), its centre `arm` (m) below the rope, on a slope of `angle` (rad)."""
     far = LENGTH * (1.0 + STRAIN)
@@ -35,7 +41,7 @@ def tramway(
         end=(far * cos(angle), far * sin(angle)),
         supports=("pinned", "pinned"),
         shape="equilibrium",
-        carriages={"car": {"arc_length": start, "drive": drive, "bodies": {"body": body}}},
+        carriages={"car": {"arc_length": start, "drive": drive, "friction": friction or {}, "bodies": {"body": body}}},
         step=step,
         tolerance=1e-10,
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_twin.geometry.clearance import ground_of
 from cable_twin.key_figures.extremes import highest, lowest
-from cable_twin.key_figures.frames import DriveExtremes, Memory
+from cable_twin.key_figures.frames import PLACES, DriveExtremes, Memory
 from cable_twin.scenario import Grading, Scenario
 
 
@@ -37,11 +37,13 @@ def allocate(scenario: Scenario) -> Memory:
         swing=highest(vehicles),
         acceleration=highest(vehicles),
         contact_force=highest(vehicles),
+        haul_force=highest(vehicles),
         tension_ratio=lowest(vehicles),
         clearance=lowest(1 + vehicles),
         next_look=np.full(1, -inf),
-        passed_times=np.full(2, nan),
-        passed=np.full((2, vehicles, 3), nan),
+        passed_times=np.full(PLACES, nan),
+        passed=np.full((PLACES, vehicles, 4), nan),
+        passed_last=np.zeros(1, dtype=np.int64),
     )
 
 

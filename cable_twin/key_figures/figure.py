@@ -26,6 +26,7 @@ class KeyFigure:
     bound: Bound = "at most"
     source: str = ""  # of the limit
     uncertainty: float | None = None  # difference from a finer mesh and step, where that was run
+    band: str = ""  # of what it is an extreme: of means over a time, of frames
 
     @property
     def kept(self) -> bool | None:
@@ -48,7 +49,7 @@ class KeyFigure:
 def values_of(figure: KeyFigure) -> dict[str, str]:
     """The figure for programs, as a diagnostic status holds it; `figure_from_values` gives it back to the last bit."""
     values = {"value": repr(float(figure.value)), "unit": figure.unit, "time_s": repr(float(figure.time))}
-    values["place"] = figure.place
+    values |= {"place": figure.place, "band": figure.band}
     if figure.limit is not None:
         values |= {"limit": repr(float(figure.limit)), "bound": figure.bound, "source": figure.source}
     return values
@@ -61,9 +62,8 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
         ValueError: something is missing or no number; one line.
     """
     try:
-        figure = KeyFigure(
-            name, float(values["value"]), values["unit"], float(values["time_s"]), values.get("place", "")
-        )
+        figure = KeyFigure(name, float(values["value"]), values["unit"], float(values["time_s"]))
+        figure = replace(figure, place=values.get("place", ""), band=values.get("band", ""))
         if "limit" not in values:
             return figure
         bound, limit = values["bound"], float(values["limit"])

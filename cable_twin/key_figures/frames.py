@@ -8,10 +8,13 @@ from typing import NamedTuple
 from cable_twin.key_figures.extremes import Extremes, take
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
+MEAN = 0.2  # s over which accelerations are means of means: what is shorter is a shock, and of the mesh
+LOOK = 0.05  # s between two places of which that is made, in frames that come oftener
+PLACES = 12  # that are kept: more than 2 MEAN / LOOK
 
 
 @by_reference
@@ -50,11 +53,13 @@ class Memory(NamedTuple):
     swing: Extremes  # (vehicles,) rad
     acceleration: Extremes  # (vehicles,) m/s^2
     contact_force: Extremes  # (vehicles,) N
+    haul_force: Extremes  # (vehicles,) N
     tension_ratio: Extremes  # (vehicles,) tension over the load across the rope
     clearance: Extremes  # (1 + vehicles,) m, of the rope and of the vehicles
     next_look: FloatArray  # (1,) s, when the clearance is due
-    passed_times: FloatArray  # (2,) s, of the last two frames with places; NaN where the motion does not go back so far
-    passed: FloatArray  # (2, vehicles, 3) m, places of the last bodies there
+    passed_times: FloatArray  # (PLACES,) s, of frames with places; NaN where the motion does not go back so far
+    passed: FloatArray  # (PLACES, vehicles, 4) m, places of the last bodies there, and of their vehicles on the cable
+    passed_last: IntArray  # (1,) the newest of them
 
 
 @kernel
@@ -133,18 +138,10 @@ def take_drive(extremes, index, time, place, speed, force):
 
 @kernel
 def take_vehicles(memory, time, arc_lengths, columns):
-    """Take in all vehicles; accelerations are second differences over three placed frames of equal spacing."""
-    middle_time = memory.passed_times[1]
-    period, spacing = time - middle_time, middle_time - memory.passed_times[0]
-    evenly = period > 0.0 and abs(spacing - period) < 1e-6 * period
-    placed = False
-    for body in range(columns.body_position.shape[0]):
-        if not isnan(columns.body_position[body, 0]):
-            placed = True
-            break
+    """Take in all vehicles."""
+    looks = begin_look(memory, time, columns)
     for vehicle in range(columns.arc_length.size):
         body = memory.ground.first_body[vehicle + 1] - 1  # the last one
-        here, last, before = columns.body_position[body], memory.passed[1, vehicle], memory.passed[0, vehicle]
         place, counts = columns.arc_length[vehicle], False
         if columns.attached[vehicle] != 0.0:
             take_drive(
@@ -156,20 +153,64 @@ def take_vehicles(memory, time, arc_lengths, columns):
         if counts:
             force = columns.contact_force[vehicle]
             take(memory.contact_force, vehicle, size(force), time, place)
+            take(memory.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place)
             if not isnan(place):
                 ratio = tension_ratio(arc_lengths, columns.rope_position, columns.rope_tension, place, force)
                 take(memory.tension_ratio, vehicle, ratio, time, place)
-        if not placed:
-            continue
-        square = 0.0
-        for axis in range(3):
-            across = here[axis] - 2.0 * last[axis] + before[axis]
-            square += across * across
-            before[axis], last[axis] = last[axis], here[axis] if counts else nan
-        if evenly and counts:
-            take(memory.acceleration, vehicle, sqrt(square) / (period * period), middle_time, place)
-    if placed:
-        memory.passed_times[0], memory.passed_times[1] = middle_time, time
+        if looks:
+            here = memory.passed[memory.passed_last[0], vehicle]
+            for axis in range(3):
+                here[axis] = columns.body_position[body, axis] if counts else nan
+            here[3] = place
+            take_acceleration(memory, vehicle)
+
+
+@kernel
+def begin_look(memory, time, columns):
+    """Whether a frame has places and is due; it is the newest of `passed` then."""
+    newest = memory.passed_last[0]
+    if time < memory.passed_times[newest] + LOOK * (1.0 - 1e-6):
+        return False
+    for body in range(columns.body_position.shape[0]):
+        if not isnan(columns.body_position[body, 0]):
+            newest = (newest + 1) % PLACES
+            memory.passed_last[0], memory.passed_times[newest] = newest, time
+            return True
+    return False
+
+
+@kernel
+def take_acceleration(memory, vehicle):
+    """Take in how much the mean velocity over `MEAN` differs from that over the same time before."""
+    newest = memory.passed_last[0]
+    middle = latest(memory, memory.passed_times[newest] - MEAN)
+    if middle < 0:
+        return
+    first = latest(memory, memory.passed_times[middle] - MEAN)
+    if first < 0:
+        return
+    after = memory.passed_times[newest] - memory.passed_times[middle]
+    before = memory.passed_times[middle] - memory.passed_times[first]
+    if max(after, before) > 1.5 * MEAN:
+        return
+    here, there, start = memory.passed[newest, vehicle], memory.passed[middle, vehicle], memory.passed[first, vehicle]
+    square = 0.0
+    for axis in range(3):
+        change = (here[axis] - there[axis]) / after - (there[axis] - start[axis]) / before
+        square += change * change
+    value = sqrt(square) / (0.5 * (after + before))
+    take(memory.acceleration, vehicle, value, memory.passed_times[middle], there[3])
+
+
+@kernel
+def latest(memory, time):
+    """Number of the newest place up to a time (s); -1 where there is none."""
+    found = -1
+    for number in range(PLACES):
+        at = memory.passed_times[number]
+        if at <= time + 1e-6 * MEAN and (found < 0 or at > memory.passed_times[found]):
+            found = number
+    return found
 
 
 @kernel
@@ -205,4 +246,4 @@ def size(vector):
     return sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
 
 
-__all__ = ["DriveExtremes", "Memory", "take_frame"]
+__all__ = ["CLEARANCE_PERIOD", "MEAN", "PLACES", "DriveExtremes", "Memory", "take_frame"]

@@ -10,9 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from cable_twin.key_figures.allocation import allocate
+from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.frames import DriveExtremes, take_frame
+from cable_twin.key_figures.frames import CLEARANCE_PERIOD, MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.stops import Stops
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand
@@ -20,6 +21,11 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Limits
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
+# assumed: ropeway standards name no band; the limits of ASTM F2291 for rides are for what lasts 0.2 s and longer
+MEANS = (
+    f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), after the 0.2 s of ASTM F2291"
+)
+LOOKS = f"looks every {CLEARANCE_PERIOD:g} s"
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
 SOURCES = {  # of the default limits
     "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
@@ -28,6 +34,7 @@ SOURCES = {  # of the default limits
     "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
     "rope_clearance": "assumed: nothing may touch the ground",
     "vehicle_clearance": "assumed: nothing may touch the ground",
+    "energy_lost": "assumed: as a damping of 0.08 % of the critical one would take, less than a rope's own",
     "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
 }
 
@@ -45,6 +52,8 @@ class KeyFigures:
         self._supports = [*ENDS, *scenario.towers]
         self._memory = allocate(scenario)
         self._packed_memory = pack(self._memory)
+        self._dissipation = Dissipation(scenario)
+        self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
         driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
         self._stops = {name: Stops() for name in (*driven, *self._drives)}
@@ -55,8 +64,13 @@ class KeyFigures:
         """Take in one snapshot; they come in the order of time."""
         if snapshot.layout is not self._layout:
             self._take_layout(snapshot.layout)
+        passed = snapshot.time - self._last
+        if passed > 0.0 and not passed >= self._period:
+            self._period = passed
+        self._last = snapshot.time
         self._numbers[:] = snapshot.numbers
         take_frame(self._packed_memory, self._arc_lengths, self._packed_columns)
+        self._dissipation.update(self._time, snapshot.solver)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
         if self._braking:
@@ -110,6 +124,10 @@ class KeyFigures:
             *(figure for name in self._drives for figure in self._of_drive(name)),
             *(figure for name, members in self._groups() for figure in self._of_vehicles(name, members)),
         ]
+        frames = "" if math.isnan(self._period) else f"frames of {self._period:.4g} s"
+        found = [figure if figure.band else replace(figure, band=frames) for figure in found]
+        if self._layout is not None:
+            found.append(self._limited(self._dissipation.figure(self._time), "energy_lost"))
         return [figure for figure in found if not math.isnan(figure.value)]
 
     def _motion(self, name: str) -> tuple[float, float]:
@@ -145,7 +163,7 @@ class KeyFigures:
             name = "sag below the chord" if len(spans) == 1 else f"sag below the chord, {first} to {last}"
             yield self._limited(figure_of(self._memory.sag, number, name, "m", "x"), "sag")
         clearance = figure_of(self._memory.clearance, 0, "rope clearance over the terrain", "m", "x")
-        yield self._limited(clearance, "rope_clearance", "at least")
+        yield replace(self._limited(clearance, "rope_clearance", "at least"), band=LOOKS)
 
     def _of_supports(self) -> Iterator[KeyFigure]:
         cable, memory = self._scenario.cable, self._memory
@@ -156,7 +174,7 @@ class KeyFigures:
             margin = figure_of(memory.margin, number, f"{name}: deropement margin, load over that at rest", "-")
             if margin.value == 0.0 and load.value == 0.0:
                 margin = replace(margin, place="does not touch")
-            yield self._limited(margin, "deropement_margin", "at least")
+            yield replace(self._limited(margin, "deropement_margin", "at least"), band="solver steps")
             low, high = None, None
             if name in ENDS:
                 low, high = getattr(cable, name).travel or (None, None)
@@ -202,14 +220,15 @@ class KeyFigures:
             source = f"scenario: carriages.{name}.drive.limits"
             yield from drive_figures(memory.vehicle_drives, name, members[0], carriage.drive.limits, source)
         acceleration = worst(memory.acceleration, members, f"{name}: vehicle acceleration", "m/s^2")
-        yield self._limited(acceleration, "acceleration")
+        yield replace(self._limited(acceleration, "acceleration"), band=MEANS)
         swing = worst(memory.swing, members, f"{name}: swing along the track", "rad")
         yield self._limited(swing, "swing")
         yield worst(memory.contact_force, members, f"{name}: contact force", "N")
+        yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
         yield self._limited(ratio, "tension_per_transverse_load", "at least")
         height = worst(memory.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
-        yield self._limited(height, "vehicle_clearance", "at least")
+        yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
         yield from self._of_stop(name)
 
     def _worst(

@@ -42,8 +42,9 @@ class State(NamedTuple):
     bodies: Motion  # r, (bodies, 3): x, z in m, pitch in rad; in space (bodies, 7): x, y, z, and x, y, z, w of a unit
     # quaternion, rates (bodies, 6) in m/s and, about the axes of the world, rad/s
     joints: Motion  # n, (carriages,) m, arc length on the whole cable; without inertia, so the true acceleration is
-    # known only to Runge-Kutta and where a haul rope pulls
+    # known only to Runge-Kutta
     sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled
+    hauled: Motion  # (carriages,) m, what each haul rope pulls: its way in space along the track rope
     joint_element: NDArray[np.int64]  # (carriages,) element on which the joint is
     friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
@@ -71,6 +72,7 @@ class State(NamedTuple):
 
 
 RECORDS: dict[str, Any] = {"nodes": Motion, "bodies": Motion, "joints": Motion, "sheaves": Motion}
+RECORDS |= {"hauled": Motion}
 RECORDS |= {"reference": Course, "rope": Course}
 FIELDS = tuple(  # as `fields_of` names them
     name if name not in RECORDS else f"{name}.{field}"
@@ -113,9 +115,15 @@ class Workspace(NamedTuple):
     saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
     driven: NDArray[np.bool_]  # (carriages,) the joint follows a reference
     given_force: FloatArray  # (carriages,) N along the cable
-    haul_force: FloatArray  # (carriages,) N on the arc length, the sheave eliminated
-    haul_by_s: FloatArray  # (carriages,) N/m, its derivative by the arc length
-    sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of s, right side
+    haul_direction: FloatArray  # (carriages, dim) of each haul rope in this step: its way by the place of the joint
+    haul_place: FloatArray  # (carriages, dim) m, of the joint at the start of the step
+    haul_origin: FloatArray  # (carriages,) m, way less direction times place
+    haul_gap: FloatArray  # (carriages,) m, way at the place of the joint less that of the state
+    haul_force: FloatArray  # (carriages,) N on the way
+    haul_by_way: FloatArray  # (carriages,) N/m, its derivative by the way, the sheave eliminated
+    haul_change: FloatArray  # (carriages,) N, its increment where the joint stands
+    haul_increment: FloatArray  # (carriages,)
+    sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of the way, right side
     sheave_increment: FloatArray  # (carriages,)
     body_drag: FloatArray  # (bodies, dim) N
     body_drag_tangent: FloatArray  # (bodies, dim²) N/m, minus its derivative by the place
@@ -134,6 +142,7 @@ def allocate_state(system: System) -> State:
         bodies=_bodies_at_rest(bodies, dim),
         joints=_at_rest((carriages,)),
         sheaves=_at_rest((carriages,)),
+        hauled=_at_rest((carriages,)),
         joint_element=np.zeros(carriages, dtype=np.int64),
         friction_deflection=np.zeros(carriages),
         friction_origin=np.zeros(carriages),
@@ -215,8 +224,14 @@ def allocate_workspace(system: System) -> Workspace:
         saturation=np.zeros(carriages),
         driven=np.zeros(carriages, dtype=np.bool_),
         given_force=np.zeros(carriages),
+        haul_direction=np.zeros((carriages, dim)),
+        haul_place=np.zeros((carriages, dim)),
+        haul_origin=np.zeros(carriages),
+        haul_gap=np.zeros(carriages),
         haul_force=np.zeros(carriages),
-        haul_by_s=np.zeros(carriages),
+        haul_change=np.zeros(carriages),
+        haul_by_way=np.zeros(carriages),
+        haul_increment=np.zeros(carriages),
         sheave_row=np.zeros((carriages, 3)),
         sheave_increment=np.zeros(carriages),
         body_drag=np.zeros((bodies, dim)),

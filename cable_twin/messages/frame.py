@@ -38,6 +38,7 @@ from cable_twin.messages.topics import (
     TFMessage,
     WrenchStamped,
     contact_force_topic,
+    haul_force_topic,
     pose_topic,
     support_force_topic,
 )
@@ -164,6 +165,8 @@ class MessageEncoder:
             self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, self._header, position, orientation)
         force = columns.contact_force[row]
         self._makers[contact_force_topic(vehicle)] = _maker(_wrench, self._header_at(vehicle), force)
+        if vehicle in layout.hauled:
+            self._makers[haul_force_topic(vehicle)] = _maker(_wrench, self._header_at(vehicle), columns.haul_pull[row])
 
     def _joint_states(self) -> Template:
         """Vehicles, drives, then the joints of bodies: place or angle, its rate, and the force along the cable."""

@@ -95,6 +95,8 @@ def topics(
             for body in layout.vehicles[vehicle]
         ]
         table.append(Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces"))
+        if vehicle in layout.hauled:
+            table.append(Topic(haul_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces"))
     if layout.carriers:
         table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
         table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
@@ -123,6 +125,11 @@ def pose_topic(vehicle: str, body: str | None = None) -> str:
 def contact_force_topic(vehicle: str) -> str:
     """Give the relative name of the topic with the force (N) of the cable on a vehicle."""
     return f"carriages/{vehicle}/contact_force"
+
+
+def haul_force_topic(vehicle: str) -> str:
+    """Give the relative name of the topic with the force (N) of its haul rope on a vehicle."""
+    return f"carriages/{vehicle}/haul_force"
 
 
 def support_force_topic(support: str) -> str:

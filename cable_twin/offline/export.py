@@ -22,7 +22,7 @@ from cable_twin.snapshot import Snapshot
 
 STDOUT = "-"
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
-FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept")
+FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band")
 
 
 class RunTable:
@@ -172,7 +172,7 @@ def _figure(figure: KeyFigure) -> dict[str, Any]:
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None
     values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
-    return dict(zip(FIGURE_COLUMNS, values, strict=True))
+    return dict(zip(FIGURE_COLUMNS, (*values, figure.band), strict=True))
 
 
 __all__ = ["Export", "RunTable", "add_export", "export_fault"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import string
 import sys
+from collections import Counter
 from collections.abc import Sequence
 
 from rich import box
@@ -23,10 +24,10 @@ def table_console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
 
 
-def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> None:
+def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "s") -> None:
     """Print one table with a column for each run; when and where only for a single one.
 
-    On a narrow terminal all but name, value, unit and verdict goes to a line of its own below them.
+    `at` is the unit of when. On a narrow terminal all but name, value, unit and verdict goes to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.name: figure for figure in run} for run in figures]
@@ -36,15 +37,20 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
         table.add_column(title, justify="right", no_wrap=True)
     for title in ("unit", *(("limit",) if wide else ()), "", *(("at", "where") if lone and wide else ())):
         table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
-    sources = list(dict.fromkeys(figure.source for run in runs for figure in run.values() if figure.source))
+    every = [figure for run in runs for figure in run.values()]
+    usual = Counter(figure.band for figure in every).most_common(1)[0][0] if every else ""
+    notes = list(dict.fromkeys(figure.source for figure in every if figure.source))
+    notes += list(dict.fromkeys(figure.band for figure in every if figure.band not in ("", usual)))
     for name in dict.fromkeys(name for run in runs for name in run):
         found = [run.get(name) for run in runs]
         present = [figure for figure in found if figure is not None]
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
         values = ["" if figure is None else _shown(figure.value, scale) for figure in found]
-        limits = dict.fromkeys(_limit(figure, scale, sources) for figure in present)
-        where = [f"{present[0].time:.2f} s", present[0].place] if lone else []
+        limits = dict.fromkeys(_limit(figure, scale, notes) for figure in present)
+        if present[0].band in notes:
+            unit = f"{unit} ({notes.index(present[0].band) + 1})"
+        where = [f"{present[0].time:.2f} {at}", present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
             table.add_row(name, *values, unit, limit, _verdict(found, scale), *where)
@@ -52,9 +58,11 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]]) -> N
             below = ", ".join(filter(None, (limit, *where)))
             table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
-    for number, source in enumerate(sources, start=1):
-        console.print(f"  ({number}) {source}", markup=False)
-    print()
+    for number, note in enumerate(notes, start=1):
+        console.print(f"  ({number}) {note}", markup=False)
+    if usual:
+        console.print(f"  extremes are of {usual} where no note of the unit says otherwise", markup=False)
+    console.print()
 
 
 def _shown(value: float, scale: float) -> str:

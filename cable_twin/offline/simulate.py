@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from rich.console import Console
 
 from cable_twin.command_line import left_at_once
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.figure_messages import describe
+from cable_twin.key_figures import ENERGY_LOST, KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
@@ -268,12 +269,14 @@ def _report(
 ) -> int:
     """Say what was done and what it showed."""
     print_figures(table_console(), [figures])
+    for figure in figures:
+        if figure.name == ENERGY_LOST and figure.kept is False:
+            print(f"simulate: warning: {figure.name}: {describe(figure)}", file=sys.stderr)
     for line in outcome.refused[:5]:
         print(f"simulate: refused: {line}", file=sys.stderr)
-    if len(outcome.refused) > 5:
-        print(f"simulate: {len(outcome.refused) - 5} more refused", file=sys.stderr)
-    for fault in faults:
-        print(f"simulate: {fault}", file=sys.stderr)
+    more = [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
+    for line in (*more, *faults):
+        print(f"simulate: {line}", file=sys.stderr)
     if outcome.left:
         print(f"simulate: not given, at or after the end: {_count(outcome.left)}", file=sys.stderr)
     for line in outcome.not_reached:

@@ -91,7 +91,7 @@ def parser() -> OneLineParser:
         "--set",
         action="append",
         default=[],
-        type=_assignment,
+        type=assignment,
         metavar="KEY=VALUE",
         help="change a value of the scenario by its dotted key, as in cable.elements=48; may be given often",
     )
@@ -147,7 +147,7 @@ def parser() -> OneLineParser:
     return result
 
 
-def _assignment(text: str) -> tuple[str, Any]:
+def assignment(text: str) -> tuple[str, Any]:
     """Key and value of KEY=VALUE, the value as YAML has it."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():

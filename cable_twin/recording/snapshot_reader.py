@@ -1,7 +1,7 @@
 """Snapshots and commands back from a log, one after the other: what a run showed, without simulating it again.
 
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
-that time, and so is what it never has: velocities of centres of mass, haul ropes, forces in logs without their topics.
+that time, and so is what it never has: sheaves, energies, velocities of centres of mass, what has no topic.
 The cable and what is known of carriers by their forces is in single precision; the pitch of a body below another one is
 a sum of joints, right but for its last bits. Of a tower a log has the force; its size stands for the normal load
 (friction adds to it, the turn of the rope takes from it), and that in the first frame for the load at rest, where no
@@ -31,6 +31,7 @@ from cable_twin.messages import (
     Status,
     contact_force_topic,
     decode,
+    haul_force_topic,
     hung_rows,
     joint_names,
     pose_topic,
@@ -134,6 +135,7 @@ class _Frames:
         for row, (name, bodies) in enumerate(layout.vehicles.items()):
             readers[pose_topic(name)] = reader(POSE, [c.joint_position[row]])
             readers[contact_force_topic(name)] = reader(6, [c.contact_force[row]])
+            readers[haul_force_topic(name)] = reader(6, [c.haul_pull[row]])
             for body, body_name in enumerate(bodies, layout.first_body[row]):
                 targets = [c.body_position[body], c.body_orientation[body]]
                 readers[pose_topic(name, body_name)] = reader(POSE, targets)
@@ -248,8 +250,7 @@ class _Frames:
         rest[:] = np.where(np.isnan(rest), loads, rest)
         lowest[:] = np.fmin(lowest, loads)
         seen = np.where(np.isnan(loads), nan, 1.0)
-        c.tower_load[towers], c.tower_lowest_load[towers] = loads, seen * lowest
-        c.tower_rest_load[towers] = seen * rest
+        c.tower_load[towers], c.tower_lowest_load[towers], c.tower_rest_load[towers] = loads, seen * lowest, seen * rest
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
@@ -260,10 +261,8 @@ class _Frames:
 
 def _full_state(snapshot: bytes | None) -> FullState | None:
     """What a log or a file of it starts from, where that is a snapshot that this version reads."""
-    if snapshot is None:
-        return None
     try:
-        return read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
+        return None if snapshot is None else read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
     except SnapshotError:
         return None
 

@@ -404,6 +404,9 @@ class KeyFigureLimits(Section):
     vehicle_clearance: float | None = quantity("m", "least height of a vehicle over the terrain", 0.0, ge=0)
     support_load: float | None = quantity("N", "highest force of the cable on a support", None, gt=0)
     deropement_margin: float | None = quantity("-", "least load of a tower over its load at rest", 0.1, ge=0, le=1)
+    energy_lost: float | None = quantity(
+        "-", "largest share of energy that moves which the solver may lose", 0.005, gt=0
+    )
 
 
 class Scenario(Section):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from cable_twin.mechanics.parameters import Solver
 from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.records import SolverReport
 from cable_twin.simulation.loading import exchange, load_on
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.ropeway import Ropeway
@@ -24,7 +25,7 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
         return Outcome(*advance(steps))
     step, clock = ropeway.system.solver.step, ropeway.state.clock
     period = max(round(PERIOD / step), 1)
-    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0)
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
     while total.converged and total.steps < steps and not meeting.found(ropeway.state):
         rest = steps - total.steps
         until = period - int(clock[0]) % period if ropeway.loading or ropeway.rooms or meeting.possible else rest
@@ -34,12 +35,26 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
             iterations=total.iterations + part.iterations,
             halvings=total.halvings + part.halvings,
             gap=max(total.gap, part.gap),
+            lost=total.lost + part.lost,
+            moved=total.moved + part.moved,
         )
         if total.converged and int(clock[0]) % period == 0:
             load_on(ropeway, period * step)
             if ropeway.rooms:
                 exchange(ropeway)
     return total
+
+
+def report_of(outcome: Outcome) -> SolverReport:
+    """What a snapshot tells of it."""
+    return SolverReport(
+        int(outcome.steps),
+        int(outcome.iterations),
+        int(outcome.halvings),
+        float(outcome.gap),
+        float(outcome.lost),
+        float(outcome.moved),
+    )
 
 
 def undamped(solver: Solver) -> str:
@@ -52,4 +67,4 @@ def undamped(solver: Solver) -> str:
     )
 
 
-__all__ = ["in_parts", "undamped"]
+__all__ = ["in_parts", "report_of", "undamped"]

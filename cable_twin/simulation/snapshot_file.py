@@ -186,6 +186,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
                 arrays = _from_version_1(arrays)
             if header["format_version"] < 3:
                 arrays |= _planar_moments(arrays)
+                joints = {key: array for key, array in arrays.items() if "/joints." in key}
+                arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]

@@ -21,7 +21,7 @@ from cable_twin.records import (
     SolverReport,
 )
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.advance import in_parts, undamped
+from cable_twin.simulation.advance import in_parts, report_of, undamped
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
@@ -255,7 +255,7 @@ class Simulation(Readings):
             return self.snapshot
         self._at_start = False
         outcome = in_parts(self._ropeway, self._meeting, steps, self._take)
-        self._show(SolverReport(int(outcome.steps), int(outcome.iterations), int(outcome.halvings), float(outcome.gap)))
+        self._show(report_of(outcome))
         if met := self._meeting.found(self._state):
             raise SolverError(f"{met}; the state is that at {self.time:g} s")
         if not outcome.converged:

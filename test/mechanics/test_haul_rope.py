@@ -5,8 +5,18 @@ import pytest
 from systems import changed, difference, disturbed_state, make_system, put
 from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split
 
-from cable_twin.mechanics.drives.haul_rope import hang_in_rope, haul_energies, rope_force, sheave_force
-from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.drives.haul_rope import (
+    direct_haul,
+    hang_in_rope,
+    haul_energies,
+    leave_place,
+    pull_on_carriage,
+    rope_force,
+    sheave_force,
+    take_up,
+)
+from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.state import Motion
@@ -24,46 +34,53 @@ def setup(chains=(2,), *, station=END, sheave=FORCE, **changes):
     state.drive_mode[:], state.sheave_mode[:] = HAULED, sheave
     state.drive_force[:] = 40.0
     put(state.sheaves, 0.0, 0.7, -1.3, 0.5)
-    state.sheaves.position[:] = state.joints.position + 0.02
-    state.joints.acceleration[:] = 0.9
+    put(state.hauled, 0.0, -0.4, 0.9, 0.2)
+    state.hauled.position[:] = state.joints.position + 0.01
+    state.sheaves.position[:] = state.hauled.position + 0.02
     state.friction_origin[:] = state.joints.position - 0.004
     state.friction_deflection[:] = 0.2
     for carriage in range(count):
         place_joint(system.cable, state, carriage)
+    leave_place(system, state, work)
+    work.haul_place[:] += 0.03  # as if it had been elsewhere at the start of the step
+    direct_haul(system, state, work)
     return system, state, work
 
 
 def haul_rows(system, state):
-    """What the haul ropes add to the rows of s, and the rows of the sheaves, of one carriage each."""
-    on_s, on_u = [], []
+    """Force of each haul rope on the way of its carriage, and the rows of the sheaves."""
+    on_w, on_u = [], []
     ropes, carriages = system.haul_ropes, system.carriages
     for k in range(carriages.fixed.size):
         u, u_dot, u_ddot, _ = np.array(state.sheaves)[:, k]
-        s, s_dot, s_ddot = state.joints.position[k], state.joints.velocity[k], state.joints.acceleration[k]
+        w, w_dot, w_ddot, _ = np.array(state.hauled)[:, k]
         way = u if ropes.station[k] == START else system.cable.unstrained_length - u
         length = ropes.beyond_track[k] + way
         stiffness = ropes.axial_stiffness[k] / length
         weight = carriages.mass[carriages.body_offset[k] : carriages.body_offset[k + 1]].sum()
         moving = weight + ropes.mass_per_length[k] * length / 3.0
         damping = 2.0 * ropes.damping_ratio[k] * np.sqrt(stiffness * moving)
-        pull = stiffness * (u - s) + damping * (u_dot - s_dot)
+        pull = stiffness * (u - w) + damping * (u_dot - w_dot)
         floor = ropes.pretension[k]
         pull = max(pull, -floor) if ropes.station[k] == END else min(pull, floor)
         mass = ropes.mass_per_length[k] * length
-        on_s.append(-pull + mass * (s_ddot / 3.0 + u_ddot / 6.0))
+        on_w.append(pull - mass * (w_ddot / 3.0 + u_ddot / 6.0))
         if state.sheave_mode[k] == SPEED:
             on_u.append(0.0)
         else:
-            inertia = (ropes.drive_inertia[k] + mass / 3.0) * u_ddot + mass * s_ddot / 6.0
+            inertia = (ropes.drive_inertia[k] + mass / 3.0) * u_ddot + mass * w_ddot / 6.0
             on_u.append(inertia + pull - state.drive_force[k])
-    return np.array(on_s), np.array(on_u)
+    return np.array(on_w), np.array(on_u)
 
 
 def moved_by(system, state, unknown):
     """State moved by Newton increments of all unknowns, as the integrator moves it."""
     count = system.carriages.fixed.size
-    e, q, s, multipliers = split(system, unknown[: unknown.size - count])
-    sheaves = np.array(state.sheaves) + np.outer([1.0, RATE_FACTOR, MASS_FACTOR, 0.0], unknown[unknown.size - count :])
+    size = unknown.size - 2 * count
+    e, q, s, multipliers = split(system, unknown[:size])
+    factors = [1.0, RATE_FACTOR, MASS_FACTOR, 0.0]
+    sheaves = np.array(state.sheaves) + np.outer(factors, unknown[size : size + count])
+    hauled = np.array(state.hauled) + np.outer(factors, unknown[size + count :])
     return changed(
         state,
         nodes_position=state.nodes.position + e,
@@ -74,48 +91,56 @@ def moved_by(system, state, unknown):
         bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * q,
         joints_position=state.joints.position + s,
         joints_velocity=state.joints.velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
-        joints_acceleration=state.joints.acceleration + MASS_FACTOR * s,
         multipliers=state.multipliers + multipliers,
         sheaves=Motion(*sheaves),
+        hauled=Motion(*hauled),
     )
 
 
 def check_newton_step(system, state, work, residual, tolerance=1e-8):
-    """`assemble` and `solve` against the dense solution of `residual` (state), whose last rows are the sheaves'."""
+    """`assemble` and `solve` against the dense solution of `residual` (state), whose last rows are sheaves and ways."""
     size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
-    total = size + 5 * system.carriages.mass.size + 2 * count
+    total = size + 5 * system.carriages.mass.size + 3 * count
     still = held(system)
     matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
     right = -residual(state)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
     matrix[:size, :size] += still
-    for k in range(count):
-        if state.drive_mode[k] != HAULED or state.sheave_mode[k] == SPEED:
-            matrix[total - count + k] = np.eye(total)[total - count + k]  # it is where it has to be
+    for k in range(count):  # what is not there does not move, and a sheave that is led is where it has to be
+        hauled, led = state.drive_mode[k] == HAULED, state.sheave_mode[k] == SPEED
+        for row, free in ((total - 2 * count + k, hauled and not led), (total - count + k, hauled)):
+            matrix[row] = matrix[row] if free else np.eye(total)[row]
     exact = np.linalg.solve(matrix, right)
     before = state.multipliers.copy()
     measure_gaps(system, state, work, True)
     assemble(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     assert solve(system, state, work)
-    e, q, s, multipliers = split(system, exact[: total - count])
+    right = (*split(system, exact[: total - 2 * count]), exact[total - 2 * count : total - count], exact[-count:])
     got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
-    names = ("cable", "bodies", "sliding", "multipliers", "sheaves")
-    for name, value, expected in zip(
-        names, (*got, work.sheave_increment), (e, q, s, multipliers, exact[-count:]), strict=True
-    ):
-        scale = np.abs(expected).max(initial=1e-12)
+    got = (*got, work.sheave_increment, work.haul_increment)
+    names = ("cable", "bodies", "sliding", "multipliers", "sheaves", "ways")
+    for name, value, expected in zip(names, got, right, strict=True):
+        scale = np.abs(expected).max(initial=1e-9)
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
 
 
 def hauled_residual(system, work):
-    """Rows of eq. 16 with haul ropes."""
+    """Rows of eq. 16 with haul ropes, which pull the first bodies and not the cable."""
 
     def residual(state):
-        bare = rows(system, state._replace(drive_force=np.zeros_like(state.drive_force)), work)
-        on_s, on_u = haul_rows(system, state)
-        first = 4 * (system.cable.element_count + 1) + 3 * system.carriages.mass.size
-        bare[first : first + on_s.size] += on_s
-        return np.concatenate([bare, on_u])
+        carriages, (on_w, on_u) = system.carriages, haul_rows(system, state)
+        first, pulls = carriages.body_offset[:-1], on_w[:, None] * work.haul_direction
+        contact = state.multipliers.copy()
+        contact[first] -= pulls
+        bare = rows(system, changed(state, drive_force=np.zeros_like(on_w), multipliers=contact), work)
+        bodies = bare[4 * (system.cable.element_count + 1) :][: 3 * carriages.mass.size].reshape(-1, 3)
+        gaps = []
+        for k, body in enumerate(first):
+            _, _, *turn = pivot(state.bodies.position[body, 2], carriages.upper_pivot[body])
+            bodies[body] -= [*pulls[k], pulls[k] @ turn]
+            place = np.array(joint_position(system.cable, state, k))
+            gaps.append(state.hauled.position[k] - work.haul_origin[k] - work.haul_direction[k] @ place)
+        return np.concatenate([bare, on_u, gaps])
 
     return residual
 
@@ -134,7 +159,7 @@ def test_newton_step(station, sheave):
 def test_newton_step_of_a_slack_rope(sheave):
     """What the counter rope can pull is what the loop can push."""
     system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
-    state.sheaves.position[:] = state.joints.position - 0.3
+    state.sheaves.position[:] = state.hauled.position - 0.3
     assert rope_force(system, state, 0)[0] == -15.0
     check_newton_step(system, state, work, hauled_residual(system, work))
 
@@ -147,10 +172,10 @@ def test_newton_step_of_several_carriages():
 @pytest.mark.parametrize(("station", "sign"), [(START, 1.0), (END, -1.0)])
 def test_a_rope_without_a_counter_rope_only_pulls(station, sign):
     system, state, _ = setup(station=station, pretension=np.zeros(1))
-    state.sheaves.velocity[0] = state.joints.velocity[0]
-    state.sheaves.position[0] = state.joints.position[0] + sign * 0.1
+    state.sheaves.velocity[0] = state.hauled.velocity[0]
+    state.sheaves.position[0] = state.hauled.position[0] + sign * 0.1
     assert rope_force(system, state, 0)[0] == 0.0
-    state.sheaves.position[0] = state.joints.position[0] - sign * 0.1
+    state.sheaves.position[0] = state.hauled.position[0] - sign * 0.1
     assert sign * rope_force(system, state, 0)[0] < -100.0
 
 
@@ -161,22 +186,33 @@ def test_a_carriage_hangs_in_its_rope(station, force):
     state.joints.velocity[:] = 0.0
     assert hang_in_rope(system, state, 0, force)
     assert rope_force(system, state, 0)[0] == pytest.approx(force, abs=1e-9)
-    state.joints.acceleration[:] = 0.0
+    assert pull_on_carriage(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert sheave_force(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert not hang_in_rope(system, state, 0, 501.0 if station == START else -501.0)
 
 
 def test_energy_is_what_the_forces_and_masses_say():
-    """Its derivative by s is minus the force; its kinetic part that of a rod between two speeds, and the drive."""
+    """Its derivative by w is minus the force; its kinetic part that of a rod between two speeds, and the drive."""
     system, state, _ = setup(damping_ratio=np.zeros(1))
 
-    def elastic(s):
-        return haul_energies(system, changed(state, joints_position=s))[1]
+    def elastic(w):
+        return haul_energies(system, changed(state, hauled_position=w))[1]
 
-    slope = difference(lambda s: np.array([elastic(s)]), state.joints.position.copy(), 1e-4)
+    slope = difference(lambda w: np.array([elastic(w)]), state.hauled.position.copy(), 1e-4)
     assert -slope[0, 0] == pytest.approx(rope_force(system, state, 0)[0], rel=1e-9)
     length = 0.4 + system.cable.unstrained_length - state.sheaves.position[0]
     share = np.linspace(0.0, 1.0, 2001)
-    speed = (1.0 - share) * state.joints.velocity[0] + share * 0.7
+    speed = (1.0 - share) * state.hauled.velocity[0] + share * 0.7
     rod = 0.5 * 2.0 * length * np.trapezoid(speed**2, share)
     assert haul_energies(system, state)[0] == pytest.approx(rod + 0.5 * 7.0 * 0.7**2, rel=1e-6)
+
+
+def test_what_the_track_rope_moves_along_itself_is_taken_up_at_the_sheave():
+    """The way is counted from the arc length again; the force, which is of the difference, stays."""
+    _, state, _ = setup(damping_ratio=np.zeros(1))
+    state.reference.position[:] = state.sheaves.position
+    ahead = state.sheaves.position - state.hauled.position
+    take_up(state)
+    np.testing.assert_array_equal(state.hauled.position, state.joints.position)
+    np.testing.assert_allclose(state.sheaves.position - state.hauled.position, ahead, atol=1e-14)
+    np.testing.assert_array_equal(state.reference.position, state.sheaves.position)

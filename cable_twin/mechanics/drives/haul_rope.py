@@ -1,13 +1,19 @@
 """The haul rope of a tramway: elastic between drive sheave and carriage, inside the Newton iteration.
 
-The sheave has its own coordinate u (m), how far it has paid or hauled rope: where the joint would be on the track if
-the rope did not stretch. Of the rope, with the length l between sheave and that place,
+It pulls the carriage in space, along the track rope but not against it: what holds it is its station. So it has a
+coordinate w (m) of its own, the way of the carriage p in that direction, and the sheave one, u (m), how far it has paid
+or hauled rope: where the carriage would be if the rope did not stretch. With d = r_x / |r_x|², found once a step,
 
-    T = EA (u - s) / l + c (u_dot - s_dot),   c = 2 ζ sqrt(EA (m / l + ρ / 3)),
+    w_dot = d·p_dot = s_dot + d·S e_dot,   T d on the carriage,   -T on u.
 
-acts on s, and -T on u; T may push up to the pretension of the counter rope. The rope's mass moves as that of a rod of
-two nodes: l ρ (1/3, 1/6; 1/6, 1/3) on (s, u). s is an arc length of the track, and T is the force on it: its power is
-T s_dot. The weight of the rope is taken as balanced by the counter rope, whose mass belongs to the drive's inertia.
+Both count metres of track rope, so that w is s but for what the track rope moves along itself; that is taken up at the
+end of each step, where w is set to s again and the sheave with it. Of the rope, with the length l from sheave to u,
+
+    T = EA (u - w) / l + c (u_dot - w_dot),   c = 2 ζ sqrt(EA (m / l + ρ / 3));
+
+T may push up to the pretension of the counter rope. The rope's mass moves as that of a rod of two nodes:
+l ρ (1/3, 1/6; 1/6, 1/3) on (w, u). The weight of the rope is taken as balanced by the counter rope, whose mass belongs
+to the drive's inertia.
 """
 
 from __future__ import annotations
@@ -15,7 +21,9 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import dot, load, scale, store
 from cable_twin.mechanics.on_rope.chain import carriage_mass
+from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import END, HAULED, SPEED
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
@@ -43,19 +51,19 @@ def rope_damping(system, carriage, length):
 
 @kernel
 def rope_force(system, state, carriage):
-    """Force T (N) of the rope on the joint, towards larger s, without inertia.
+    """Force T (N) of the rope on w, towards larger ones, without inertia.
 
     Returns:
-        T; its derivatives by s, by s_dot and by u (N/m, N s/m); zero but T where the rope is slack. That by u_dot is
-        minus the one by s_dot.
+        T; its derivatives by w, by w_dot and by u (N/m, N s/m); zero but T where the rope is slack. That by u_dot is
+        minus the one by w_dot.
     """
     ropes = system.haul_ropes
     travel, rate = state.sheaves.position[carriage], state.sheaves.velocity[carriage]
     length, by_travel = rope_length(system, carriage, travel)
     stiffness = ropes.axial_stiffness[carriage] / length
     damping, damping_by_length = rope_damping(system, carriage, length)
-    stretch = travel - state.joints.position[carriage]
-    stretching = rate - state.joints.velocity[carriage]
+    stretch = travel - state.hauled.position[carriage]
+    stretching = rate - state.hauled.velocity[carriage]
     force = stiffness * stretch + damping * stretching
     sign = 1.0 if ropes.station[carriage] == END else -1.0
     if sign * force < -ropes.pretension[carriage]:
@@ -66,55 +74,107 @@ def rope_force(system, state, carriage):
 
 @kernel
 def sheave_force(system, state, carriage):
-    """Force (N) of the drive on its sheave, towards larger s: what rope and inertia take."""
+    """Force (N) of the drive on its sheave, towards larger u: what rope and inertia take."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
     mass = ropes.mass_per_length[carriage] * length / 6.0
     inertia = (ropes.drive_inertia[carriage] + 2.0 * mass) * state.sheaves.acceleration[carriage]
-    return force + inertia + mass * state.joints.acceleration[carriage]
+    return force + inertia + mass * state.hauled.acceleration[carriage]
+
+
+@kernel
+def pull_on_carriage(system, state, carriage):
+    """Force (N) of the rope on w, with what moving its own mass takes."""
+    force, _, _, _ = rope_force(system, state, carriage)
+    length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
+    mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
+    return force - mass * (2.0 * state.hauled.acceleration[carriage] + state.sheaves.acceleration[carriage])
+
+
+@kernel
+def haul_direction(system, state, carriage):
+    """Direction d (dim,): w by the place of the carriage."""
+    r_x = joint_tangent(system.cable, state, carriage)
+    return scale(1.0 / dot(r_x, r_x), r_x)
+
+
+@kernel
+def leave_place(system, state, work):
+    """Keep where each hauled carriage is at the start of a step, before it is predicted."""
+    for carriage in range(state.drive_mode.size):
+        if state.drive_mode[carriage] == HAULED:
+            store(joint_position(system.cable, state, carriage), work.haul_place[carriage])
+            work.haul_origin[carriage] = state.hauled.position[carriage]
+
+
+@kernel
+def direct_haul(system, state, work):
+    """Choose the direction of each haul rope for a step, that of the predicted end, and so where w counts from."""
+    for carriage in range(state.drive_mode.size):
+        if state.drive_mode[carriage] == HAULED:
+            d = haul_direction(system, state, carriage)
+            store(d, work.haul_direction[carriage])
+            work.haul_origin[carriage] -= dot(d, load(work.haul_place[carriage], d))
+
+
+@kernel
+def take_up(state):
+    """Count the way of each haul rope from the arc length of its carriage again, and that of its sheave with it."""
+    for carriage in range(state.drive_mode.size):
+        if state.drive_mode[carriage] == HAULED:
+            slid = state.hauled.position[carriage] - state.joints.position[carriage]
+            state.hauled.position[carriage] = state.joints.position[carriage]
+            state.sheaves.position[carriage] -= slid
+            state.reference.position[carriage] -= slid
 
 
 @kernel
 def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
-    """Eliminate the sheave: leaves the force on s and its derivative in `haul_force` and `haul_by_s`.
+    """Eliminate the sheave: leaves the force on w, its derivative, its change where the carriage stands, and the gap.
 
     A sheave that follows its reference is there already; the row of any other is
-    (drive inertia + l ρ / 3) u_ddot + l ρ / 6 s_ddot + T = drive force.
+    (drive inertia + l ρ / 3) u_ddot + l ρ / 6 w_ddot + T = drive force.
     """
     ropes = system.haul_ropes
-    force, by_s, by_s_dot, by_u = rope_force(system, state, carriage)
+    force, by_w, by_w_dot, by_u = rope_force(system, state, carriage)
     length, by_travel = rope_length(system, carriage, state.sheaves.position[carriage])
     rope = ropes.mass_per_length[carriage] / 6.0
     mass, mass_by_u = rope * length, rope * by_travel
-    u_ddot, s_ddot = state.sheaves.acceleration[carriage], state.joints.acceleration[carriage]
-    t_by_s = by_s + rate_factor * by_s_dot
-    t_by_u = by_u - rate_factor * by_s_dot
-    on_s = force - mass * (2.0 * s_ddot + u_ddot)
-    on_s_by_s = t_by_s - mass_factor * 2.0 * mass
+    u_ddot, w_ddot = state.sheaves.acceleration[carriage], state.hauled.acceleration[carriage]
+    t_by_w = by_w + rate_factor * by_w_dot
+    t_by_u = by_u - rate_factor * by_w_dot
+    on_w = force - mass * (2.0 * w_ddot + u_ddot)
+    on_w_by_w = t_by_w - mass_factor * 2.0 * mass
+    place = joint_position(system.cable, state, carriage)
+    way = work.haul_origin[carriage] + dot(load(work.haul_direction[carriage], place), place)
+    gap, change = way - state.hauled.position[carriage], 0.0
     row = work.sheave_row[carriage]
     row[0], row[1], row[2] = 1.0, 0.0, 0.0
     if state.sheave_mode[carriage] != SPEED:
-        on_s_by_u = t_by_u - mass_factor * mass - mass_by_u * (2.0 * s_ddot + u_ddot)
+        on_w_by_u = t_by_u - mass_factor * mass - mass_by_u * (2.0 * w_ddot + u_ddot)
         drive = ropes.drive_inertia[carriage]
-        row[0] = mass_factor * (drive + 2.0 * mass) + t_by_u + mass_by_u * (2.0 * u_ddot + s_ddot)
-        row[1] = mass_factor * mass + t_by_s
-        row[2] = state.drive_force[carriage] - force - (drive + 2.0 * mass) * u_ddot - mass * s_ddot
-        on_s += on_s_by_u * row[2] / row[0]
-        on_s_by_s -= on_s_by_u * row[1] / row[0]
-    work.haul_force[carriage], work.haul_by_s[carriage] = on_s, on_s_by_s
+        row[0] = mass_factor * (drive + 2.0 * mass) + t_by_u + mass_by_u * (2.0 * u_ddot + w_ddot)
+        row[1] = mass_factor * mass + t_by_w
+        row[2] = state.drive_force[carriage] - force - (drive + 2.0 * mass) * u_ddot - mass * w_ddot
+        change = on_w_by_u * row[2] / row[0]
+        on_w_by_w -= on_w_by_u * row[1] / row[0]
+    work.haul_force[carriage], work.haul_by_way[carriage] = on_w, on_w_by_w
+    work.haul_gap[carriage], work.haul_change[carriage] = gap, change + on_w_by_w * gap
 
 
 @kernel
-def recover_sheave(carriage, work):
-    """Increment of u, once that of s is known."""
+def recover_sheave(carriage, moved, work):
+    """Increments of w and u, once that (dim,) of the joint's place is known."""
     row = work.sheave_row[carriage]
-    work.sheave_increment[carriage] = (row[2] - row[1] * work.sliding_increment[carriage]) / row[0]
+    way = work.haul_gap[carriage] + dot(load(work.haul_direction[carriage], moved), moved)
+    work.haul_increment[carriage] = way
+    work.sheave_increment[carriage] = (row[2] - row[1] * way) / row[0]
 
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Put the sheave where the rope has `force` (N) on the joint at rest; returns whether the rope can have it."""
+    """Put the sheave where the rope has `force` (N) on w at rest; returns whether the rope can have it."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]
@@ -128,6 +188,9 @@ def hang_in_rope(system, state, carriage, force):
     sheaves.position[carriage], sheaves.velocity[carriage] = travel, 0.0
     sheaves.acceleration[carriage] = sheaves.algorithmic[carriage] = 0.0
     state.reference.position[carriage] = travel
+    hauled = state.hauled
+    hauled.position[carriage], hauled.velocity[carriage] = s, 0.0
+    hauled.acceleration[carriage] = hauled.algorithmic[carriage] = 0.0
     return can
 
 
@@ -137,13 +200,13 @@ def haul_energies(system, state):
     kinetic, elastic = 0.0, 0.0
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
-            u_dot, s_dot = state.sheaves.velocity[carriage], state.joints.velocity[carriage]
+            u_dot, w_dot = state.sheaves.velocity[carriage], state.hauled.velocity[carriage]
             length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
             rope = system.haul_ropes.mass_per_length[carriage] * length / 6.0
             kinetic += 0.5 * system.haul_ropes.drive_inertia[carriage] * u_dot * u_dot
-            kinetic += rope * (s_dot * s_dot + s_dot * u_dot + u_dot * u_dot)
+            kinetic += rope * (w_dot * w_dot + w_dot * u_dot + u_dot * u_dot)
             stiffness = system.haul_ropes.axial_stiffness[carriage] / length
-            stretch = state.sheaves.position[carriage] - state.joints.position[carriage]
+            stretch = state.sheaves.position[carriage] - state.hauled.position[carriage]
             sign = 1.0 if system.haul_ropes.station[carriage] == END else -1.0
             slack = -system.haul_ropes.pretension[carriage] / stiffness
             stretch = max(sign * stretch, slack)

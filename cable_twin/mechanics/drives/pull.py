@@ -1,18 +1,20 @@
 """How a drive acts on a joint in the equations: the one place where they meet its mode.
 
-A joint follows a reference, or it is free along the cable: then a force along it is given, or a haul rope pulls.
+A joint follows a reference, or it is free along the cable: then a force along it is given, or a haul rope pulls. What a
+drive on the joint gives, the cable takes; what a haul rope gives, its station.
 """
 
 from __future__ import annotations
 
-from math import nan
+from math import nan, sqrt
 from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.drives.haul_rope import condense_sheave, recover_sheave, rope_force
+from cable_twin.mechanics.drives.haul_rope import condense_sheave, haul_direction, pull_on_carriage, recover_sheave
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.parameters import HAULED, SPEED, IntArray, System
 
 
@@ -36,25 +38,40 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
     mode = state.drive_mode[carriage]
     work.driven[carriage] = mode == SPEED
     work.given_force[carriage] = state.drive_force[carriage] if mode != HAULED else 0.0
-    work.haul_force[carriage], work.haul_by_s[carriage] = 0.0, 0.0
+    work.haul_force[carriage], work.haul_by_way[carriage], work.haul_change[carriage] = 0.0, 0.0, 0.0
     if mode == HAULED:
         condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+    elif system.haul_ropes.axial_stiffness[carriage] > 0.0:  # held at rest, by its rope
+        r_x = joint_tangent(system.cable, state, carriage)
+        work.haul_force[carriage] = driven_force(system, state, carriage) * sqrt(dot(r_x, r_x))
+        store(haul_direction(system, state, carriage), work.haul_direction[carriage])
 
 
 @inlined_kernel
-def recover_drive(state, carriage, work):
-    """Increment of a sheave, once that of s is known."""
+def recover_drive(state, carriage, moved, work):
+    """Increments of a haul rope and its sheave, once that (dim,) of the joint's place is known."""
     if state.drive_mode[carriage] == HAULED:
-        recover_sheave(carriage, work)
+        recover_sheave(carriage, moved, work)
 
 
 @kernel
 def observe_haul(system, state, carriage):
-    """Travel (m) and speed (m/s) of a haul rope at its sheave, and its force (N) on the joint; NaN without one."""
+    """Travel (m) and speed (m/s) of a haul rope at its sheave, and its force (N) on the carriage; NaN without one."""
     if state.drive_mode[carriage] != HAULED:
         return nan, nan, nan
-    force, _, _, _ = rope_force(system, state, carriage)
+    r_x = joint_tangent(system.cable, state, carriage)
+    force = pull_on_carriage(system, state, carriage) / sqrt(dot(r_x, r_x))
     return state.sheaves.position[carriage], state.sheaves.velocity[carriage], force
+
+
+@kernel
+def joint_forces(system, state, carriage):
+    """Forces (dim,) in N on a carriage at its joint: of the cable, and of its haul rope, 0 without one."""
+    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    pull = scale(0.0, force)
+    if state.drive_mode[carriage] == HAULED:
+        pull = scale(pull_on_carriage(system, state, carriage), haul_direction(system, state, carriage))
+    return add_scaled(-1.0, pull, force), pull
 
 
 def hold_all(state: Any) -> IntArray:

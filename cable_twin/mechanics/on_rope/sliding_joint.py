@@ -1,8 +1,8 @@
 """The sliding joint between cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
 
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
-f_t is what acts on the carriage along the cable (the paper has f_t = 0). A driven joint has s given instead, and
-its drive force is what that takes.
+f_t is what the cable does to the carriage along itself (the paper has f_t = 0). A driven joint has s given instead, and
+its drive force is what that takes. A haul rope pulls the carriage and not the cable: λ is what is left of its pull.
 """
 
 from __future__ import annotations
@@ -146,6 +146,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     force = load(state.multipliers[first], like)
     impedance = load(work.impedance[first], outer(0.0, like, like))
     residual = load(work.impedance_force[first], like)
+    if system.haul_ropes.present:
+        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
 
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -170,8 +172,6 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
-        right += work.haul_force[carriage]
-        pivot -= work.haul_by_s[carriage]
 
     shape, shape_x, rows, columns = point.shape, point.shape_x, work.sliding_row[carriage], work.sliding_column
     for i in range(4):
@@ -191,6 +191,19 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
             add_block(minus(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
+
+
+@kernel
+def beside_haul_rope(carriage, force, impedance, residual, work):
+    """What the cable sees of a carriage that a haul rope pulls: force (dim,) in N, impedance D, and b of it.
+
+    The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
+    """
+    d = load(work.haul_direction[carriage], force)
+    stiff = -work.haul_by_way[carriage]
+    impedance = add_scaled(1.0, outer(stiff, d, d), impedance)
+    force = add_scaled(-work.haul_force[carriage], d, force)
+    return force, impedance, add_scaled(-work.haul_change[carriage], d, residual)
 
 
 @kernel

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import isnan, nan
 from typing import NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import haul_energies
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
-from cable_twin.mechanics.drives.pull import observe_haul
+from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
@@ -46,6 +46,7 @@ class Columns(NamedTuple):
     haul_travel: FloatArray  # (vehicles,) m, where the vehicle would be if its haul rope did not stretch
     haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
     haul_force: FloatArray  # (vehicles,) N, of the haul rope on the vehicle, along the cable
+    haul_pull: FloatArray  # (vehicles, 3) N, the same in space
     body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
     body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
     body_velocity: FloatArray  # (bodies, 3) m/s
@@ -95,11 +96,14 @@ def observe_vehicles(system, state, columns):
     copy_array(state.payload, columns.payload)
     sample_positions(system.cable, state, state.joints.position, columns.joint_position)
     for vehicle in range(columns.arc_length.size):
-        contact = load(state.multipliers[system.carriages.body_offset[vehicle]], system.cable.gravity)
+        contact, pull = joint_forces(system, state, vehicle)
         store_in_space(contact, columns.contact_force[vehicle])
+        store_in_space(pull, columns.haul_pull[vehicle])
         columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
         travel, speed, force = observe_haul(system, state, vehicle)
         columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
+        if isnan(force):
+            columns.haul_pull[vehicle] = nan
 
 
 @kernel
@@ -210,8 +214,7 @@ def end_force(system, state, end):
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             share = share_of_node(cable, state.joints.position[carriage], element, row)
-            force = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-            total = add_scaled(-share, force, total)
+            total = add_scaled(-share, joint_forces(system, state, carriage)[0], total)
             total = add_scaled(1.0, grip_force(system, state, carriage, element, row), total)
     for contact in range(system.towers.stiffness.size):
         share = share_of_node(cable, state.contact_arc_length[contact], element, row)

@@ -200,7 +200,7 @@ def solve(system, state, work):
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
-            recover_drive(state, carriage, work)
+            recover_drive(state, carriage, moved, work)
     return True
 
 

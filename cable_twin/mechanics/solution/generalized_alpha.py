@@ -11,11 +11,13 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
+from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.orientations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import OPTIONS, Vector
+from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
@@ -166,11 +168,14 @@ def integrate(system, state, h, work):
     """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
+    leave_place(system, state, work)
     predict(c, h, state.nodes)
     predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
     predict_massless(c, h, state.joints)
+    predict_massless(c, h, state.hauled)
     predict(c, h, state.sheaves)
     prescribe(state)
+    direct_haul(system, state, work)
     mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
     rate_factor = c.gamma / (c.beta * h)
 
@@ -187,6 +192,7 @@ def integrate(system, state, h, work):
         correct(c, h, work.right_side, state.nodes)
         correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
         correct(c, h, work.sliding_increment, state.joints)
+        correct(c, h, work.haul_increment, state.hauled)
         correct(c, h, work.sheave_increment, state.sheaves)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
@@ -237,8 +243,10 @@ def advance(system, state, good, before, work, steps):
     """
     solver = system.solver
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
+    lost, moved = 0.0, 0.0
     for done in range(steps):
         copy_state(state, good)
+        looks = state.clock[0] % EVERY == 0
         converged = False
         for level in range(solver.max_halvings + 1):
             parts = 1 << level
@@ -251,13 +259,16 @@ def advance(system, state, good, before, work, steps):
                         copy_state(state, before)
                     converged, used, increment, gap = step(system, state, start, solver.step / parts, work)
                     iterations += used
+                    if converged and looks:
+                        here, there = numerical_loss(system, start, state)
+                        lost, moved = lost + EVERY * here, moved + EVERY * there
             if converged:
                 worst_gap = max(worst_gap, gap)
                 break
             copy_state(good, state)
             halvings += 1
         if not converged:
-            return False, done, iterations, halvings, worst_gap, increment, worst_element(work)
+            return False, done, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved
         state.clock[0] += 1
     report_forces(system, state)
-    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work)
+    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved

@@ -181,7 +181,8 @@ def advance(system, state, start, total, work, steps):
     """Take `steps` whole steps; the counterpart of `generalized_alpha.advance`, with the same outcome.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
-    is the drift of the constraints (m). A step after which the energy is not finite is taken back and ends the call.
+    is the drift of the constraints (m); what is lost is not looked at. A step after which the energy is not finite is
+    taken back and ends the call.
     """
     worst_gap, nodes = 0.0, 0
     for done in range(steps):
@@ -204,8 +205,8 @@ def advance(system, state, start, total, work, steps):
         kinetic, elastic, gravitational = energies(system, state)
         if not healthy or not isfinite(gap) or not isfinite(kinetic + elastic + gravitational):
             copy_state(start, state)
-            return False, done, 0, nodes, worst_gap, gap, worst_element(work)
+            return False, done, 0, nodes, worst_gap, gap, worst_element(work), 0.0, 0.0
         worst_gap = max(worst_gap, gap)
         state.clock[0] += 1
     report_forces(system, state)
-    return True, steps, 0, nodes, worst_gap, 0.0, worst_element(work)
+    return True, steps, 0, nodes, worst_gap, 0.0, worst_element(work), 0.0, 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from cable_twin.mechanics.drives.haul_rope import take_up
 from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
@@ -25,6 +26,8 @@ class Outcome(NamedTuple):
     gap: float  # m, largest gap of a joint at the end of a step
     increment: float  # m, largest of the last Newton iteration
     element: int  # where that was
+    lost: float  # J, by the integrator alone, see `dissipation`
+    moved: float  # J, sum of the changes of kinetic energy, either way
 
 
 @kernel_part
@@ -38,6 +41,7 @@ def end_step(system, state, work):
     """Keep what friction and contacts have become, and attach what has come onto the rope; the largest gap (m)."""
     gap = measure_gaps(system, state, work, True)
     settle(system, state)
+    take_up(state)
     if system.moving_cable.moving:
         attach_carriers(system, state)
     return gap

@@ -1,0 +1,182 @@
+"""The command `line`: a static line calculation, the vehicle at many places, and the envelope of all of them."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from cable_twin.command_line import OneLineParser, left_at_once
+from cable_twin.key_figures import values_of
+from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.line_places import Line, calculate, plan_line
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, assignment
+from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
+from cable_twin.simulation import EquilibriumError
+
+DONE, FAILED, UNUSABLE = 0, 1, 2
+PLACES, MOST = 40, 2000
+PATIENCE = 2.0  # s, after which there is a bar
+STDOUT = "-"
+DRAWN = (".png", ".pdf", ".svg")
+EPILOG = """\
+The vehicle stands at N places from one end of its track to the other; carriers of a moving cable go by one spacing. At
+each the whole line is brought to rest with its loads, wind and ice. The table has the extremes, the place of the
+vehicle where each comes, and the limits of the scenario; loads are those of the cable on a support, as a vector.
+
+exit codes: 0 done, 1 there is no rest at a place or a file cannot be written, 2 wrong scenario or option
+
+examples:
+  line aerial_tramway
+  line aerial_tramway --places 100 --set carriages.cabin.payload.mass=0 --plot empty.png
+  line gondola --csv gondola.csv
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Calculate a line and report; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    if options.plot is not None and options.plot.suffix.lower() not in DRAWN:
+        return _fault(f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}", UNUSABLE)
+    console = Console(stderr=True)
+    scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    try:
+        with left_at_once("line"), console.status("the first time on a machine the solver is compiled: half a minute"):
+            line = plan_line(load_scenario(scenario, dict(options.set)), options.places, options.vehicle)
+        with _progress(console, line.places.size) as on_place:
+            calculate(line, on_place)
+    except (ScenarioError, ValueError) as error:
+        return _fault(error, UNUSABLE)
+    except EquilibriumError as error:
+        return _fault(error, FAILED)
+    words = table_console()
+    if STDOUT in (options.csv, options.json):
+        words = Console(stderr=True, width=160, highlight=False)
+    what = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
+    words.print(f"{line.scenario.name} at rest, {what}", markup=False)
+    print_figures(words, [line.figures], at="m")
+    try:
+        for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
+            if path is not None:
+                _write(path, line, write)
+        if options.plot is not None:
+            from cable_twin.offline.line_plot import write_line_plot  # noqa: PLC0415 - matplotlib takes a second
+
+            write_line_plot(line, options.plot)
+    except OSError as error:
+        return _fault(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
+    except ModuleNotFoundError:
+        return _fault("--plot needs matplotlib: pip install 'cable_twin[plots]'", FAILED)
+    return DONE
+
+
+def parser() -> OneLineParser:
+    """Options of `line`."""
+    result = OneLineParser(
+        "line", "Calculate a line at rest with its vehicle at many places.", EPILOG, failure=UNUSABLE
+    )
+    result.add_scenario(f"name of a scenario, or path of its YAML file; default: {DEFAULT_SCENARIO}", scenario_lines)
+    result.add_argument("--vehicle", metavar="NAME", help="what is moved; default: the first, or all carriers")
+    result.add_argument(
+        "--places", type=_places, default=PLACES, metavar="N", help=f"how many, 2 to {MOST}; default: {PLACES}"
+    )
+    result.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=assignment,
+        metavar="KEY=VALUE",
+        help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; may be given often",
+    )
+    result.add_argument("--csv", metavar="PATH", help="write a row each place, in SI units; '-' for the output")
+    result.add_argument(
+        "--json", metavar="PATH", help="write the same and the envelope, in SI units; '-' for the output"
+    )
+    result.add_argument(
+        "--plot", type=Path, metavar="PATH", help="draw line, terrain, tension, clearance and loads as PNG, PDF or SVG"
+    )
+    return result
+
+
+def _places(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 2 <= int(text) <= MOST:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 2 to {MOST}")
+    return int(text)
+
+
+def _fault(error: object, code: int) -> int:
+    for line in str(error).splitlines():
+        print(f"line: {line}", file=sys.stderr)
+    return code
+
+
+@contextmanager
+def _progress(console: Console, count: int) -> Iterator[Callable[[int], None]]:
+    """A bar where it takes longer than somebody waits."""
+    columns = (
+        TextColumn("at rest at"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("places,"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("line", total=count, visible=False)
+        began = time.monotonic()
+
+        def on_place(done: int) -> None:
+            left = (time.monotonic() - began) / done * count
+            progress.update(task, completed=done, visible=left > PATIENCE)
+
+        yield on_place
+
+
+def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None:
+    if path == STDOUT:
+        write(sys.stdout, line)
+        return
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        write(file, line)
+
+
+def _rows(line: Line) -> tuple[list[str], list[list[float | None]]]:
+    """Names with units, and a row of numbers each place; None where there is none."""
+    table = np.column_stack([line.places, *line.rows.values()])
+    return ["place [m]", *line.rows], [
+        [value if math.isfinite(value) else None for value in row] for row in table.tolist()
+    ]
+
+
+def _write_csv(file: TextIO, line: Line) -> None:
+    names, rows = _rows(line)
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+
+
+def _write_json(file: TextIO, line: Line) -> None:
+    names, rows = _rows(line)
+    envelope: list[dict[str, Any]] = []
+    for figure in line.figures:
+        values = {key: value for key, value in values_of(figure).items() if key not in ("time_s", "band")}
+        numbers: dict[str, Any] = {key: float(values[key]) for key in ("value", "limit") if key in values}
+        envelope.append({"name": figure.name, **values, **numbers, "vehicle_at_m": figure.time, "kept": figure.kept})
+    content = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
+    json.dump({**content, "columns": names, "rows": rows}, file, indent=1)
+    file.write("\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

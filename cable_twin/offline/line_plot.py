@@ -1,0 +1,135 @@
+"""Picture of a static line calculation: line and terrain, tension over arc length, clearance and loads of towers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")  # no screen needed
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from cable_twin.offline.line_places import Line
+from cable_twin.offline.plots import COLORS, INK, QUIET, STYLE
+from cable_twin.snapshot import Layout
+
+LIMIT = "#C0392B"
+HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
+
+
+def write_line_plot(line: Line, path: Path) -> None:
+    """Draw a calculated line; the suffix of the file says as what.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    panels = [_profile, _tension]
+    if line.scenario.terrain:
+        panels.append(_clearance)
+    if line.scenario.towers:
+        panels.append(_towers)
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+        ratios = [1.6, *(1.0 for _ in panels[1:])]
+        size = 10.0, 2.4 * sum(ratios) + 0.6
+        figure, rows = plt.subplots(len(panels), 1, figsize=size, height_ratios=ratios, squeeze=False)
+        for draw, axes in zip(panels, rows[:, 0], strict=True):
+            draw(axes, line)
+            axes.margins(x=0.01)
+        where = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
+        figure.suptitle(f"{line.scenario.name} at rest, {where}", x=0.012, ha="left", fontweight="bold", fontsize=13.0)
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.99))
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def _profile(axes: Axes, line: Line) -> None:
+    """Rope at all places, the way of the vehicle's last body, terrain and towers."""
+    ropes = np.array([columns.rope_position for columns in line.columns])
+    for number, rope in enumerate(ropes):
+        axes.plot(rope[:, 0], rope[:, 2], color=COLORS[0], linewidth=0.4, label="" if number else "rope")
+    bodies = np.array([columns.body_position for columns in line.columns])
+    here = np.array([np.repeat(columns.attached > 0.0, np.diff(_layout(line).first_body)) for columns in line.columns])
+    axes.plot(bodies[..., 0][here], bodies[..., 2][here], ".", color=COLORS[1], markersize=2.5, label="vehicles")
+    if line.scenario.terrain:
+        ground = np.array(line.scenario.terrain)
+        axes.plot(ground[:, 0], ground[:, -1], color=INK, label="terrain")
+        axes.fill_between(ground[:, 0], ground[:, -1], ground[:, -1].min() - 10.0, color=QUIET, alpha=0.15, linewidth=0)
+    for number, tower in enumerate(line.scenario.towers.values()):
+        x, top = tower.position[0], tower.position[-1]
+        foot = top - 15.0
+        if line.scenario.terrain:
+            foot = float(np.interp(x, ground[:, 0], ground[:, -1]))
+        axes.plot([x, x], [foot, top], color=QUIET, linewidth=2.5, label="" if number else "towers")
+    axes.set_xlabel("x, along the track [m]")
+    axes.set_ylabel("z, height [m]")
+    axes.legend(ncols=4, **HEAD)
+
+
+def _tension(axes: Axes, line: Line) -> None:
+    """Least and highest tension at each arc length, and the limit by the safety factor."""
+    arc = _layout(line).arc_lengths
+    tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
+    low, high = tensions.min(axis=0), tensions.max(axis=0)
+    axes.fill_between(arc, low, high, color=COLORS[0], alpha=0.2, linewidth=0)
+    axes.plot(arc, high, color=COLORS[0], label="highest")
+    axes.plot(arc, low, color=COLORS[0], linestyle="--", label="lowest")
+    factor = next((figure for figure in line.figures if figure.name == "rope safety factor"), None)
+    if factor is not None and factor.limit is not None and line.scenario.cable.breaking_force is not None:
+        limit = 1e-3 * line.scenario.cable.breaking_force / factor.limit
+        axes.axhline(limit, color=LIMIT, linewidth=1.0, label=f"safety factor of {factor.limit:g}")
+    axes.set_xlabel("arc length of the rope, unstrained [m]")
+    axes.set_ylabel("tension [kN]")
+    axes.legend(ncols=3, **HEAD)
+
+
+def _clearance(axes: Axes, line: Line) -> None:
+    """Least heights of rope and vehicles above the ground, over the place of the vehicle."""
+    limits = line.scenario.limits
+    for number, (key, limit) in enumerate((("rope", limits.rope_clearance), ("vehicle", limits.vehicle_clearance))):
+        names = [name for name in line.rows if name.endswith("clearance over the terrain [m]")]
+        own = [name for name in names if name.startswith("rope ") == (key == "rope")]
+        for name in own[:1]:
+            axes.plot(line.places, line.rows[name], color=COLORS[number], label=name.removesuffix(" [m]"))
+            if limit is not None:
+                axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
+    axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
+    axes.set_xlabel(_where(line))
+    axes.set_ylabel("clearance [m]")
+    axes.legend(ncols=3, **HEAD)
+
+
+def _towers(axes: Axes, line: Line) -> None:
+    """Both components of the load of each tower, over the place of the vehicle."""
+    towers = list(line.scenario.towers)
+    for number, name in enumerate(towers):
+        color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))
+        down, along = (line.rows[f"{name}: load {part} [N]"] for part in ("downwards", "along the track"))
+        axes.plot(line.places, 1e-3 * down, color=color, label=f"{name}, downwards")
+        axes.plot(line.places, 1e-3 * along, color=color, linestyle="--")
+    axes.plot([], [], color=QUIET, linestyle="--", label="along the track")
+    if line.scenario.limits.support_load is not None:
+        axes.axhline(1e-3 * line.scenario.limits.support_load, color=LIMIT, linewidth=1.0, label="limit")
+    axes.set_xlabel(_where(line))
+    axes.set_ylabel("load of the rope\non towers [kN]")
+    if len(towers) > 2:
+        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0))
+    else:
+        axes.legend(ncols=4, **HEAD)
+
+
+def _where(line: Line) -> str:
+    carriers = line.scenario.carriers
+    if carriers is not None and line.moved == carriers.name:
+        return "rope gone by [m]"
+    return f"arc length of {line.moved} [m]"
+
+
+def _layout(line: Line) -> Layout:
+    return Layout.of(line.scenario, line.columns[0].rope_tension.size)
+
+
+__all__ = ["write_line_plot"]

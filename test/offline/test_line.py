@@ -1,0 +1,131 @@
+"""A static line calculation: each place is a rest of its own, and the envelope is that of all places."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from cable_twin.offline.line import main
+from cable_twin.offline.line_places import calculate, plan_line
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+pytest.importorskip("matplotlib")
+
+SPAN = {  # a level span, pinned at both ends
+    "cable": {
+        "unstrained_length": 400.4,
+        "mass_per_length": 1e-3,
+        "axial_stiffness": 1e8,
+        "bending_stiffness": 100.0,
+        "elements": 200,
+        "start": {"position": [0.0, 0.0]},
+        "end": {"position": [400.0, 0.0]},
+    },
+    "carriages": {
+        "car": {"arc_length": 100.0, "bodies": {"car": {"mass": 100.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}}}
+    },
+}
+
+
+def test_a_load_on_a_light_rope_makes_a_triangle():
+    """The ends share the weight as those of a beam, and the pull along the track is that weight by the sag."""
+    line = plan_line(load_scenario(SPAN), 9, None)
+    places = []
+    calculate(line, places.append)
+    assert places == list(range(1, 10))
+    weight = 100.0 * 9.81
+    cars = np.array([columns.joint_position[0] for columns in line.columns])
+    sides = 1.0 - cars[:, 0] / 400.0, cars[:, 0] / 400.0
+    for end, share in zip(("start", "end"), sides, strict=True):
+        np.testing.assert_allclose(line.rows[f"{end}: load downwards [N]"], weight * share, rtol=0.0, atol=3.0)
+    along = line.rows["start: load along the track [N]"]
+    pull = weight * cars[:, 0] * (1.0 - cars[:, 0] / 400.0) / -cars[:, 2]
+    # two metres from an end, on elements of two metres, the kink is no triangle's
+    np.testing.assert_allclose(along[1:-1], pull[1:-1], rtol=5e-3)
+    sag = line.rows["sag below the chord [m]"]
+    envelope = next(figure for figure in line.figures if figure.name == "sag below the chord")
+    assert envelope.value == sag.max()
+    assert envelope.time == line.places[sag.argmax()] == pytest.approx(200.2)
+
+
+def test_every_place_is_a_rest_of_its_own():
+    scenario = load_scenario("aerial_tramway")
+    line = plan_line(scenario, 4, "cabin")
+    calculate(line, lambda _: None)
+    there = Simulation(load_scenario("aerial_tramway", {"carriages.cabin.arc_length": line.places[2]})).snapshot
+    assert line.rows["cabin: haul force [N]"][2] == pytest.approx(there.carriages["cabin"].haul_rope.force)
+    x, _, z = there.supports["tower"].force
+    assert line.rows["tower: load along the track [N]"][2] == -x
+    assert line.rows["tower: load downwards [N]"][2] == z
+    names = [figure.name for figure in line.figures]
+    assert not [name for name in names if "power" in name or "drive force" in name or "acceleration" in name]
+
+
+def test_carriers_go_by_one_spacing():
+    scenario = load_scenario("gondola")
+    line = plan_line(scenario, 3, None)
+    calculate(line, lambda _: None)
+    np.testing.assert_allclose(line.places, [0.0, 40.0, 80.0])
+    first = [columns.arc_length[columns.attached > 0.0].min() for columns in line.columns]
+    np.testing.assert_allclose(first, [60.0, 100.0, 20.0])
+
+
+def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
+    files = {name: tmp_path / f"line.{name}" for name in ("csv", "json", "png")}
+    arguments = ["aerial_tramway", "--places", "3", "--csv", str(files["csv"]), "--json", str(files["json"])]
+    assert main([*arguments, "--plot", str(files["png"])]) == 0
+    printed = capsys.readouterr().out
+    assert "aerial_tramway at rest, cabin at 3 places" in printed
+    for shown in ("rope safety factor", "at least 3.15", "tower: load along the track, highest", "cabin: haul force"):
+        assert shown in printed
+    assert "frames" not in printed
+    content = json.loads(files["json"].read_text())
+    rows = list(csv.reader(files["csv"].open()))
+    assert rows[0] == content["columns"]
+    assert [[float(value) for value in row] for row in rows[1:]] == content["rows"]
+    factor = next(one for one in content["envelope"] if one["name"] == "rope safety factor")
+    assert factor["kept"] is True
+    assert factor["value"] == min(row[rows[0].index("rope safety factor [-]")] for row in content["rows"])
+    assert files["png"].read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_for_programs_is_alone_on_the_output(capsys):
+    assert main(["single_span", "--places", "2", "--csv", "-"]) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith('place [m],"rope tension, highest [N]"')
+    assert len(printed.out.splitlines()) == 3
+    assert "single_span at rest" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["aerial_tramway", "--vehicle", "bus"], 2, "line: --vehicle: given 'bus'; allowed: cabin"),
+        (["gondola", "--vehicle", "cabin_3"], 2, "allowed: cabin"),
+        (["no_such"], 2, "no_such"),
+        (["aerial_tramway", "--places", "2", "--csv", "/nowhere/line.csv"], 1, "line: /nowhere/line.csv: No such file"),
+        (["aerial_tramway", "--places", "2", "--plot", "/tmp/line.nothing"], 2, "--plot /tmp/line.nothing: allowed: "),
+        (
+            ["aerial_tramway", "--places", "2", "--set", "carriages.cabin.drive.haul_rope.pretension=0",
+             "--set", "carriages.cabin.drive.haul_rope.station=start"],
+            1,
+            "line: cabin at 3.0 m: carriages.cabin.drive.haul_rope: it would have to push with",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_a_line(arguments, code, words, capsys):
+    assert main(arguments) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+
+
+@pytest.mark.parametrize("given", ["1", "2001", "many"])
+def test_so_many_places_are_not_allowed(given, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--places", given])
+    assert ended.value.code == 2
+    assert "--places" in capsys.readouterr().err
