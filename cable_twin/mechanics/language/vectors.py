@@ -11,11 +11,10 @@ from typing import Any
 
 from numba.extending import overload
 
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import OVERLOAD, inlined_kernel, kernel
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
-_OPTIONS: Any = {"error_model": "numpy"}
 
 
 @inlined_kernel
@@ -46,7 +45,7 @@ def load(row: Any, like: Vector) -> Vector:
     return tuple(float(value) for value in row[: len(like)])
 
 
-@overload(load, jit_options=_OPTIONS)
+@overload(load, jit_options=OVERLOAD)
 def _load(row, like):
     return {
         2: lambda row, like: (row[0], row[1]),
@@ -61,7 +60,7 @@ def scale(c: float, a: Vector) -> Vector:
     return tuple(c * value for value in a)
 
 
-@overload(scale, jit_options=_OPTIONS)
+@overload(scale, jit_options=OVERLOAD)
 def _scale(c, a):
     return {
         2: lambda c, a: (c * a[0], c * a[1]),
@@ -74,7 +73,7 @@ def subtract(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-@overload(subtract, jit_options=_OPTIONS)
+@overload(subtract, jit_options=OVERLOAD)
 def _subtract(a, b):
     return {
         2: lambda a, b: (a[0] - b[0], a[1] - b[1]),
@@ -87,7 +86,7 @@ def add_scaled(c: float, a: Vector, b: Vector) -> Vector:
     return tuple(c * x + y for x, y in zip(a, b, strict=True))
 
 
-@overload(add_scaled, jit_options=_OPTIONS)
+@overload(add_scaled, jit_options=OVERLOAD)
 def _add_scaled(c, a, b):
     return {
         2: lambda c, a, b: (c * a[0] + b[0], c * a[1] + b[1]),
@@ -108,7 +107,7 @@ def quarter_turn(c: float, a: Vector) -> Vector:
     return (c * a[-1], *(0.0,) * (len(a) - 2), -c * a[0])
 
 
-@overload(quarter_turn, jit_options=_OPTIONS)
+@overload(quarter_turn, jit_options=OVERLOAD)
 def _quarter_turn(c, a):
     return {
         2: lambda c, a: (c * a[1], -c * a[0]),
@@ -122,7 +121,7 @@ def symmetric(c: float, d: float, a: Vector) -> Matrix:
     return tuple(c * (i == j) + d * a[i] * a[j] for i in range(dim) for j in range(i, dim))
 
 
-@overload(symmetric, jit_options=_OPTIONS)
+@overload(symmetric, jit_options=OVERLOAD)
 def _symmetric(c, d, a):
     return {
         2: lambda c, d, a: (c + d * a[0] * a[0], d * a[0] * a[1], c + d * a[1] * a[1]),
@@ -145,7 +144,7 @@ def full(c: float, a: Matrix, d: float) -> Matrix:
     return (c * a[0] + d, x, y, x, c * a[3] + d, z, y, z, c * a[5] + d)
 
 
-@overload(full, jit_options=_OPTIONS)
+@overload(full, jit_options=OVERLOAD)
 def _full(c, a, d):
     return {
         3: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[1], c * a[2] + d),
@@ -168,7 +167,7 @@ def outer(c: float, a: Vector, b: Vector) -> Matrix:
     return tuple(c * x * y for x in a for y in b)
 
 
-@overload(outer, jit_options=_OPTIONS)
+@overload(outer, jit_options=OVERLOAD)
 def _outer(c, a, b):
     return {
         2: lambda c, a, b: (c * a[0] * b[0], c * a[0] * b[1], c * a[1] * b[0], c * a[1] * b[1]),
@@ -192,7 +191,7 @@ def apply(a: Matrix, v: Vector) -> Vector:
     return tuple(sum(a[i * dim + j] * v[j] for j in range(dim)) for i in range(dim))
 
 
-@overload(apply, jit_options=_OPTIONS)
+@overload(apply, jit_options=OVERLOAD)
 def _apply(a, v):
     return {
         2: lambda a, v: (a[0] * v[0] + a[1] * v[1], a[2] * v[0] + a[3] * v[1]),
@@ -210,7 +209,7 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
     return tuple(sum(a[i * dim + m] * b[m * dim + j] for m in range(dim)) for i in range(dim) for j in range(dim))
 
 
-@overload(multiply, jit_options=_OPTIONS)
+@overload(multiply, jit_options=OVERLOAD)
 def _multiply(a, b):
     return {
         4: lambda a, b: (
@@ -238,7 +237,7 @@ def minus(a: Matrix, b: Matrix) -> Matrix:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-@overload(minus, jit_options=_OPTIONS)
+@overload(minus, jit_options=OVERLOAD)
 def _minus(a, b):
     return {
         4: lambda a, b: (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]),
@@ -281,7 +280,7 @@ def adjugate(c: float, a: Matrix) -> Matrix:
     )
 
 
-@overload(adjugate, jit_options=_OPTIONS)
+@overload(adjugate, jit_options=OVERLOAD)
 def _adjugate(c, a):
     return {
         4: lambda c, a: (c * a[3], -c * a[1], -c * a[2], c * a[0]),
@@ -305,7 +304,7 @@ def transpose(a: Matrix) -> Matrix:
     return tuple(a[j * dim + i] for i in range(dim) for j in range(dim))
 
 
-@overload(transpose, jit_options=_OPTIONS)
+@overload(transpose, jit_options=OVERLOAD)
 def _transpose(a):
     return {
         4: lambda a: (a[0], a[2], a[1], a[3]),
@@ -326,7 +325,7 @@ def block(c: float, a: Matrix, d: float) -> Matrix:
     return tuple(c * value + (d if k % step == 0 else 0.0) for k, value in enumerate(a))
 
 
-@overload(block, jit_options=_OPTIONS)
+@overload(block, jit_options=OVERLOAD)
 def _block(c, a, d):
     return {
         4: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[2], c * a[3] + d),
