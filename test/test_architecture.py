@@ -41,6 +41,7 @@ ALLOWED = {
     "figure_messages": ("key_figures", "messages"),
     "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
+    "compilation_bar": ("simulation",),
     "recording": (
         "messages",
         "command_messages",
@@ -52,8 +53,8 @@ ALLOWED = {
         "scenario",
         "snapshot",
     ),
-    "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
 }
 
 # the same between the folders of the mechanics, and the two modules beside them

@@ -10,10 +10,12 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 from rich.console import Console
 
 from cable_twin.command_line import left_at_once
+from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
@@ -202,10 +204,7 @@ def _simulation(options: argparse.Namespace, log: Log | None, console: Console) 
         raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
     if changed and log is not None and log.snapshot is not None:
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
-    with (
-        left_at_once("simulate"),
-        console.status("the cable settles; the first time on a machine the solver is compiled: half a minute"),
-    ):
+    with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         if options.snapshot is not None:
             return Simulation.load(options.snapshot)
         if log is not None and not changed:

@@ -54,23 +54,13 @@ def lay_out(
             y_range=[-top - 0.03 * width, -low[1] + 0.02 * width],
         ),
     )
-    close_ups = [
-        rrb.Spatial2DView(
-            name=f"Close-up of {name}" if len(followed) == 1 else name,
-            origin=path,
-            contents=["+ /track/**", *(f"- /{hidden}" for hidden in ("track/tension_colors", "track/names", *boxes))],
-            visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
-        )
-        for path, reach in list(followed.items())[:CLOSE_UPS]
-        for name in [path.rpartition("/")[2]]
-    ]
     drawn = {path.split("/")[1] for path, _ in paths}
     titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
     cells: list[rrb.View | rrb.Container] = [
         _plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()
     ]
-    if close_ups:
-        cells.insert(0, close_ups[0] if len(close_ups) == 1 else rrb.Tabs(*close_ups))
+    if followed:
+        cells.insert(0, _close_ups(followed, boxes))
     rows = -(-len(cells) // IN_A_ROW)
     lower = [rrb.Horizontal(*cells[len(cells) * row // rows : len(cells) * (row + 1) // rows]) for row in range(rows)]
     return frame(
@@ -86,6 +76,22 @@ def lay_out(
             column_shares=[5, 1],
         )
     )
+
+
+def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View | rrb.Container:
+    """Return the views that move with vehicles, one behind the other."""
+    hidden = ("track/tension_colors", "track/names", *boxes)
+    views = [
+        rrb.Spatial2DView(
+            name=f"Close-up of {name}" if len(followed) == 1 else name,
+            origin=path,
+            contents=["+ /track/**", *(f"- /{entity}" for entity in hidden)],
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
+        )
+        for path, reach in list(followed.items())[:CLOSE_UPS]
+        for name in [path.rpartition("/")[2]]
+    ]
+    return views[0] if len(views) == 1 else rrb.Tabs(*views)
 
 
 def plot_titles(unit: str) -> dict[str, str]:

@@ -98,7 +98,7 @@ def begin_with(integrator: Kernel, system: System, state: State, work: Workspace
     own = [kernel for kernel in in_step if kernel not in shared]
     for kernel in (*reversed(shared[len(shared) // 2 :]), *reversed(own)):
         names = list(inspect.signature(kernel.py_func).parameters)
-        if kernel.targetoptions.get("inline") != "always" and known.keys() >= set(names):
+        if not kernel.is_inlined and known.keys() >= set(names):
             chosen[kernel] = tuple(known[name] for name in names)
     return chosen
 

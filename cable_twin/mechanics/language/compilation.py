@@ -103,6 +103,16 @@ class Kernel:
                 self._from_kernels._cache = PartCache(function)
         self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
 
+    @property
+    def title(self) -> str:
+        """Its name, as `kept_kernels` has it."""
+        return title_of(self.py_func)
+
+    @property
+    def is_inlined(self) -> bool:
+        """Whether it is compiled as if it stood in its callers, and never by itself."""
+        return self.targetoptions.get("inline") == "always"
+
     def __call__(self, *arguments: Any) -> Any:
         """Call it, compiled on the first call for these types or loaded from the cache."""
         return self._from_python(*map(pack, arguments))
@@ -152,6 +162,20 @@ def keeps_kernels() -> bool:
     return cache_directory(MECHANICS) is not None
 
 
+def title_of(function: Callable[..., Any]) -> str:
+    """Name of a kernel's function among the files of its cache."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+
+
+def kept_kernels() -> set[tuple[str, str]]:
+    """What of the mechanics is in the cache by now: kind, of `FROM_PYTHON` and `FROM_KERNELS`, and title."""
+    directory = cache_directory(MECHANICS)
+    if directory is None:
+        return set()
+    kinds = (FROM_PYTHON, FROM_KERNELS)
+    return {(kind, file.name.rpartition("-")[0]) for kind in kinds for file in (directory / kind).glob("**/*.nbi")}
+
+
 def is_compiled(function: Callable[..., Any]) -> bool:
     """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
     if not isinstance(function, Kernel):
@@ -159,5 +183,4 @@ def is_compiled(function: Callable[..., Any]) -> bool:
     directory = _directory_of(function.py_func)
     if directory is None:
         return False  # no process has it but this one
-    name = f"{function.__module__.rpartition('.')[2]}.{function.py_func.__qualname__}-"
-    return any((directory / FROM_PYTHON).glob(f"**/{name}*.nbc"))
+    return any((directory / FROM_PYTHON).glob(f"**/{function.title}-*.nbc"))
