@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cable_twin.mechanics.on_rope.chain import pivot
-from cable_twin.mechanics.on_rope.sliding_joint import joint_direction
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.on_rope.sliding_joint import cable_direction
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.conservation import momentum, thrown_cable
@@ -74,15 +75,15 @@ def swing_lower_body(simulation: Simulation, rate: float) -> None:
     """Let the last body of a chain turn about its pivot by `rate` (rad/s) more than it does."""
     offset = simulation.system.carriages.upper_pivot[-1]
     with changing(simulation) as state:
-        _, _, turn_x, turn_z = pivot(float(state.bodies.position[-1, 2]), offset)
-        state.bodies.velocity[-1] += np.array([-turn_x, -turn_z, 1.0]) * rate
+        axes = np.reshape(orientation(state.bodies.position[-1], (0.0, 0.0)), (2, 2))
+        state.bodies.velocity[-1] += rate * np.array([*cross((-1.0,), tuple(axes @ offset)), 1.0])
     start_moving(simulation)
 
 
 def dissipation(simulation: Simulation) -> float:
     """Power (W) of all dampers, Σ c φ_dot²."""
     system, (state, _) = simulation.system, for_kernels(simulation)
-    above, total = joint_direction(system.cable, state, 0)[1], 0.0
+    above, total = cable_direction(system.cable, state, 0).spin[0], 0.0
     for damping, spin in zip(system.carriages.hinge_damping, state.bodies.velocity[:, 2], strict=True):
         total += damping * (spin - above) ** 2
         above = spin

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import eig
 
-from cable_twin.mechanics.parameters import Cable, FloatArray
+from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble
@@ -212,17 +212,18 @@ def swing_of_a_stop() -> Iterator[Result]:
 
 
 @lru_cache(maxsize=1)
-def undamped(simulation: Simulation) -> Cable:
-    """Its cable without damping: one record for all calls, as a new one takes 2 ms to hand over."""
-    return simulation.system.cable._replace(damping_time=0.0)
+def undamped(simulation: Simulation) -> System:
+    """Its system with a cable without damping: one record for all calls, as a new one takes 2 ms to hand over."""
+    system = simulation.system
+    return system._replace(cable=system.cable._replace(damping_time=0.0))
 
 
 def viscous_power(simulation: Simulation) -> float:
     """Power (W) that Kelvin-Voigt damping takes now."""
     state, work = for_kernels(simulation)
     powers = []
-    for cable in (simulation.system.cable, undamped(simulation)):
-        add_cable(cable, state, 0.0, 0.0, 0.0, work)
+    for system in (simulation.system, undamped(simulation)):
+        add_cable(system, state, 0.0, 0.0, 0.0, work)
         powers.append(float(np.sum(work.right_side * state.nodes.velocity)))
     return powers[1] - powers[0]
 

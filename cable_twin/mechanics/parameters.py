@@ -1,7 +1,7 @@
 """Frozen constants of the mechanical system: plain named tuples, so that compiled kernels take them as they are.
 
-`dim` is 2 (planar) now; it is carried by the length of `Cable.gravity`, which the kernels know at compile time.
-Vectors are x along the track, z up.
+`dim` is 2 in a plane and 3 in space; it is carried by the length of `Cable.gravity`, which the kernels know at compile
+time, and so is the number of turns of a body, 1 or 3. Vectors are x along the track, y to its left, z up.
 """
 
 from __future__ import annotations
@@ -79,12 +79,14 @@ class Carriages(NamedTuple):
 
     body_offset: IntArray  # (carriages + 1,)
     mass: FloatArray  # (bodies,) kg
-    inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass
-    upper_pivot: FloatArray  # (bodies, 2) m, from the centre of mass in the body's axes
-    lower_pivot: FloatArray  # (bodies, 2) m, where the next body of the chain hangs
+    inertia: FloatArray  # (bodies,) kg m^2 about the centre of mass; in space (bodies, 9) in the body's axes
+    upper_pivot: FloatArray  # (bodies, dim) m, from the centre of mass in the body's axes
+    lower_pivot: FloatArray  # (bodies, dim) m, where the next body of the chain hangs
     hinge_stiffness: FloatArray  # (bodies,) N m/rad, of a spring against the body above; first of a chain: the cable
     hinge_damping: FloatArray  # (bodies,) N m s/rad, of a damper beside it
-    centre_offset: FloatArray  # (bodies, 2) m, of the centre of mass with its payload from that without
+    roll_damping: FloatArray  # (bodies,) N m s/rad, of a damper of its roll in space
+    held: IntArray  # (bodies,) angles that the joint above holds in space: 1 the heading, 2 the roll as well
+    centre_offset: FloatArray  # (bodies, dim) m, of the centre of mass with its payload from that without
     fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
     clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
     loop_place: FloatArray  # (carriages,) m, of what is clamped: place on the loop when no cable has gone by yet

@@ -39,14 +39,16 @@ class State(NamedTuple):
     """Motion of the whole system at one time, and what its drives were told."""
 
     nodes: Motion  # e, (nodes, 2, dim): r in m, r_x (-)
-    bodies: Motion  # r, (bodies, 3): x, z in m, pitch in rad
+    bodies: Motion  # r, (bodies, 3): x, z in m, pitch in rad; in space (bodies, 7): x, y, z, and x, y, z, w of a unit
+    # quaternion, rates (bodies, 6) in m/s and, about the axes of the world, rad/s
     joints: Motion  # n, (carriages,) m, arc length on the whole cable; without inertia, so the true acceleration is
     # known only to Runge-Kutta and where a haul rope pulls
     sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled
     joint_element: NDArray[np.int64]  # (carriages,) element on which the joint is
     friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
-    multipliers: FloatArray  # lambda, (bodies, 2) N on each body at its upper pivot; first of a chain: sliding joint
+    multipliers: FloatArray  # lambda, (bodies, dim) N on each body at its upper pivot; first of a chain: sliding joint
+    moments: FloatArray  # (bodies, turns) N m on each body, of what its joint holds; none in a plane
     attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
     payload: FloatArray  # (carriages,) kg, already in the masses of the system
     drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE, SPEED, or HAULED
@@ -84,20 +86,25 @@ class Workspace(NamedTuple):
     diagonal: FloatArray  # (nodes, 2, 2, dim²): matrices of r and r_x against r and r_x
     upper: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k to k + 1
     lower: FloatArray  # (nodes - 1, 2, 2, dim²), couples node k + 1 to k
-    group: FloatArray  # (4 dim + 10 dim², WIDTH), residual and tangent of a group of elements
+    group: FloatArray  # (4 dim + 16 dim², WIDTH), residual and tangent of a group of elements, as in `groups`
     right_side: FloatArray  # (nodes, 2, dim), minus the residual; after the solution the increment of e
-    joint_gap: FloatArray  # (bodies, 2) m (or m/s² at acceleration level): what each joint has to close
-    body_residual: FloatArray  # (bodies, 3)
-    body_increment: FloatArray  # (bodies, 3)
-    pitch_pivot: FloatArray  # (bodies,) eliminated row of the pitch: its pivot
-    pitch_row: FloatArray  # (bodies, 3) coefficients of the upper pivot's displacement and of the pitch above
-    pitch_right: FloatArray  # (bodies,)
-    impedance: FloatArray  # (bodies + 1, 3) D of the chain from this body down: xx, xz, zz
-    impedance_turning: FloatArray  # (bodies, 3) D of the same: xθ, zθ, θθ
-    impedance_force: FloatArray  # (bodies + 1, 3) b of the same: Δ(λ, m) = D Δ(p, θ) + b
-    hinge: FloatArray  # (bodies, 3) moment (N m) on each body at its upper pivot, minus its derivatives by angle, rate
-    grip_row: FloatArray  # (carriages, 4, dim) turn of the cable as the hinge sees it, by the nodal coordinates
-    grip_by_s: FloatArray  # (carriages,) rad/m, the same by the arc length
+    joint_gap: FloatArray  # (bodies, dim) m (or m/s² at acceleration level): what each joint has to close
+    held_gap: FloatArray  # (bodies, 2) -, cosines of the angles that joints in space hold at right ones
+    body_increment: FloatArray  # (bodies, dim + turns)
+    turned: FloatArray  # (bodies, turns) rad, rotation vector of the step so far, by which an integrator reckons
+    turn_by_place: FloatArray  # (bodies, turns dim) minus the turn of a body, by the place of its upper pivot
+    turn_by_above: FloatArray  # (bodies, turns²) the same by the turn of what is above
+    turn_right: FloatArray  # (bodies, turns)
+    impedance: FloatArray  # (bodies, dim²) D of the chain from this body down: force by place
+    impedance_turning: FloatArray  # (bodies, dim turns) D of the same: force by turn of what is above
+    impedance_moment: FloatArray  # (bodies, turns dim) D of the same: moment by place
+    impedance_turn: FloatArray  # (bodies, turns²) D of the same: moment by turn
+    impedance_force: FloatArray  # (bodies, dim + turns) b of the same: Δ(λ, m) = D Δ(p, θ) + b
+    held_by_place: FloatArray  # (bodies, turns dim) increment of the moment that holds in space, by the place
+    held_by_above: FloatArray  # (bodies, turns²)
+    held_right: FloatArray  # (bodies, turns)
+    grip_row: FloatArray  # (carriages, 4, turns dim) turn of the cable as the hinge sees it, by the nodal coordinates
+    grip_by_s: FloatArray  # (carriages, turns) rad/m, the same by the arc length
     sliding_pivot: FloatArray  # (carriages,) eliminated row of the sliding coordinate
     sliding_row: FloatArray  # (carriages, 4, dim)
     sliding_column: FloatArray  # (4, dim) of the carriage at hand
@@ -110,26 +117,28 @@ class Workspace(NamedTuple):
     haul_by_s: FloatArray  # (carriages,) N/m, its derivative by the arc length
     sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of s, right side
     sheave_increment: FloatArray  # (carriages,)
-    body_drag: FloatArray  # (bodies, 2) N
-    body_drag_tangent: FloatArray  # (bodies, 3) N/m, minus its derivative by the place: xx, xz, zz
+    body_drag: FloatArray  # (bodies, dim) N
+    body_drag_tangent: FloatArray  # (bodies, dim²) N/m, minus its derivative by the place
 
 
 def allocate_state(system: System) -> State:
     """State of zeros with every joint at rest; `equilibrium` fills it."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
+    turns = turns_of(dim)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
     contacts = system.towers.stiffness.size
     modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
     modes = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes).astype(np.int64)
     return State(
         nodes=_at_rest((nodes, 2, dim)),
-        bodies=_at_rest((bodies, 3)),
+        bodies=_bodies_at_rest(bodies, dim),
         joints=_at_rest((carriages,)),
         sheaves=_at_rest((carriages,)),
         joint_element=np.zeros(carriages, dtype=np.int64),
         friction_deflection=np.zeros(carriages),
         friction_origin=np.zeros(carriages),
-        multipliers=np.zeros((bodies, 2)),
+        multipliers=np.zeros((bodies, dim)),
+        moments=np.zeros((bodies, turns)),
         attached=np.ones(carriages, dtype=np.bool_),
         payload=np.zeros(carriages),
         drive_mode=modes,
@@ -156,28 +165,48 @@ def _at_rest(shape: tuple[int, ...]) -> Motion:
     return Motion(*(np.zeros(shape) for _ in Motion._fields))
 
 
+def _bodies_at_rest(bodies: int, dim: int) -> Motion:
+    motion = _at_rest((bodies, dim + turns_of(dim)))
+    if dim == 2:
+        return motion
+    upright = np.zeros((bodies, 7))
+    upright[:, 6] = 1.0
+    return motion._replace(position=upright)
+
+
+def turns_of(dim: int) -> int:
+    """How many angles a body has."""
+    return 1 if dim == 2 else 3
+
+
 def allocate_workspace(system: System) -> Workspace:
     """Scratch space of the size of `system`."""
     nodes, dim = system.cable.element_count + 1, len(system.cable.gravity)
+    turns = turns_of(dim)
     bodies, carriages = system.carriages.mass.size, system.carriages.fixed.size
     return Workspace(
         diagonal=np.zeros((nodes, 2, 2, dim * dim)),
         upper=np.zeros((nodes - 1, 2, 2, dim * dim)),
         lower=np.zeros((nodes - 1, 2, 2, dim * dim)),
-        group=np.zeros((4 * dim + 10 * dim * dim, WIDTH)),
+        group=np.zeros((4 * dim + 16 * dim * dim, WIDTH)),
         right_side=np.zeros((nodes, 2, dim)),
-        joint_gap=np.zeros((bodies, 2)),
-        body_residual=np.zeros((bodies, 3)),
-        body_increment=np.zeros((bodies, 3)),
-        pitch_pivot=np.zeros(bodies),
-        pitch_row=np.zeros((bodies, 3)),
-        pitch_right=np.zeros(bodies),
-        impedance=np.zeros((bodies + 1, 3)),
-        impedance_turning=np.zeros((bodies, 3)),
-        impedance_force=np.zeros((bodies + 1, 3)),
-        hinge=np.zeros((bodies, 3)),
-        grip_row=np.zeros((carriages, 4, dim)),
-        grip_by_s=np.zeros(carriages),
+        joint_gap=np.zeros((bodies, dim)),
+        held_gap=np.zeros((bodies, 2)),
+        body_increment=np.zeros((bodies, dim + turns)),
+        turned=np.zeros((bodies, turns)),
+        turn_by_place=np.zeros((bodies, turns * dim)),
+        turn_by_above=np.zeros((bodies, turns * turns)),
+        turn_right=np.zeros((bodies, turns)),
+        impedance=np.zeros((bodies, dim * dim)),
+        impedance_turning=np.zeros((bodies, dim * turns)),
+        impedance_moment=np.zeros((bodies, turns * dim)),
+        impedance_turn=np.zeros((bodies, turns * turns)),
+        impedance_force=np.zeros((bodies, dim + turns)),
+        held_by_place=np.zeros((bodies, turns * dim)),
+        held_by_above=np.zeros((bodies, turns * turns)),
+        held_right=np.zeros((bodies, turns)),
+        grip_row=np.zeros((carriages, 4, turns * dim)),
+        grip_by_s=np.zeros((carriages, turns)),
         sliding_pivot=np.zeros(carriages),
         sliding_row=np.zeros((carriages, 4, dim)),
         sliding_column=np.zeros((4, dim)),
@@ -190,8 +219,8 @@ def allocate_workspace(system: System) -> Workspace:
         haul_by_s=np.zeros(carriages),
         sheave_row=np.zeros((carriages, 3)),
         sheave_increment=np.zeros(carriages),
-        body_drag=np.zeros((bodies, 2)),
-        body_drag_tangent=np.zeros((bodies, 3)),
+        body_drag=np.zeros((bodies, dim)),
+        body_drag_tangent=np.zeros((bodies, dim * dim)),
     )
 
 

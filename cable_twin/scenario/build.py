@@ -233,6 +233,8 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
         hinge_stiffness=_array([body.stiffness for body in bodies]),
         hinge_damping=_array([body.damping for body in bodies]),
+        roll_damping=np.zeros(len(bodies)),
+        held=np.zeros(len(bodies), dtype=np.int64),
         centre_offset=np.zeros((len(bodies), 2)),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),

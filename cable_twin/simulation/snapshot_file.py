@@ -24,7 +24,7 @@ from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 VERSION_1 = {  # what its fields are now, one by one or by their columns
     "nodal_coordinates": "nodes.position",
     "nodal_velocities": "nodes.velocity",
@@ -184,6 +184,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
+            if header["format_version"] < 3:
+                arrays |= _planar_moments(arrays)
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
@@ -212,6 +214,11 @@ def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
             for name, column in zip(now, np.atleast_2d(array).T, strict=True):
                 renamed[f"{part}/{name}"] = np.ascontiguousarray(column)
     return renamed
+
+
+def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 3 added: the moments of joints that hold a body, of which there are none in a plane."""
+    return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
 
 
 def _check_header(header: Any, name: str) -> None:

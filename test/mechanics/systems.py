@@ -52,20 +52,29 @@ def make_cable(dim=2, **changes):
     return cable._replace(**changes)
 
 
-def make_carriages(chains=(), **changes):
+def make_carriages(chains=(), dim=2, **changes):
     """Carriages with as many bodies as `chains` says, all different, without friction and with soft end stops."""
     offset = np.cumsum([0, *chains]).astype(np.int64)
     bodies, count = int(offset[-1]), len(chains)
     numbers = np.arange(bodies, dtype=float)
+    upper = np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1)
+    lower = np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1)
+    inertia = 0.4 + 0.1 * numbers
+    if dim == 3:
+        upper, lower = (np.insert(pivots, 1, 0.02 * (1.0 + numbers), axis=1) for pivots in (upper, lower))
+        tensor = np.array([[0.5, 0.03, -0.02], [0.03, 0.4, 0.01], [-0.02, 0.01, 0.3]])
+        inertia = (1.0 + 0.2 * numbers)[:, None] * tensor.ravel()
     carriages = Carriages(
         body_offset=offset,
         mass=3.0 + numbers,
-        inertia=0.4 + 0.1 * numbers,
-        upper_pivot=np.stack([0.05 - 0.02 * numbers, 0.3 + 0.03 * numbers], axis=1),
-        lower_pivot=np.stack([-0.04 + 0.03 * numbers, -0.25 - 0.02 * numbers], axis=1),
+        inertia=inertia,
+        upper_pivot=upper,
+        lower_pivot=lower,
         hinge_stiffness=np.zeros(bodies),
         hinge_damping=np.zeros(bodies),
-        centre_offset=np.zeros((bodies, 2)),
+        roll_damping=np.zeros(bodies),
+        held=np.full(bodies, 0 if dim == 2 else 1, dtype=np.int64),
+        centre_offset=np.zeros((bodies, dim)),
         fixed=np.zeros(count, dtype=np.bool_),
         clamped=np.zeros(count, dtype=np.bool_),
         loop_place=np.zeros(count),
@@ -143,7 +152,7 @@ def make_system(
     bodies = sum(chains)
     return System(
         cable=make_cable(dim, **(cable or {})),
-        carriages=make_carriages(chains, **(carriages or {})),
+        carriages=make_carriages(chains, dim, **(carriages or {})),
         towers=make_towers(dim, **(towers or {})),
         counterweights=make_counterweights(dim, **(counterweights or {})),
         haul_ropes=make_haul_ropes(len(chains), **(haul_ropes or {})),
@@ -164,6 +173,8 @@ def disturbed_state(system, seed=1):
     for array in (state.nodes.velocity, state.nodes.acceleration, state.bodies.velocity, state.bodies.acceleration):
         array[:] = rng.standard_normal(array.shape)
     state.bodies.position[:] = 0.5 * rng.standard_normal(state.bodies.position.shape)
+    if dim == 3:
+        state.bodies.position[:, 3:] /= np.linalg.norm(state.bodies.position[:, 3:], axis=1, keepdims=True)
     state.multipliers[:] = 30.0 * rng.standard_normal(state.multipliers.shape)
     count = state.joints.position.size
     state.joints.position[:] = cable.unstrained_length * (np.arange(count) + 0.77) / (count + 0.6)

@@ -4,17 +4,21 @@ import numpy as np
 import pytest
 from systems import difference, disturbed_state, make_system, second_difference
 
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.chain import (
+    arm_to,
     carriage_mass,
     close_joints,
     condense_chain,
     joint_accelerations,
-    pivot,
     pivot_velocity,
     recover_chain,
 )
+from cable_twin.mechanics.on_rope.hinge import Above, hinge
 
 GRAVITY = np.array([0.0, -9.81])
+LEVEL = (1.0, 0.0)  # any vector of a plane
 
 
 def arm(pitch, offset):
@@ -34,16 +38,17 @@ def gaps(carriages, place, bodies):
 
 
 def test_positive_pitch_turns_x_towards_minus_z():
-    assert pivot(np.pi / 2, np.array([1.0, 0.0]))[:2] == pytest.approx((0.0, -1.0), abs=1e-15)
+    axes = orientation((0.0, 0.0, np.pi / 2), LEVEL)
+    assert arm_to(axes, np.array([1.0, 0.0]), LEVEL) == pytest.approx((0.0, -1.0), abs=1e-15)
 
 
 def test_arm_and_its_derivative():
     """Closed form to 1e-15, derivative by fourth-order differences to 1e-10."""
     offset = np.array([0.3, -0.8])
-    x, z, turn_x, turn_z = pivot(0.7, offset)
-    np.testing.assert_allclose([x, z], arm(0.7, offset), atol=1e-15)
+    reached = arm_to(orientation((0.0, 0.0, 0.7), LEVEL), offset, LEVEL)
+    np.testing.assert_allclose(reached, arm(0.7, offset), atol=1e-15)
     exact = difference(lambda p: arm(p[0], offset), np.array([0.7]), 1e-3)[:, 0]
-    np.testing.assert_allclose([turn_x, turn_z], exact, atol=1e-10)
+    np.testing.assert_allclose(cross((1.0,), reached), exact, atol=1e-10)
 
 
 def test_velocity_of_a_pivot():
@@ -58,14 +63,14 @@ def test_velocity_of_a_pivot():
         return at[:2] + arm(at[2], offset)
 
     exact = difference(place, np.zeros(1), 1e-3)[:, 0]
-    np.testing.assert_allclose(pivot_velocity(state, 1, offset), exact, atol=1e-10)
+    np.testing.assert_allclose(pivot_velocity(state, 1, offset, LEVEL), exact, atol=1e-10)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_gaps_of_a_chain(count):
     system = make_system(chains=(1, count))
     state, work = disturbed_state(system)
-    close_joints(system.carriages, state, 1, 0.4, -0.3, work)
+    close_joints(system.carriages, state, 1, (0.4, -0.3), Above((0.0,), (0.0,)), work)
     chain = system.carriages._replace(
         upper_pivot=system.carriages.upper_pivot[1:], lower_pivot=system.carriages.lower_pivot[1:]
     )
@@ -157,15 +162,19 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, stiffness_factor, hin
     right = -np.concatenate([residual(np.zeros((count, 3)), state.multipliers, turned), gap])
     exact = np.linalg.solve(matrix, right)
 
-    close_joints(carriages, state, 0, *place, work)
-    condense_chain(
-        carriages, tuple(GRAVITY), state, 0, tuple(direction), mass_factor, rate_factor, stiffness_factor, work
+    above = Above((direction[0],), (direction[1],))
+    close_joints(carriages, state, 0, tuple(place), above, work)
+    condense_chain(carriages, tuple(GRAVITY), state, 0, above, mass_factor, rate_factor, stiffness_factor, work)
+    before = np.append(state.multipliers[0], hinge(carriages, state, 0, True, above, 0.0, 0.0, LEVEL).moment)
+    matrix = np.block(
+        [
+            [work.impedance[0].reshape(2, 2), work.impedance_turning[0][:, None]],
+            [work.impedance_moment[0][None], work.impedance_turn[0][None]],
+        ]
     )
-    before = np.append(state.multipliers[0], work.hinge[0, 0])
-    (xx, xz, zz), (xt, zt, tt) = work.impedance[0], work.impedance_turning[0]
-    matrix = np.array([[xx, xz, xt], [xz, zz, zt], [xt, zt, tt]])
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * np.abs(matrix).max())
     force = before + matrix @ np.append(moved, turned) + work.impedance_force[0]
-    recover_chain(carriages, state, 0, tuple(moved), turned, work)
+    recover_chain(carriages, state, 0, tuple(moved), (turned,), work)
     np.testing.assert_allclose(work.body_increment.ravel(), exact[:size], atol=1e-8)
     scale = np.abs(exact[size:]).max()
     np.testing.assert_allclose(state.multipliers.ravel(), start[size:] + exact[size:], atol=1e-8 * scale)

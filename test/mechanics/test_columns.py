@@ -10,8 +10,9 @@ from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.point import point_at, position_on_cable
-from cable_twin.mechanics.solution.equations_of_motion import assemble_cable
+from cable_twin.mechanics.solution.equations_of_motion import add_loads
 from verification import JIT
 from verification.models import for_kernels, moving
 from verification.supports import tramway
@@ -25,7 +26,8 @@ LENGTH = 0.7  # m, of an element
 def balance_of_end_nodes(system, state, work):
     """What the supports have to exert (2, dim) in N, with the forces of carriages and towers as they are."""
     cable = system.cable
-    assemble_cable(system, state, 1.0, 0.0, 0.0, work)
+    add_cable(system, state, 1.0, 0.0, 0.0, work)
+    add_loads(cable, state, 0.0, work)
     nodal = work.right_side.reshape(-1, work.right_side.shape[2])
 
     def act(arc_length, force):
@@ -39,7 +41,7 @@ def balance_of_end_nodes(system, state, work):
             held = slice(2 * point.element, 2 * point.element + 4)
             r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
             turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
-            nodal[held] -= grip_moment(system, state, carriage)[0] * np.outer(point.shape_x, turn)
+            nodal[held] -= grip_moment(system, state, carriage)[0][0] * np.outer(point.shape_x, turn)
     for contact in range(system.towers.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.towers, state, contact)[0])
     return -nodal[[0, -2]]

@@ -137,7 +137,7 @@ def test_elastic_energy_is_that_of_the_strains(model, dim):
     )
     assert total(state.nodes.position) == pytest.approx(written, rel=1e-13)
     state.nodes.acceleration[:, 1] = 0.0  # r_ddot = g, so that inertia and gravity cancel
-    cable_element.add_cable(cable, state, 0.0, 0.0, 0.0, work)
+    cable_element.add_cable(system, state, 0.0, 0.0, 0.0, work)
     force = difference(total, state.nodes.position.ravel(), 1e-4)
     np.testing.assert_allclose(-work.right_side.ravel(), force, rtol=0, atol=1e-8 * np.abs(force).max())
 
@@ -359,7 +359,7 @@ def test_blocks_of_the_cable_are_the_derivative_of_its_residual(model, bending_s
             nodes_velocity=state.nodes.velocity + rate_factor * delta,
             nodes_acceleration=state.nodes.acceleration + mass_factor * delta,
         )
-        cable_element.add_cable(system.cable, moved, mass_factor, rate_factor, stiffness_factor, work)
+        cable_element.add_cable(system, moved, mass_factor, rate_factor, stiffness_factor, work)
         return -work.right_side.ravel()
 
     exact = difference(residual, np.zeros(state.nodes.position.size), 1e-4)

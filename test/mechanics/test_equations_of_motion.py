@@ -14,7 +14,6 @@ from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.solution.equations_of_motion import (
     assemble,
@@ -76,9 +75,8 @@ def rows(system, state, work):
     """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints."""
     cable, carriages = system.cable, system.carriages
     e = state.nodes.position.reshape(-1, 2)
-    add_cable(cable, state, 0.0, 0.0, 0.0, work)
-    if system.moving_cable.moving:
-        add_flow(cable, state, 0.0, 0.0, work)
+    bare = system._replace(air=system.air._replace(present=False))
+    add_cable(bare, state, 0.0, 0.0, 0.0, work)
     on_cable = -work.right_side.reshape(-1, 2)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
         element = np.searchsorted(cable.node_arc_length[1:-1], arc_length, side="right")

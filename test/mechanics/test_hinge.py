@@ -7,16 +7,18 @@ import pytest
 from systems import changed, difference, disturbed_state, make_system
 from test_equilibrium import loaded_span
 
-from cable_twin.mechanics.on_rope.grip import pitch_by_slope, pitch_by_slope_twice, tangent_pitch
+from cable_twin.mechanics.on_rope.grip import moment_by_slope, spin_by_slope, tangent_pitch, turn_by_slope
 from cable_twin.mechanics.on_rope.hinge import hinge_energy, hinge_moment
 from cable_twin.mechanics.on_rope.sliding_joint import (
+    cable_direction,
     driven_force,
     grip_moment,
-    joint_direction,
+    joint_point,
     joint_tangent,
     place_joint,
 )
 from cable_twin.mechanics.readout.columns import energies
+from cable_twin.mechanics.rope.point import bend, slope
 from cable_twin.mechanics.rope.shape_functions import shape_functions_xx, shape_functions_xxx
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
@@ -55,14 +57,24 @@ def test_pitch_of_the_cable_and_its_derivatives(slope):
     assert np.sign(tangent_pitch(slope)) == -np.sign(slope[1] / slope[0])
     assert tangent_pitch((-slope[0], -slope[1])) == pytest.approx(tangent_pitch(slope), abs=1e-15)
     first = difference(lambda r_x: np.array([tangent_pitch(tuple(r_x))]), np.array(slope), 1e-3)[0]
-    np.testing.assert_allclose(pitch_by_slope(slope), first, atol=1e-9)
-    second = difference(lambda r_x: np.array(pitch_by_slope(tuple(r_x))), np.array(slope), 1e-3)
-    np.testing.assert_allclose(np.reshape(pitch_by_slope_twice(slope), (2, 2)), second, atol=1e-9)
+    np.testing.assert_allclose(turn_by_slope(slope), first, atol=1e-9)
+    second = difference(lambda r_x: 3.0 * np.array(turn_by_slope(tuple(r_x))), np.array(slope), 1e-3)
+    np.testing.assert_allclose(np.reshape(moment_by_slope((3.0,), slope), (2, 2)), second, atol=1e-8)
+    rate = np.array([0.4, 0.7])
+    spin = difference(lambda r_x: np.array(turn_by_slope(tuple(r_x)))[None] @ rate, np.array(slope), 1e-3)[0]
+    np.testing.assert_allclose(spin_by_slope(tuple(rate), slope), spin, atol=1e-9)
 
 
 def test_third_derivative_of_the_shape_functions():
     exact = difference(lambda x: np.array(shape_functions_xx(x[0], 0.7)), np.array([0.2]), 1e-2)[:, 0]
     np.testing.assert_allclose(shape_functions_xxx(0.7), exact, rtol=1e-10)
+
+
+def turn_along(system, state):
+    """Derivative (rad/m) of the pitch of the cable at the joint by the arc length."""
+    point = joint_point(system.cable, state, 0)
+    r_x, r_xx = slope(state.nodes.position, point, (0.0, 0.0)), bend(state.nodes.position, point, (0.0, 0.0))
+    return float(np.dot(turn_by_slope(r_x), r_xx))
 
 
 def test_direction_at_a_joint_turns_with_the_cable_and_along_it():
@@ -71,9 +83,10 @@ def test_direction_at_a_joint_turns_with_the_cable_and_along_it():
 
     def pitch(e, s):
         moved = changed(state, nodes_position=state.nodes.position + e, joints_position=state.joints.position + s)
-        return np.array([joint_direction(system.cable, moved, 0)[0]])
+        return np.array(cable_direction(system.cable, moved, 0).orientation)
 
-    _, rate, along = joint_direction(system.cable, state, 0)
+    rate = cable_direction(system.cable, state, 0).spin[0]
+    along = turn_along(system, state)
     motion = state.nodes.velocity, state.joints.velocity
     exact = difference(lambda t: pitch(t[0] * motion[0], t[0] * motion[1]), np.zeros(1), 1e-3)
     assert rate == pytest.approx(exact[0, 0], abs=1e-7)
@@ -86,7 +99,7 @@ def test_springs_are_in_the_energy():
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2)))
     pitches = state.bodies.position[:, 2]
-    angles = np.array([pitches[0] - joint_direction(system.cable, state, 0)[0], pitches[1] - pitches[0]])
+    angles = np.array([pitches[0] - cable_direction(system.cable, state, 0).orientation[0], pitches[1] - pitches[0]])
     more = energies(system, state)[1] - energies(bare, state)[1]
     assert more == pytest.approx(0.5 * float(np.sum(system.carriages.hinge_stiffness * angles**2)), rel=1e-9)
 
@@ -99,7 +112,7 @@ def test_rest_with_springs_balances_moments():
     joint = simulation.snapshot.carriages["one"].position
     weights = carriages.mass * 9.81
     about = [[joint[0], joint[2]], q[0, :2] + turned(q[0, 2], carriages.lower_pivot[0])]
-    direction = joint_direction(system.cable, for_kernels(simulation)[0], 0)[0]
+    direction = cable_direction(system.cable, for_kernels(simulation)[0], 0).orientation[0]
     angles = q[0, 2] - direction, q[1, 2] - q[0, 2]
     for body in range(2):
         # the moment about y of a force (0, -w) at an arm of x is w x
@@ -122,9 +135,9 @@ def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2), hinge_damping=np.zeros(2)))
     moment, force = grip_moment(system, state, 0)
-    assert force == pytest.approx(moment * joint_direction(system.cable, state, 0)[2], rel=1e-12)
+    assert force == pytest.approx(moment[0] * turn_along(system, state), rel=1e-12)
     assert abs(force) > 0.5
-    assert grip_moment(bare, state, 0) == (0.0, 0.0)
+    assert grip_moment(bare, state, 0) == ((0.0,), 0.0)
     more = driven_force(system, state, 0) - driven_force(bare, state, 0)
     assert more * np.linalg.norm(joint_tangent(system.cable, state, 0)) == pytest.approx(force, rel=1e-12)
 

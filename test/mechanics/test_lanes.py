@@ -54,7 +54,7 @@ def test_a_group_of_elements_is_each_element_by_itself(model):
     system = make_system(2, cable={"elastic_model": {"continuum": 0, "element_frame": 1}[model], "damping_time": 0.01})
     cable = system.cable
     state, work = disturbed_state(system)
-    cable_element.add_cable(cable, state, 2.0, 3.0, 1.0, work)
+    cable_element.add_cable(system, state, 2.0, 3.0, 1.0, work)
     forces = np.zeros_like(work.right_side)
     for element in range(cable.element_count):
         length = cable.element_length[element]

@@ -12,7 +12,7 @@ from math import floor, inf
 
 from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import (
     grip_moment,
@@ -95,8 +95,9 @@ def park(system, state, carriage, place):
     state.drive_force[carriage] = 0.0
     place_joint(cable, state, carriage)
     joint = position_on_cable(cable, state, station)
-    hang_chain(system.carriages, state, carriage, joint[0], joint[1])
-    move_chain(system.carriages, cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
+    still = scale(0.0, joint)
+    hang_chain(system.carriages, state, carriage, joint)
+    move_chain(system.carriages, cable.gravity, state, carriage, still, still)
 
 
 @kernel
@@ -131,5 +132,5 @@ def attach(system, state, carriage, place):
     velocity = joint_velocity(cable, state, carriage)
     r_tt, r_x = value(state.nodes.acceleration, point, cable.gravity), slope(state.nodes.position, point, cable.gravity)
     acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
-    hang_chain(system.carriages, state, carriage, joint[0], joint[1])
+    hang_chain(system.carriages, state, carriage, joint)
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

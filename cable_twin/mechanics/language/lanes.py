@@ -215,6 +215,32 @@ def _spread(values, rows, first):
 
 
 @_intrinsic
+def _add(typingctx, lanes, row):
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        array = context.make_array(kinds.args[1])(context, builder, values[1])
+        place = builder.bitcast(array.data, _VECTOR.as_pointer())
+        builder.store(builder.fadd(builder.load(place, align=8), values[0]), place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(LANES, row), generate
+
+
+def add_spread(values: tuple[Any, ...], rows: Any, first: int) -> None:
+    """Add a tuple of lanes to as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    for i in range(len(values)):
+        rows[first + i] += values[i]
+
+
+@overload(add_spread, jit_options=OVERLOAD)
+def _add_spread(values, rows, first):
+    def add(values, rows, first):
+        for i in range(len(values)):
+            _add(values[i], rows[first + i])
+
+    return add
+
+
+@_intrinsic
 def _lane(typingctx, lanes, number):
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
         return builder.extract_element(values[0], builder.trunc(values[1], _WORD))

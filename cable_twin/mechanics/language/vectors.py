@@ -1,12 +1,14 @@
 """Vectors and matrices of the working space as tuples: the dimension is part of their type.
 
 So kernels are written once for every dimension, yet their loops over it are unrolled and live in registers. A
-vector has `dim` entries (2 or 3), a matrix dim² row by row, a symmetric one its upper half, dim (dim + 1) / 2. Each
-function is plain Python, used as it stands when the JIT is off; `overload` gives numba the same as one expression.
+vector has `dim` entries (2 or 3), a matrix dim² row by row, a symmetric one its upper half, dim (dim + 1) / 2; what is
+asked for a length takes any. Each function is plain Python, used as it stands when the JIT is off; `overload` gives
+numba the same as one expression.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from numba.extending import overload
@@ -15,6 +17,12 @@ from cable_twin.mechanics.language.compilation import OVERLOAD, inlined_kernel, 
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
+OPTIONS: Any = OVERLOAD  # of what `overload` gives to numba
+
+
+def formula(arguments: str, entries: list[str]) -> Callable[..., Any]:
+    """The function that gives a tuple of these expressions: what numba compiles for one length of vectors."""
+    return eval(f"lambda {arguments}: ({', '.join(entries)},)")
 
 
 @inlined_kernel
@@ -45,14 +53,9 @@ def load(row: Any, like: Vector) -> Vector:
     return tuple(float(value) for value in row[: len(like)])
 
 
-@overload(load, jit_options=OVERLOAD)
+@overload(load, jit_options=OPTIONS)
 def _load(row, like):
-    return {
-        2: lambda row, like: (row[0], row[1]),
-        3: lambda row, like: (row[0], row[1], row[2]),
-        4: lambda row, like: (row[0], row[1], row[2], row[3]),
-        9: lambda row, like: (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8]),
-    }[like.count]
+    return formula("row, like", [f"row[{i}]" for i in range(like.count)])
 
 
 def scale(c: float, a: Vector) -> Vector:
@@ -60,12 +63,9 @@ def scale(c: float, a: Vector) -> Vector:
     return tuple(c * value for value in a)
 
 
-@overload(scale, jit_options=OVERLOAD)
+@overload(scale, jit_options=OPTIONS)
 def _scale(c, a):
-    return {
-        2: lambda c, a: (c * a[0], c * a[1]),
-        3: lambda c, a: (c * a[0], c * a[1], c * a[2]),
-    }[a.count]
+    return formula("c, a", [f"c * a[{i}]" for i in range(a.count)])
 
 
 def subtract(a: Vector, b: Vector) -> Vector:
@@ -73,12 +73,9 @@ def subtract(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-@overload(subtract, jit_options=OVERLOAD)
+@overload(subtract, jit_options=OPTIONS)
 def _subtract(a, b):
-    return {
-        2: lambda a, b: (a[0] - b[0], a[1] - b[1]),
-        3: lambda a, b: (a[0] - b[0], a[1] - b[1], a[2] - b[2]),
-    }[a.count]
+    return formula("a, b", [f"a[{i}] - b[{i}]" for i in range(a.count)])
 
 
 def add_scaled(c: float, a: Vector, b: Vector) -> Vector:
@@ -86,33 +83,9 @@ def add_scaled(c: float, a: Vector, b: Vector) -> Vector:
     return tuple(c * x + y for x, y in zip(a, b, strict=True))
 
 
-@overload(add_scaled, jit_options=OVERLOAD)
+@overload(add_scaled, jit_options=OPTIONS)
 def _add_scaled(c, a, b):
-    return {
-        2: lambda c, a, b: (c * a[0] + b[0], c * a[1] + b[1]),
-        3: lambda c, a, b: (c * a[0] + b[0], c * a[1] + b[1], c * a[2] + b[2]),
-        6: lambda c, a, b: (
-            c * a[0] + b[0],
-            c * a[1] + b[1],
-            c * a[2] + b[2],
-            c * a[3] + b[3],
-            c * a[4] + b[4],
-            c * a[5] + b[5],
-        ),
-    }[a.count]
-
-
-def quarter_turn(c: float, a: Vector) -> Vector:
-    """Vector `a` times c, turned by a quarter about y: z becomes x, x becomes -z, what is across the plane goes."""
-    return (c * a[-1], *(0.0,) * (len(a) - 2), -c * a[0])
-
-
-@overload(quarter_turn, jit_options=OVERLOAD)
-def _quarter_turn(c, a):
-    return {
-        2: lambda c, a: (c * a[1], -c * a[0]),
-        3: lambda c, a: (c * a[2], 0.0, -c * a[0]),
-    }[a.count]
+    return formula("c, a, b", [f"c * a[{i}] + b[{i}]" for i in range(a.count)])
 
 
 def symmetric(c: float, d: float, a: Vector) -> Matrix:
@@ -121,19 +94,10 @@ def symmetric(c: float, d: float, a: Vector) -> Matrix:
     return tuple(c * (i == j) + d * a[i] * a[j] for i in range(dim) for j in range(i, dim))
 
 
-@overload(symmetric, jit_options=OVERLOAD)
+@overload(symmetric, jit_options=OPTIONS)
 def _symmetric(c, d, a):
-    return {
-        2: lambda c, d, a: (c + d * a[0] * a[0], d * a[0] * a[1], c + d * a[1] * a[1]),
-        3: lambda c, d, a: (
-            c + d * a[0] * a[0],
-            d * a[0] * a[1],
-            d * a[0] * a[2],
-            c + d * a[1] * a[1],
-            d * a[1] * a[2],
-            c + d * a[2] * a[2],
-        ),
-    }[a.count]
+    upper = [(i, j) for i in range(a.count) for j in range(i, a.count)]
+    return formula("c, d, a", [f"{'c + ' if i == j else ''}d * a[{i}] * a[{j}]" for i, j in upper])
 
 
 def full(c: float, a: Matrix, d: float) -> Matrix:
@@ -144,7 +108,7 @@ def full(c: float, a: Matrix, d: float) -> Matrix:
     return (c * a[0] + d, x, y, x, c * a[3] + d, z, y, z, c * a[5] + d)
 
 
-@overload(full, jit_options=OVERLOAD)
+@overload(full, jit_options=OPTIONS)
 def _full(c, a, d):
     return {
         3: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[1], c * a[2] + d),
@@ -167,92 +131,59 @@ def outer(c: float, a: Vector, b: Vector) -> Matrix:
     return tuple(c * x * y for x in a for y in b)
 
 
-@overload(outer, jit_options=OVERLOAD)
+@overload(outer, jit_options=OPTIONS)
 def _outer(c, a, b):
-    return {
-        2: lambda c, a, b: (c * a[0] * b[0], c * a[0] * b[1], c * a[1] * b[0], c * a[1] * b[1]),
-        3: lambda c, a, b: (
-            c * a[0] * b[0],
-            c * a[0] * b[1],
-            c * a[0] * b[2],
-            c * a[1] * b[0],
-            c * a[1] * b[1],
-            c * a[1] * b[2],
-            c * a[2] * b[0],
-            c * a[2] * b[1],
-            c * a[2] * b[2],
-        ),
-    }[a.count]
+    return formula("c, a, b", [f"c * a[{i}] * b[{j}]" for i in range(a.count) for j in range(b.count)])
 
 
-def apply(a: Matrix, v: Vector) -> Vector:
+def product(a: Matrix, b: Matrix, inner: Vector) -> Matrix:
+    """Product of two matrices of any shapes, row by row; a row of `a` is as long as `inner`."""
+    count = len(inner)
+    rows, columns = len(a) // count, len(b) // count
+    return tuple(
+        sum(a[i * count + k] * b[k * columns + j] for k in range(count)) for i in range(rows) for j in range(columns)
+    )
+
+
+@overload(product, jit_options=OPTIONS)
+def _product(a, b, inner):
+    count = inner.count
+    rows, columns = a.count // count, b.count // count
+    entries = [
+        " + ".join(f"a[{i * count + k}] * b[{k * columns + j}]" for k in range(count))
+        for i in range(rows)
+        for j in range(columns)
+    ]
+    return formula("a, b, inner", entries)
+
+
+@inlined_kernel
+def apply(a, v):
     """Product a v of a full matrix and a vector."""
-    dim = len(v)
-    return tuple(sum(a[i * dim + j] * v[j] for j in range(dim)) for i in range(dim))
-
-
-@overload(apply, jit_options=OVERLOAD)
-def _apply(a, v):
-    return {
-        2: lambda a, v: (a[0] * v[0] + a[1] * v[1], a[2] * v[0] + a[3] * v[1]),
-        3: lambda a, v: (
-            a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
-            a[3] * v[0] + a[4] * v[1] + a[5] * v[2],
-            a[6] * v[0] + a[7] * v[1] + a[8] * v[2],
-        ),
-    }[v.count]
+    return product(a, v, v)
 
 
 def multiply(a: Matrix, b: Matrix) -> Matrix:
     """Product a b of two full matrices."""
-    dim = 2 if len(a) == 4 else 3
-    return tuple(sum(a[i * dim + m] * b[m * dim + j] for m in range(dim)) for i in range(dim) for j in range(dim))
+    return product(a, b, a[: 2 if len(a) == 4 else 3])
 
 
-@overload(multiply, jit_options=OVERLOAD)
+@overload(multiply, jit_options=OPTIONS)
 def _multiply(a, b):
     return {
-        4: lambda a, b: (
-            a[0] * b[0] + a[1] * b[2],
-            a[0] * b[1] + a[1] * b[3],
-            a[2] * b[0] + a[3] * b[2],
-            a[2] * b[1] + a[3] * b[3],
-        ),
-        9: lambda a, b: (
-            a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
-            a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-            a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-            a[3] * b[0] + a[4] * b[3] + a[5] * b[6],
-            a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-            a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-            a[6] * b[0] + a[7] * b[3] + a[8] * b[6],
-            a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-            a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-        ),
+        4: lambda a, b: product(a, b, (a[0], a[1])),
+        9: lambda a, b: product(a, b, (a[0], a[1], a[2])),
     }[a.count]
 
 
 def minus(a: Matrix, b: Matrix) -> Matrix:
-    """Difference a - b of two full matrices."""
+    """Difference a - b of two matrices of one shape."""
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-@overload(minus, jit_options=OVERLOAD)
+@overload(minus, jit_options=OPTIONS)
 def _minus(a, b):
-    return {
-        4: lambda a, b: (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]),
-        9: lambda a, b: (
-            a[0] - b[0],
-            a[1] - b[1],
-            a[2] - b[2],
-            a[3] - b[3],
-            a[4] - b[4],
-            a[5] - b[5],
-            a[6] - b[6],
-            a[7] - b[7],
-            a[8] - b[8],
-        ),
-    }[a.count]
+    return formula("a, b", [f"a[{i}] - b[{i}]" for i in range(a.count)])
 
 
 @kernel
@@ -280,7 +211,7 @@ def adjugate(c: float, a: Matrix) -> Matrix:
     )
 
 
-@overload(adjugate, jit_options=OVERLOAD)
+@overload(adjugate, jit_options=OPTIONS)
 def _adjugate(c, a):
     return {
         4: lambda c, a: (c * a[3], -c * a[1], -c * a[2], c * a[0]),
@@ -300,16 +231,24 @@ def _adjugate(c, a):
 
 def transpose(a: Matrix) -> Matrix:
     """Transpose of a full matrix."""
-    dim = 2 if len(a) == 4 else 3
-    return tuple(a[j * dim + i] for i in range(dim) for j in range(dim))
+    return flipped(a, a[: 2 if len(a) == 4 else 3])
 
 
-@overload(transpose, jit_options=OVERLOAD)
+@overload(transpose, jit_options=OPTIONS)
 def _transpose(a):
-    return {
-        4: lambda a: (a[0], a[2], a[1], a[3]),
-        9: lambda a: (a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]),
-    }[a.count]
+    return {4: lambda a: (a[0], a[2], a[1], a[3]), 9: lambda a: flipped(a, (a[0], a[1], a[2]))}[a.count]
+
+
+def flipped(a: Matrix, row: Vector) -> Matrix:
+    """Transpose of a matrix of any shape whose rows are as long as `row`."""
+    columns = len(row)
+    return tuple(a[i * columns + j] for j in range(columns) for i in range(len(a) // columns))
+
+
+@overload(flipped, jit_options=OPTIONS)
+def _flipped(a, row):
+    columns = row.count
+    return formula("a, row", [f"a[{i * columns + j}]" for j in range(columns) for i in range(a.count // columns)])
 
 
 @kernel
@@ -325,19 +264,18 @@ def block(c: float, a: Matrix, d: float) -> Matrix:
     return tuple(c * value + (d if k % step == 0 else 0.0) for k, value in enumerate(a))
 
 
-@overload(block, jit_options=OVERLOAD)
+@overload(block, jit_options=OPTIONS)
 def _block(c, a, d):
-    return {
-        4: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[2], c * a[3] + d),
-        9: lambda c, a, d: (
-            c * a[0] + d,
-            c * a[1],
-            c * a[2],
-            c * a[3],
-            c * a[4] + d,
-            c * a[5],
-            c * a[6],
-            c * a[7],
-            c * a[8] + d,
-        ),
-    }[a.count]
+    step = 3 if a.count == 4 else 4
+    return formula("c, a, d", [f"c * a[{k}]{' + d' if k % step == 0 else ''}" for k in range(a.count)])
+
+
+def unit_matrix(row: Vector) -> Matrix:
+    """The unit matrix whose rows are as long as `row`."""
+    count = len(row)
+    return tuple(1.0 if i == j else 0.0 for i in range(count) for j in range(count))
+
+
+@overload(unit_matrix, jit_options=OPTIONS)
+def _unit_matrix(row):
+    return formula("row", ["1.0" if i == j else "0.0" for i in range(row.count) for j in range(row.count)])

@@ -1,205 +1,261 @@
-"""A carriage: a chain of rigid bodies below its joint with the cable. The only module that knows of a plane.
+"""A carriage: a chain of rigid bodies below its joint with the cable.
 
-Body coordinates are x, z of the centre of mass and the pitch, right-handed about y: a point u of the body is at
-c + A u with A = [[cos, sin], [-sin, cos]]. The multiplier of a joint is the force on the body below it.
+The coordinates of a body are its centre of mass (dim,) and its pitch about y, right-handed, or in space its unit
+quaternion; a point u of the body is at c + A u. The multiplier of a joint is the force on the body below it; what turns
+it is in `hinge`.
 
 The chain is eliminated from its end upwards (articulated bodies): at any pivot it acts on what is above as an
-impedance, Δ(λ, m) = D Δ(p, θ) + b, where D is symmetric 3 x 3: force and moment there, by the place of the pivot and
-the pitch of what is above. m is what a hinge passes on (`hinge`). One scalar division a body, no matrix to factorise.
+impedance, Δ(λ, m) = D Δ(p, θ) + b: force and moment there, by the place of the pivot and the turn of what is above. One
+matrix of turns a body is inverted, which is a number in a plane.
 """
 
 from __future__ import annotations
 
-from math import cos, sin
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.orientations import inertia_of, orientation, set_upright
+from cable_twin.mechanics.language.turns import by_turn, cross, gyration, inverse_of, moment, moment_by_turn, no_turn
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    add_scaled,
+    block,
+    flipped,
+    load,
+    minus,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+)
+from cable_twin.mechanics.on_rope.held import add_held, hold, keep_held, measure_held, recover_held
+from cable_twin.mechanics.on_rope.hinge import hinge
 
-from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import store
-from cable_twin.mechanics.on_rope.hinge import hinge_moment
+
+@inlined_kernel
+def centre(state, body, like):
+    """Centre of mass (dim,) in m."""
+    return load(state.bodies.position[body], like)
+
+
+@inlined_kernel
+def axes_of(state, body, like):
+    """Rotation matrix (dim²) of a body."""
+    return orientation(state.bodies.position[body], like)
+
+
+@inlined_kernel
+def spin_of(rates, body, like):
+    """Spin (turns,) in rad/s of a body, or its rate, from the rates (bodies, dim + turns) of all."""
+    return load(rates[body, len(like) :], no_turn(like))
+
+
+@inlined_kernel
+def arm_to(axes, offset, like):
+    """Arm A u (dim,) in m of a point at `offset` (dim,) in the axes of a body."""
+    return product(axes, load(offset, like), like)
+
+
+@inlined_kernel
+def pivot_position(state, body, offset, like):
+    """Position (dim,) in m of a point of `body`."""
+    return add_scaled(1.0, centre(state, body, like), arm_to(axes_of(state, body, like), offset, like))
+
+
+@inlined_kernel
+def pivot_velocity(state, body, offset, like):
+    """Velocity (dim,) in m/s of a point of `body`."""
+    arm = arm_to(axes_of(state, body, like), offset, like)
+    velocity = state.bodies.velocity
+    return add_scaled(1.0, load(velocity[body], like), cross(spin_of(velocity, body, like), arm))
 
 
 @kernel
-def pivot(pitch, offset):
-    """Arm A u (m) from the centre of mass to a pivot, and its derivative by the pitch."""
-    c, s = cos(pitch), sin(pitch)
-    arm_x = c * offset[0] + s * offset[1]
-    arm_z = -s * offset[0] + c * offset[1]
-    return arm_x, arm_z, arm_z, -arm_x
-
-
-@kernel
-def pivot_position(state, body, offset):
-    """Position (x, z) in m of a pivot of `body`."""
-    q = state.bodies.position[body]
-    arm_x, arm_z, _, _ = pivot(q[2], offset)
-    return q[0] + arm_x, q[1] + arm_z
-
-
-@kernel
-def pivot_velocity(state, body, offset):
-    """Velocity (x, z) in m/s of a pivot of `body`."""
-    v = state.bodies.velocity[body]
-    _, _, turn_x, turn_z = pivot(state.bodies.position[body, 2], offset)
-    return v[0] + turn_x * v[2], v[1] + turn_z * v[2]
-
-
-@kernel
-def hang_chain(carriages, state, carriage, joint_x, joint_z):
-    """Hang every body of a carriage upright below (joint_x, joint_z), in m."""
-    x, z = joint_x, joint_z
+def hang_chain(carriages, state, carriage, place):
+    """Hang every body of a carriage upright below `place` (dim,) in m."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        state.bodies.position[body, 0] = x - carriages.upper_pivot[body, 0]
-        state.bodies.position[body, 1] = z - carriages.upper_pivot[body, 1]
-        state.bodies.position[body, 2] = 0.0
-        x = state.bodies.position[body, 0] + carriages.lower_pivot[body, 0]
-        z = state.bodies.position[body, 1] + carriages.lower_pivot[body, 1]
+        at = subtract(place, load(carriages.upper_pivot[body], place))
+        store(at, state.bodies.position[body])
+        set_upright(state.bodies.position[body], place)
+        place = add_scaled(1.0, at, load(carriages.lower_pivot[body], place))
 
 
 @kernel
 def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
-    """Give all bodies of a carriage one velocity and acceleration (x, z) in m/s and m/s², and the forces of that."""
-    force_x, force_z = 0.0, 0.0
+    """Give all bodies of a carriage one velocity and acceleration (dim,) in m/s and m/s², and the forces of that."""
+    force, still = scale(0.0, gravity), no_turn(gravity)
+    dim = len(gravity)
     for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
-        for axis in range(2):
-            state.bodies.velocity[body, axis] = velocity[axis]
-            state.bodies.acceleration[body, axis] = acceleration[axis]
-            state.bodies.algorithmic[body, axis] = acceleration[axis]
-        state.bodies.velocity[body, 2] = 0.0
-        state.bodies.acceleration[body, 2] = 0.0
-        state.bodies.algorithmic[body, 2] = 0.0
-        force_x += carriages.mass[body] * (acceleration[0] - gravity[0])
-        force_z += carriages.mass[body] * (acceleration[1] - gravity[1])
-        state.multipliers[body, 0], state.multipliers[body, 1] = force_x, force_z
+        store(velocity, state.bodies.velocity[body])
+        store(acceleration, state.bodies.acceleration[body])
+        store(acceleration, state.bodies.algorithmic[body])
+        store(still, state.bodies.velocity[body, dim:])
+        store(still, state.bodies.acceleration[body, dim:])
+        store(still, state.bodies.algorithmic[body, dim:])
+        store(still, state.moments[body])
+        force = add_scaled(carriages.mass[body], subtract(acceleration, gravity), force)
+        store(force, state.multipliers[body])
 
 
 @kernel
-def close_joints(carriages, state, carriage, joint_x, joint_z, work):
-    """Gaps (eq. 14) of all joints of a carriage whose place on the cable is (joint_x, joint_z), in m."""
-    above_x, above_z = joint_x, joint_z
+def close_joints(carriages, state, carriage, place, direction, work):
+    """Gaps (eq. 14) of all joints of a carriage at `place` (dim,) in m, where the cable is turned as `direction`."""
+    above = place
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        x, z = pivot_position(state, body, carriages.upper_pivot[body])
-        work.joint_gap[body, 0] = above_x - x
-        work.joint_gap[body, 1] = above_z - z
-        above_x, above_z = pivot_position(state, body, carriages.lower_pivot[body])
+        store(subtract(above, pivot_position(state, body, carriages.upper_pivot[body], place)), work.joint_gap[body])
+        above = pivot_position(state, body, carriages.lower_pivot[body], place)
+        measure_held(carriages, state, body, body == carriages.body_offset[carriage], direction, work.held_gap[body])
 
 
 @kernel
 def joint_accelerations(carriages, state, carriage, feedback, position, velocity, acceleration, work):
     """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) that remain with q_ddot = 0.
 
-    `position`, `velocity` (x, z) are those of the joint on the cable, `acceleration` the part of its acceleration that
+    `position`, `velocity` (dim,) are those of the joint on the cable, `acceleration` the part of its acceleration that
     velocities make. The gaps and their rates are fed back with `feedback` (1/s) squared and doubled.
     """
-    above_x, above_z = acceleration[0], acceleration[1]
-    place_x, place_z, speed_x, speed_z = position[0], position[1], velocity[0], velocity[1]
+    like = position
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        pitch, spin = state.bodies.position[body, 2], state.bodies.velocity[body, 2]
-        arm_x, arm_z, _, _ = pivot(pitch, carriages.upper_pivot[body])
-        x, z = pivot_position(state, body, carriages.upper_pivot[body])
-        v_x, v_z = pivot_velocity(state, body, carriages.upper_pivot[body])
-        gap = feedback * (2.0 * (speed_x - v_x) + feedback * (place_x - x))
-        work.joint_gap[body, 0] = above_x + arm_x * spin * spin + gap
-        gap = feedback * (2.0 * (speed_z - v_z) + feedback * (place_z - z))
-        work.joint_gap[body, 1] = above_z + arm_z * spin * spin + gap
-        place_x, place_z = pivot_position(state, body, carriages.lower_pivot[body])
-        speed_x, speed_z = pivot_velocity(state, body, carriages.lower_pivot[body])
-        arm_x, arm_z, _, _ = pivot(pitch, carriages.lower_pivot[body])
-        above_x, above_z = -arm_x * spin * spin, -arm_z * spin * spin
+        upper, lower = carriages.upper_pivot[body], carriages.lower_pivot[body]
+        axes, spin = axes_of(state, body, like), spin_of(state.bodies.velocity, body, like)
+        towards = cross(spin, cross(spin, arm_to(axes, upper, like)))
+        apart = subtract(position, pivot_position(state, body, upper, like))
+        moving = subtract(velocity, pivot_velocity(state, body, upper, like))
+        gap = add_scaled(
+            2.0 * feedback, moving, add_scaled(feedback * feedback, apart, subtract(acceleration, towards))
+        )
+        store(gap, work.joint_gap[body])
+        position = pivot_position(state, body, lower, like)
+        velocity = pivot_velocity(state, body, lower, like)
+        acceleration = cross(spin, cross(spin, arm_to(axes, lower, like)))
+
+
+@inlined_kernel
+def balance(carriages, gravity, state, body, arms, joints, mass_factor, rate_factor, work):
+    """What forces (dim,) and moments (turns,) lack of the inertia of a body, and ∂(its own moment)/∂(its turn).
+
+    Takes its arms to both pivots, and the force and moment at the lower one and the moment at the upper one.
+    """
+    like, still, mass = gravity, no_turn(gravity), carriages.mass[body]
+    up, low = arms
+    below, below_moment, moment_above = joints
+    force = load(state.multipliers[body], like)
+    inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
+    spin = spin_of(state.bodies.velocity, body, like)
+    turning = spin_of(state.bodies.acceleration, body, like)
+    inert, stiff = gyration(inertia, spin, turning, load(work.turned[body], still), mass_factor, rate_factor)
+    residual = scale(mass, subtract(load(state.bodies.acceleration[body], like), gravity))
+    residual = add_scaled(1.0, below, subtract(subtract(residual, force), load(work.body_drag[body], like)))
+    residual_turn = add_scaled(1.0, moment(low, below), subtract(inert, moment(up, force)))
+    return residual, add_scaled(1.0, below_moment, subtract(residual_turn, moment_above)), stiff
 
 
 @kernel
-def condense_chain(carriages, gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work):
+def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
     """Eliminate all bodies of a carriage; leaves D and b of its joint with the cable in row body_offset[carriage].
 
-    Needs `joint_gap`, and the pitch of the cable at the joint and its rate (rad, rad/s) as `direction` where there is
-    a hinge. The equations of a body are M q_ddot - Q = λ, m at its upper pivot less λ, m at its lower one.
+    Needs `joint_gap`, and how the cable is turned at the joint, `above` (`hinge.Above`). The equations of a body are
+    M q_ddot - Q = λ, m at its upper pivot less λ, m at its lower one.
     """
+    like, still = gravity, no_turn(gravity)
     first, end = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
-    d_xx, d_xz, d_zz, b_x, b_z = 0.0, 0.0, 0.0, 0.0, 0.0  # of what hangs below
-    d_xt, d_zt, d_tt, b_t = 0.0, 0.0, 0.0, 0.0  # t: turning
-    below_x, below_z, below_t = 0.0, 0.0, 0.0  # force and moment of the joint below
+    # of what hangs below: force and moment by the place of the pivot and by the turn of this body, and now
+    pp, pt = outer(0.0, like, like), outer(0.0, like, still)
+    tp, tt = outer(0.0, still, like), outer(0.0, still, still)
+    b, b_turn = scale(0.0, like), still
+    below, below_moment = scale(0.0, like), still
     for body in range(end - 1, first - 1, -1):
-        mass, inertia = carriages.mass[body], carriages.inertia[body]
-        q_ddot = state.bodies.acceleration[body]
-        force_x, force_z = state.multipliers[body, 0], state.multipliers[body, 1]
-        pitch = state.bodies.position[body, 2]
-        moment, by_angle, by_rate = hinge_of(carriages, state, body, body == first, direction)
-        store((moment, by_angle, by_rate), work.hinge[body])
-        hinge = stiffness_factor * by_angle + rate_factor * by_rate
-        _, _, turn_x, turn_z = pivot(pitch, carriages.upper_pivot[body])
-        _, _, low_x, low_z = pivot(pitch, carriages.lower_pivot[body])
+        mass, axes = carriages.mass[body], axes_of(state, body, like)
+        force = load(state.multipliers[body], like)
+        joint = hinge(carriages, state, body, body == first, above, stiffness_factor, rate_factor, like)
+        up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
         if body == end - 1:
-            low_x, low_z = 0.0, 0.0
-        residual_x = mass * (q_ddot[0] - gravity[0]) - force_x + below_x - work.body_drag[body, 0]
-        residual_z = mass * (q_ddot[1] - gravity[1]) - force_z + below_z - work.body_drag[body, 1]
-        residual_pitch = inertia * q_ddot[2] - turn_x * force_x - turn_z * force_z + low_x * below_x + low_z * below_z
-        residual_pitch += below_t - moment
-        # the second derivative of an arm is the arm with its sign changed: turn' = (turn_z, -turn_x)
-        geometric = -turn_z * force_x + turn_x * force_z + low_z * below_x - low_x * below_z
-        gap_x, gap_z = work.joint_gap[body, 0], work.joint_gap[body, 1]
-        m = mass_factor * mass
-        drag = work.body_drag_tangent[body]  # adds to the mass as seen by Newton: xx, xz, zz
-        up_x, up_z = -turn_x, -turn_z  # centre of mass by pitch, upper pivot held
-        down_x, down_z = low_x - turn_x, low_z - turn_z  # lower pivot by pitch, upper pivot held
-        on_x = residual_x + m * gap_x + (drag[0] * gap_x + drag[1] * gap_z)
-        on_z = residual_z + m * gap_z + (drag[1] * gap_x + drag[2] * gap_z)
-        b_x += d_xx * gap_x + d_xz * gap_z
-        b_z += d_xz * gap_x + d_zz * gap_z
-        b_t += d_xt * gap_x + d_zt * gap_z
-        carried_x = d_xx * down_x + d_xz * down_z + d_xt  # D of (down, 1): the pitch turns what is below, too
-        carried_z = d_xz * down_x + d_zz * down_z + d_zt
-        carried_t = d_xt * down_x + d_zt * down_z + d_tt
-        dragged_x, dragged_z = drag[0] * up_x + drag[1] * up_z, drag[1] * up_x + drag[2] * up_z
-        row_x, row_z, row_t = m * up_x + carried_x + dragged_x, m * up_z + carried_z + dragged_z, -hinge
-        stiffness = mass_factor * inertia + stiffness_factor * geometric
-        stiffness += m * (up_x * up_x + up_z * up_z) + down_x * carried_x + down_z * carried_z
-        stiffness += up_x * dragged_x + up_z * dragged_z + (carried_t + hinge)
-        right = residual_pitch + up_x * on_x + up_z * on_z + down_x * b_x + down_z * b_z + b_t
-        work.pitch_pivot[body], work.pitch_right[body] = stiffness, right
-        store((row_x, row_z, row_t), work.pitch_row[body])
-        d_xx += m - row_x * row_x / stiffness + drag[0]
-        d_xz += drag[1] - row_x * row_z / stiffness
-        d_zz += m - row_z * row_z / stiffness + drag[2]
-        d_xt, d_zt, d_tt = -row_x * row_t / stiffness, -row_z * row_t / stiffness, hinge - row_t * row_t / stiffness
-        b_x += on_x - row_x * right / stiffness
-        b_z += on_z - row_z * right / stiffness
-        b_t = -row_t * right / stiffness
-        store((d_xx, d_xz, d_zz), work.impedance[body])
-        store((d_xt, d_zt, d_tt), work.impedance_turning[body])
-        store((b_x, b_z, b_t), work.impedance_force[body])
-        below_x, below_z, below_t = force_x, force_z, moment
+            low = scale(0.0, low)
+        joints = below, below_moment, joint.moment
+        residual, residual_turn, stiff = balance(
+            carriages, gravity, state, body, (up, low), joints, mass_factor, rate_factor, work
+        )
+        geometric = minus(moment_by_turn(low, below), moment_by_turn(up, force))
+        stiff = add_scaled(stiffness_factor, geometric, stiff)
+
+        # centre of mass and lower pivot by the turn, upper pivot held
+        by_up, down = scale(-1.0, by_turn(up)), minus(by_turn(low), by_turn(up))
+        row_up, row_down = flipped(by_up, still), flipped(down, still)
+        gap = load(work.joint_gap[body], like)
+        m = block(1.0, load(work.body_drag_tangent[body], pp), mass_factor * mass)
+        on = add_scaled(1.0, residual, product(m, gap, like))
+        b = add_scaled(1.0, product(pp, gap, like), b)
+        b_turn = add_scaled(1.0, product(tp, gap, like), b_turn)
+        m_up = product(m, by_up, like)
+        carried = add_scaled(1.0, product(pp, down, like), pt)  # the turn takes along what is below
+        column = add_scaled(1.0, m_up, carried)  # force by the turn
+        row = add_scaled(1.0, product(row_up, m, like), add_scaled(1.0, product(row_down, pp, like), tp))
+        stiff = add_scaled(1.0, product(row_up, m_up, like), stiff)
+        stiff = add_scaled(1.0, product(row_down, carried, like), stiff)
+        stiff = add_scaled(1.0, add_scaled(1.0, product(tp, down, like), tt), stiff)
+        right = add_scaled(1.0, product(row_up, on, like), residual_turn)
+        right = add_scaled(1.0, product(row_down, b, like), add_scaled(1.0, b_turn, right))
+
+        # the turn is -(by_place p + by_above θ + least), with what its joint holds
+        inverse = inverse_of(add_scaled(1.0, joint.by_turn, stiff))
+        by_place, by_above = product(inverse, row, still), scale(-1.0, product(inverse, joint.by_above, still))
+        least = product(inverse, right, still)
+        by_place, by_above, least, held = hold(joint, inverse, by_place, by_above, least, work.held_gap[body])
+        keep_turn((by_place, by_above, least), held, body, work)
+
+        pp = minus(add_scaled(1.0, m, pp), product(column, by_place, still))
+        pt = scale(-1.0, product(column, by_above, still))
+        b = add_scaled(1.0, on, subtract(b, product(column, least, still)))
+        tp = add_held(product(joint.by_turn, by_place, still), held.by_place)
+        tt = add_held(add_scaled(1.0, product(joint.by_turn, by_above, still), joint.by_above), held.by_above)
+        b_turn = add_held(product(joint.by_turn, least, still), held.least)
+        keep_impedance((pp, pt, tp, tt, b, b_turn), body, work)
+        below, below_moment = force, joint.moment
+
+
+@inlined_kernel
+def keep_turn(coefficients, held, body, work):
+    """Keep what gives the turn of a body, and the moment that holds it, once the pivot above has moved."""
+    store(coefficients[0], work.turn_by_place[body])
+    store(coefficients[1], work.turn_by_above[body])
+    store(coefficients[2], work.turn_right[body])
+    keep_held(held, body, work)
+
+
+@inlined_kernel
+def keep_impedance(parts, body, work):
+    """Keep D and b of the chain from a body down."""
+    pp, pt, tp, tt, b, b_turn = parts
+    store(pp, work.impedance[body])
+    store(pt, work.impedance_turning[body])
+    store(tp, work.impedance_moment[body])
+    store(tt, work.impedance_turn[body])
+    store(b, work.impedance_force[body])
+    store(b_turn, work.impedance_force[body, len(b) :])
 
 
 @kernel
 def recover_chain(carriages, state, carriage, moved, turned, work):
-    """Increments of bodies and multipliers for those of the joint's place (x, z) on the cable and its direction (rad).
+    """Increments of bodies and multipliers for those of the joint's place (dim,) on the cable and its turn (turns,).
 
     The increments of the bodies go to `body_increment`; the multipliers are brought up to date here.
     """
-    p_x, p_z, p_t = moved[0], moved[1], turned
+    like, still, dim = moved, turned, len(moved)
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        d, d_t, b = work.impedance[body], work.impedance_turning[body], work.impedance_force[body]
-        state.multipliers[body, 0] += d[0] * p_x + d[1] * p_z + d_t[0] * p_t + b[0]
-        state.multipliers[body, 1] += d[1] * p_x + d[2] * p_z + d_t[1] * p_t + b[1]
-        row = work.pitch_row[body]
-        turn = -(row[0] * p_x + row[1] * p_z + row[2] * p_t + work.pitch_right[body]) / work.pitch_pivot[body]
-        pitch = state.bodies.position[body, 2]
-        _, _, turn_x, turn_z = pivot(pitch, carriages.upper_pivot[body])
-        _, _, low_x, low_z = pivot(pitch, carriages.lower_pivot[body])
-        centre_x = p_x + work.joint_gap[body, 0] - turn_x * turn
-        centre_z = p_z + work.joint_gap[body, 1] - turn_z * turn
-        work.body_increment[body, 0] = centre_x
-        work.body_increment[body, 1] = centre_z
-        work.body_increment[body, 2] = turn
-        p_x, p_z, p_t = centre_x + low_x * turn, centre_z + low_z * turn, turn
-
-
-@kernel
-def hinge_of(carriages, state, body, on_cable, direction):
-    """Moment (N m) on a body at its upper pivot and its tangent, as `hinge_moment`; above it is a body or the cable."""
-    above, rate = direction[0], direction[1]
-    if not on_cable:
-        above, rate = state.bodies.position[body - 1, 2], state.bodies.velocity[body - 1, 2]
-    return hinge_moment(carriages, body, state.bodies.position[body, 2] - above, state.bodies.velocity[body, 2] - rate)
+        by_place = load(work.impedance[body], outer(0.0, like, like))
+        by_above = load(work.impedance_turning[body], outer(0.0, like, still))
+        change = add_scaled(1.0, product(by_place, moved, like), product(by_above, turned, still))
+        accumulate(add_scaled(1.0, load(work.impedance_force[body], like), change), state.multipliers[body])
+        recover_held(state, body, moved, turned, work)
+        by_place = load(work.turn_by_place[body], outer(0.0, still, like))
+        by_above = load(work.turn_by_above[body], outer(0.0, still, still))
+        turn = add_scaled(1.0, product(by_place, moved, like), product(by_above, turned, still))
+        turn = scale(-1.0, add_scaled(1.0, load(work.turn_right[body], still), turn))
+        axes = axes_of(state, body, like)
+        up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
+        place = subtract(add_scaled(1.0, load(work.joint_gap[body], like), moved), cross(turn, up))
+        store(place, work.body_increment[body])
+        store(turn, work.body_increment[body, dim:])
+        moved, turned = add_scaled(1.0, place, cross(turn, low)), turn
 
 
 @kernel

@@ -1,26 +1,30 @@
 """What the hinge of a first body does to the cable, which takes its moment by the tangent at the joint.
 
-With α the pitch of the tangent, g = ∂α/∂r_x and H = ∂g/∂r_x, the cable turns at α_dot = g·w, w = S_x ė + ṡ r_xx. The
-moment m on the body leaves -m S_x g to the nodes and -m g·r_xx to the sliding coordinate: the virtual work of -m on α.
+With the turn G δr_x = r_x x δr_x / |r_x|² of the tangent, the cable spins at G w, w = S_x ė + ṡ r_xx. The moment m on
+the body leaves -S_x Gᵀ m to the nodes and -m·G r_xx to the sliding coordinate: the virtual work of -m on the turn.
 Newton sees the turn that the hinge does, k Δα + c Δα_dot over what stiffens it, so that a body above or the cable is
-the same to the chain. Planar, as carriages are.
+the same to the chain; in space it takes the turn alone, and the rate as its part of it.
 """
 
 from __future__ import annotations
 
-from math import atan2
+from math import atan2, sqrt
 
-from cable_twin.mechanics.language.compilation import kernel
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.turns import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    Matrix,
+    Vector,
     accumulate,
     add_scaled,
-    apply,
-    block,
     dot,
+    flipped,
     load,
-    minus,
     outer,
-    quarter_turn,
+    product,
     scale,
     store,
 )
@@ -35,74 +39,108 @@ def tangent_pitch(r_x):
     return atan2(-z if x >= 0.0 else z, abs(x))
 
 
-@kernel
-def pitch_by_slope(r_x):
-    """Derivative g (dim,) of α by r_x: (z, -x) / (x² + z²)."""
-    return quarter_turn(1.0 / (r_x[0] * r_x[0] + r_x[-1] * r_x[-1]), r_x)
+def tangent_orientation(r_x: Vector) -> Vector:
+    """Pitch (1,) in rad of a cable of the slope r_x, or in space its unit tangent (3,)."""
+    return (tangent_pitch(r_x),) if len(r_x) == 2 else scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
 
 
-@kernel
-def pitch_by_slope_twice(r_x):
-    """Second derivative H (dim²) of α by r_x, in a plane."""
-    x, z = r_x
-    squared = x * x + z * z
-    mixed, twice = (x * x - z * z) / (squared * squared), 2.0 * x * z / (squared * squared)
-    return -twice, mixed, mixed, twice
+@overload(tangent_orientation, jit_options=OPTIONS)
+def _tangent_orientation(r_x):
+    return {2: lambda r_x: (tangent_pitch(r_x),), 3: lambda r_x: scale(1.0 / sqrt(dot(r_x, r_x)), r_x)}[r_x.count]
 
 
-@kernel
-def add_grip(cable, state, carriage, first, point, along, rate_factor, stiffness_factor, work):
+@inlined_kernel
+def turn_by_slope(r_x):
+    """G (turns x dim): the turn of the tangent, in a plane its pitch α, by r_x."""
+    return scale(1.0 / dot(r_x, r_x), flipped(by_turn(r_x), no_turn(r_x)))
+
+
+def by_arm(turn: Vector, like: Vector) -> Matrix:
+    """Matrix (dim²) of m x a by the arm a."""
+    return (0.0, turn[0], -turn[0], 0.0) if len(like) == 2 else scale(-1.0, by_turn(turn))
+
+
+@overload(by_arm, jit_options=OPTIONS)
+def _by_arm(turn, like):
+    return {
+        2: lambda turn, like: (0.0, turn[0], -turn[0], 0.0),
+        3: lambda turn, like: scale(-1.0, by_turn(turn)),
+    }[like.count]
+
+
+@inlined_kernel
+def moment_by_slope(turn, r_x):
+    """Derivative (dim²) of Gᵀ m = m x r_x / |r_x|² by r_x, for a moment m (turns,)."""
+    per_square = 1.0 / dot(r_x, r_x)
+    turned = outer(-2.0 * per_square * per_square, cross(turn, r_x), r_x)
+    return add_scaled(per_square, by_arm(turn, r_x), turned)
+
+
+@inlined_kernel
+def spin_by_slope(turning, r_x):
+    """Derivative (turns x dim) of the spin G w by r_x, for a rate w (dim,) of the slope."""
+    per_square = 1.0 / dot(r_x, r_x)
+    turned = outer(-2.0 * per_square * per_square, moment(r_x, turning), r_x)
+    return add_scaled(-per_square, flipped(by_turn(turning), no_turn(r_x)), turned)
+
+
+@inlined_kernel
+def add_grip(cable, state, carriage, first, joint, point, along, stiffness_factor, work):
     """Add what the moment does at the nodes, and what it adds to row and column of the sliding coordinate.
 
     Args:
         cable: parameters.
         state: where to linearise.
         carriage: whose joint it is.
-        first: its first body, with `hinge` and impedance.
+        first: its first body, with impedance.
+        joint: of that (`hinge.Joint`).
         point: place of the joint.
         along: derivative (dim,) of the row of s by λ, zero where s is driven.
-        rate_factor: as in `assemble`.
         stiffness_factor: as in `assemble`.
         work: `sliding_row` and `sliding_column` are added to.
 
     Returns:
         What comes to the pivot of s, and to its right side.
     """
-    like, shape, shape_x, shape_xx = cable.gravity, point.shape, point.shape_x, point.shape_xx
+    like, still = cable.gravity, no_turn(cable.gravity)
+    shape, shape_x, shape_xx = point.shape, point.shape_x, point.shape_xx
     e, e_dot, s_dot = state.nodes.position, state.nodes.velocity, state.joints.velocity[carriage]
     r_x, r_xx = slope(e, point, like), bend(e, point, like)
     r_xxx = interpolate(e, point.element, shape_functions_xxx(cable.element_length[point.element]), like)
-    g, h = pitch_by_slope(r_x), pitch_by_slope_twice(r_x)
+    g = turn_by_slope(r_x)
     turning = add_scaled(s_dot, r_xx, slope(e_dot, point, like))  # w
     bending = add_scaled(s_dot, r_xxx, bend(e_dot, point, like))  # ∂w/∂s
-    moment, by_angle, by_rate = work.hinge[first, 0], work.hinge[first, 1], work.hinge[first, 2]
-    d_t, d_tt = load(work.impedance_turning[first], like), work.impedance_turning[first, 2]
-    residual = moment + work.impedance_force[first, 2]
+    pt, tp = load(work.impedance_turning[first], outer(0.0, like, still)), load(work.impedance_moment[first], g)
+    tt = load(work.impedance_turn[first], outer(0.0, still, still))
+    residual = add_scaled(1.0, joint.moment, load(work.impedance_force[first, len(like) :], still))
     free = 1.0 if dot(along, along) > 0.0 else 0.0
 
-    # Δα as the hinge sees it: seen_j·Δe_j + by_s Δs
-    hinge = stiffness_factor * by_angle + rate_factor * by_rate
-    share = stiffness_factor * by_rate / hinge if hinge > 0.0 else 0.0
-    by_slope = add_scaled(share, apply(h, turning), g)
-    by_s = dot(by_slope, r_xx) + share * dot(g, bending)
-    work.grip_by_s[carriage] = by_s
+    # the turn as the hinge sees it: seen_j Δe_j + by_s Δs
+    rated = joint.steep[1] > 0.0 and joint.by_turn[0] > 0.0
+    share = stiffness_factor * joint.steep[1] / joint.by_turn[0] if rated else 0.0
+    by_slope = add_scaled(share, spin_by_slope(turning, r_x), g)
+    by_s = add_scaled(share, product(g, bending, like), product(by_slope, r_xx, like))
+    store(by_s, work.grip_by_s[carriage])
 
-    stiff = stiffness_factor * moment
-    bent, lever = apply(h, r_xx), dot(g, r_xx)
-    on_s = free * (dot(d_t, along) + d_tt * lever)  # of the row of s, by Δα
-    pull = dot(d_t, r_x) + d_tt * by_s  # of the moment, by Δs
+    stiff = scale(stiffness_factor, moment_by_slope(joint.moment, r_x))
+    force = scale(stiffness_factor, product(joint.moment, g, still))  # Gᵀ m
+    bent, bent_back, lever = product(stiff, r_xx, like), product(r_xx, stiff, like), product(g, r_xx, like)
+    on_s = scale(free, add_scaled(1.0, product(along, pt, like), product(lever, tt, still)))  # of row s, by the turn
+    pull = add_scaled(1.0, product(tp, r_x, like), product(tt, by_s, still))  # of the moment, by Δs
     for j in range(4):
         seen = add_scaled(shape_x[j], by_slope, scale(share * s_dot * shape_xx[j], g))
         store(seen, work.grip_row[carriage, j])
-        bends = add_scaled(stiff * shape_x[j], bent, scale(stiff * shape_xx[j], g))
-        row = add_scaled(free * shape[j] * lever, d_t, add_scaled(on_s, seen, scale(free, bends)))
-        accumulate(row, work.sliding_row[carriage, j])
-        column = add_scaled(shape[j] * by_s, d_t, add_scaled(shape_x[j] * pull, g, bends))
-        accumulate(column, work.sliding_column[j])
-        force = add_scaled(shape[j], d_t, scale(d_tt, seen))  # of the moment, by Δe_j
+        row = add_scaled(shape_x[j], bent_back, scale(shape_xx[j], force))
+        row = add_scaled(shape[j], product(lever, tp, still), row)
+        accumulate(add_scaled(1.0, product(on_s, seen, still), scale(free, row)), work.sliding_row[carriage, j])
+        column = add_scaled(shape_x[j], bent, scale(shape_xx[j], force))
+        column = add_scaled(shape_x[j], product(pull, g, still), column)
+        accumulate(add_scaled(shape[j], product(pt, by_s, still), column), work.sliding_column[j])
+        moved = add_scaled(shape[j], tp, product(tt, seen, still))  # of the moment, by Δe_j
+        on_node, on_slope = product(pt, seen, still), product(flipped(g, like), moved, still)
         for i in range(4):
-            tangent = minus(outer(shape[i], d_t, seen), outer(-shape_x[i], g, force))
-            add_block(minus(tangent, block(-stiff * shape_x[i] * shape_x[j], h, 0.0)), point.element, i, j, work)
-        add_to(scale(-shape_x[j] * residual, g), work.right_side, point.element, j)
-    pivot = free * (lever * dot(d_t, r_x) + stiff * (dot(bent, r_xx) + dot(g, r_xxx)))
-    return pivot + on_s * by_s, -free * residual * lever
+            tangent = add_scaled(shape_x[i] * shape_x[j], stiff, scale(shape[i], on_node))
+            add_block(add_scaled(shape_x[i], on_slope, tangent), point.element, i, j, work)
+        add_to(scale(-shape_x[j], product(residual, g, still)), work.right_side, point.element, j)
+    pivot = dot(lever, product(tp, r_x, like)) + dot(bent, r_xx) + dot(force, r_xxx)
+    return free * pivot + dot(on_s, by_s), -free * dot(residual, lever)

@@ -1,12 +1,55 @@
-"""A spring and a damper of a turn: between two bodies of a chain, or between the first one and the cable.
+"""What turns a body against what is above it, another body or the cable: a spring, a damper, and in space what is held.
 
-A body that is turned by φ = θ - θ_above has the moment m = -k φ - c φ_dot at its upper pivot, and what is above has -m.
-A law of another kind is another `hinge_moment`: all that uses it takes moment and derivatives as they come.
+In a plane a body that is turned by φ = θ - θ_above has the moment m = -k φ - c φ_dot at its upper pivot, and what is
+above has -m. A law of another kind is another `hinge_moment`: all that uses it takes moment and derivatives as they
+come.
+
+In space a joint turns about two axes at most, a of what is above and c of the body, which it keeps at right angles:
+Φ = a·c = 0, with the moment λ c x a. On the cable a is its tangent (roll) and c the lateral axis of the body (pitch),
+so that the carriage keeps its heading along the cable. Between bodies a is the lateral axis of the one above (pitch)
+and c that along the one below (roll); a revolute joint holds the roll as well, with another c, and turns about a alone.
+The cable has no twist: what would twist it stays with its supports.
 """
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import kernel
+from math import atan
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import by_turn, cross
+from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    add_scaled,
+    dot,
+    load,
+    minus,
+    outer,
+    scale,
+    subtract,
+    unit_matrix,
+)
+
+
+class Above(NamedTuple):
+    """How the cable is turned at a joint."""
+
+    orientation: Any  # (1,) its pitch in rad; in space its unit tangent (3,)
+    spin: Any  # (turns,) rad/s, of its tangent
+
+
+class Joint(NamedTuple):
+    """What a joint does to the body below it."""
+
+    moment: Any  # (turns,) N m
+    by_turn: Any  # (turns²) minus its derivative by the turn of the body
+    by_above: Any  # (turns²) its derivative by the turn of what is above
+    steep: Any  # in a plane, minus the derivatives of the moment by angle and by rate
+    held: Any  # in space, the axes c x a (2, 3) of the moments that hold
+    holding: int  # how many of these hold
 
 
 @kernel
@@ -24,5 +67,105 @@ def hinge_energy(carriages, body, angle):
 
 @kernel
 def is_hinged(carriages, body):
-    """Whether there is a spring or a damper above a body: a bare pivot is not asked for angles."""
-    return carriages.hinge_stiffness[body] > 0.0 or carriages.hinge_damping[body] > 0.0
+    """Whether anything turns a body but forces: a bare pivot is not asked for angles."""
+    return carriages.hinge_stiffness[body] > 0.0 or carriages.hinge_damping[body] > 0.0 or carriages.held[body] > 0
+
+
+def hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
+    """The joint at the upper pivot of a body, `first` of a chain below the cable that is turned as `above`."""
+    implementation = _hinge_in_plane if len(like) == 2 else _hinge_in_space
+    return implementation(carriages, state, body, first, above, stiffness_factor, rate_factor)
+
+
+@overload(hinge, jit_options=OPTIONS)
+def _hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
+    implementation = _hinge_in_plane if like.count == 2 else _hinge_in_space
+
+    def choose(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
+        return implementation(carriages, state, body, first, above, stiffness_factor, rate_factor)
+
+    return choose
+
+
+@inlined_kernel
+def _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor):
+    pitch, rate = above.orientation[0], above.spin[0]
+    if not first:
+        pitch, rate = state.bodies.position[body - 1, 2], state.bodies.velocity[body - 1, 2]
+    angle, turning = state.bodies.position[body, 2] - pitch, state.bodies.velocity[body, 2] - rate
+    moment, by_angle, by_rate = hinge_moment(carriages, body, angle, turning)
+    stiff = stiffness_factor * by_angle + rate_factor * by_rate
+    return Joint((moment,), (stiff,), (stiff,), (by_angle, by_rate), 0.0, 0)
+
+
+@inlined_kernel
+def joint_axes(state, body, first, tangent):
+    """Axes a of what is above and c of the body, the second c of a revolute joint, and the angle of pitch (rad)."""
+    axes = orientation(state.bodies.position[body], tangent)
+    x, y, z = (axes[0], axes[3], axes[6]), (axes[1], axes[4], axes[7]), (axes[2], axes[5], axes[8])
+    if first:
+        return tangent, y, z, atan(dot(tangent, z) / dot(tangent, x))
+    above = orientation(state.bodies.position[body - 1], tangent)
+    along, up = (above[0], above[3], above[6]), (above[2], above[5], above[8])
+    return (above[1], above[4], above[7]), x, z, atan(-dot(x, up) / dot(x, along))
+
+
+def hinge_angle(state, body, first, above):
+    """Angle of pitch (rad) of a body against what is above it, for its spring."""
+    implementation = _angle_in_plane if len(above.spin) == 1 else _angle_in_space
+    return implementation(state, body, first, above)
+
+
+@overload(hinge_angle, jit_options=OPTIONS)
+def _overload_hinge_angle(state, body, first, above):
+    implementation = _angle_in_plane if above[1].count == 1 else _angle_in_space
+
+    def choose(state, body, first, above):
+        return implementation(state, body, first, above)
+
+    return choose
+
+
+@inlined_kernel
+def _angle_in_plane(state, body, first, above):
+    return state.bodies.position[body, 2] - (above.orientation[0] if first else state.bodies.position[body - 1, 2])
+
+
+@inlined_kernel
+def _angle_in_space(state, body, first, above):
+    return joint_axes(state, body, first, above.orientation)[3]
+
+
+@inlined_kernel
+def _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate_factor):
+    a, c, other, pitch = joint_axes(state, body, first, above.orientation)
+    spin = load(state.bodies.velocity[body, 3:], a)
+    spin_above = above.spin
+    if not first:
+        spin_above = load(state.bodies.velocity[body - 1, 3:], a)
+    relative = subtract(spin, spin_above)
+    pitching = dot(c if first else a, relative)
+    m_pitch, k_pitch, d_pitch = hinge_moment(carriages, body, pitch, pitching)
+    d_roll = carriages.roll_damping[body]
+    m_roll = -d_roll * dot(a if first else c, relative)
+    m_a, k_a, d_a = (m_roll, 0.0, d_roll) if first else (m_pitch, k_pitch, d_pitch)
+    m_c, k_c, d_c = (m_pitch, k_pitch, d_pitch) if first else (m_roll, 0.0, d_roll)
+    moment = add_scaled(m_a, a, scale(m_c, c))
+    stiff = outer(stiffness_factor * k_a + rate_factor * d_a, a, a)
+    stiff = add_scaled(1.0, outer(stiffness_factor * k_c + rate_factor * d_c, c, c), stiff)
+    # the axes turn, a with what is above and c with the body
+    by_body = add_scaled(-stiffness_factor * m_c, by_turn(c), outer(stiffness_factor * d_c, c, cross(c, relative)))
+    by_above = add_scaled(stiffness_factor * m_a, by_turn(a), outer(-stiffness_factor * d_a, a, cross(a, relative)))
+    by_body, by_above = add_scaled(1.0, stiff, by_body), add_scaled(1.0, stiff, by_above)
+    holding = load(state.moments[body], a)
+    first_axis, second_axis = cross(c, a), cross(other, a)
+    count = carriages.held[body]
+    for number in range(count):
+        axis, mine = (first_axis, c) if number == 0 else (second_axis, other)
+        size = dot(holding, axis) / dot(axis, axis)
+        moment = add_scaled(size, axis, moment)
+        # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
+        apart = scale(stiffness_factor * size * dot(a, mine), unit_matrix(a))
+        by_body = add_scaled(1.0, apart, minus(by_body, outer(stiffness_factor * size, mine, a)))
+        by_above = add_scaled(1.0, apart, minus(by_above, outer(stiffness_factor * size, a, mine)))
+    return Joint(moment, by_body, by_above, (0.0, 0.0), (first_axis, second_axis), count)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.parameters import Carriages, FloatArray, Payloads
 from cable_twin.mechanics.state import State
 
 
 def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> FloatArray:
-    """Shift (bodies, 2) in m of the centres of mass of the empty `carriages` under payloads (carriages,) in kg."""
-    offsets = np.zeros((carriages.mass.size, 2))
+    """Shift (bodies, dim) in m of the centres of mass of the empty `carriages` under payloads (carriages,) in kg."""
+    offsets = np.zeros(carriages.upper_pivot.shape)
     for body, position, mass in zip(payloads.body, payloads.position, masses, strict=True):
         if mass > 0.0:
             offsets[body] = mass / (carriages.mass[body] + mass) * position
@@ -24,7 +25,12 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
     mass, inertia = carriages.mass.copy(), carriages.inertia.copy()
     for body, position, load in zip(payloads.body, payloads.position, masses, strict=True):
         if load > 0.0:
-            inertia[body] += mass[body] * load / (mass[body] + load) * float(position @ position)
+            reduced = mass[body] * load / (mass[body] + load)
+            if inertia.ndim == 1:
+                inertia[body] += reduced * float(position @ position)
+            else:
+                tensor = np.eye(3) * float(position @ position) - np.outer(position, position)
+                inertia[body] += reduced * tensor.ravel()
             mass[body] += load
     return carriages._replace(
         mass=mass,
@@ -36,13 +42,14 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
 
 
 def shift_centres(state: State, change: FloatArray) -> None:
-    """Move the centres of mass of `state` by `change` (bodies, 2) in m in the bodies' axes; no body moves by it."""
+    """Move the centres of mass of `state` by `change` (bodies, dim) in m in the bodies' axes; no body moves by it."""
     for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
-        pitch, spin = float(state.bodies.position[body, 2]), float(state.bodies.velocity[body, 2])
-        arm_x, arm_z, turn_x, turn_z = pivot(pitch, change[body])
-        state.bodies.position[body, :2] += arm_x, arm_z
-        state.bodies.velocity[body, :2] += turn_x * spin, turn_z * spin
+        dim = change.shape[1]
+        axes = np.array(orientation(state.bodies.position[body], tuple(change[body]))).reshape(dim, dim)
+        arm = tuple(axes @ change[body])
+        spin = tuple(state.bodies.velocity[body, dim:])
+        state.bodies.position[body, :dim] += arm
+        state.bodies.velocity[body, :dim] += cross(spin, arm)
         for accelerations in (state.bodies.acceleration, state.bodies.algorithmic):
-            turning = float(accelerations[body, 2])
-            accelerations[body, 0] += turn_x * turning - arm_x * spin * spin
-            accelerations[body, 1] += turn_z * turning - arm_z * spin * spin
+            turning = cross(tuple(accelerations[body, dim:]), arm)
+            accelerations[body, :dim] += np.add(turning, cross(spin, cross(spin, arm)))

@@ -10,12 +10,24 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, full, load, minus, outer, scale, store
+from cable_twin.mechanics.language.turns import along_track, no_turn
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    apply,
+    block,
+    dot,
+    load,
+    minus,
+    outer,
+    product,
+    scale,
+    store,
+    transpose,
+)
 from cable_twin.mechanics.on_rope.buffer import stop_force
-from cable_twin.mechanics.on_rope.chain import hinge_of
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.grip import add_grip, pitch_by_slope, tangent_pitch
-from cable_twin.mechanics.on_rope.hinge import hinge_energy, is_hinged
+from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope
+from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -51,47 +63,62 @@ def joint_velocity(cable, state, carriage):
     return add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, cable.gravity), moving)
 
 
-@kernel
-def joint_direction(cable, state, carriage):
-    """Pitch α (rad) of the cable at the joint, its rate g·(S_x ė + ṡ S_xx e) there (rad/s), and ∂α/∂s (rad/m)."""
+@inlined_kernel
+def direction_above(system, state, carriage):
+    """`cable_direction` where the first body of a carriage asks for it, else level and still."""
+    like = system.cable.gravity
+    if is_hinged(system.carriages, system.carriages.body_offset[carriage]):
+        return cable_direction(system.cable, state, carriage)
+    return Above(tangent_orientation(along_track(like)), no_turn(like))
+
+
+@inlined_kernel
+def cable_direction(cable, state, carriage):
+    """How the cable is turned at the joint, and its spin G (S_x ė + ṡ S_xx e) there, as `hinge.Above`."""
     point, like = joint_point(cable, state, carriage), cable.gravity
     r_x = slope(state.nodes.position, point, like)
-    g = pitch_by_slope(r_x)
-    along = dot(g, bend(state.nodes.position, point, like))
-    turning = dot(g, slope(state.nodes.velocity, point, like))
-    return tangent_pitch(r_x), turning + state.joints.velocity[carriage] * along, along
+    turning = slope(state.nodes.velocity, point, like)
+    turning = add_scaled(state.joints.velocity[carriage], bend(state.nodes.position, point, like), turning)
+    return Above(tangent_orientation(r_x), product(turn_by_slope(r_x), turning, like))
+
+
+@inlined_kernel
+def grip_of(system, state, carriage, stiffness_factor, rate_factor):
+    """The joint of the first body of a carriage with the cable, as `hinge.Joint`."""
+    first, above = system.carriages.body_offset[carriage], cable_direction(system.cable, state, carriage)
+    return hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, system.cable.gravity)
 
 
 @kernel
 def grip_moment(system, state, carriage):
-    """Moment m (N m) of the cable on the first body of a carriage, and m ∂α/∂s (N), its share in the row of s."""
-    first = system.carriages.body_offset[carriage]
+    """Moment m (turns,) in N m of the cable on the first body of a carriage, and m·∂θ/∂s (N), its share in row s."""
+    first, like = system.carriages.body_offset[carriage], system.cable.gravity
+    still = no_turn(like)
     if not is_hinged(system.carriages, first):
-        return 0.0, 0.0
-    pitch, rate, along = joint_direction(system.cable, state, carriage)
-    moment, _, _ = hinge_of(system.carriages, state, first, True, (pitch, rate))
-    return moment, moment * along
+        return still, 0.0
+    moment = grip_of(system, state, carriage, 0.0, 0.0).moment
+    point = joint_point(system.cable, state, carriage)
+    by_slope = turn_by_slope(slope(state.nodes.position, point, like))
+    return moment, dot(moment, product(by_slope, bend(state.nodes.position, point, like), like))
 
 
 @kernel
 def grip_force(system, state, carriage, element, row):
-    """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -m S_x g; 0 on another one."""
+    """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -S_x Gᵀ m; 0 on another one."""
     moment, _ = grip_moment(system, state, carriage)
-    point = joint_point(system.cable, state, carriage)
-    g = pitch_by_slope(slope(state.nodes.position, point, system.cable.gravity))
-    return scale(-moment * point.shape_x[row] if point.element == element else 0.0, g)
+    point, like = joint_point(system.cable, state, carriage), system.cable.gravity
+    by_slope = turn_by_slope(slope(state.nodes.position, point, like))
+    return scale(-point.shape_x[row] if point.element == element else 0.0, product(moment, by_slope, moment))
 
 
 @kernel
 def spring_energy(system, state, carriage, body):
     """Elastic energy (J) of the spring above a body of a carriage."""
-    carriages, first = system.carriages, system.carriages.body_offset[carriage]
-    if not is_hinged(carriages, body):
+    carriages = system.carriages
+    if not carriages.hinge_stiffness[body] > 0.0:
         return 0.0
-    above = state.bodies.position[body - 1, 2]
-    if body == first:
-        above, _, _ = joint_direction(system.cable, state, carriage)
-    return hinge_energy(carriages, body, state.bodies.position[body, 2] - above)
+    above = cable_direction(system.cable, state, carriage)
+    return hinge_energy(carriages, body, hinge_angle(state, body, body == carriages.body_offset[carriage], above))
 
 
 @kernel
@@ -117,7 +144,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
     force = load(state.multipliers[first], like)
-    impedance, residual = work.impedance[first], load(work.impedance_force[first], like)
+    impedance = load(work.impedance[first], outer(0.0, like, like))
+    residual = load(work.impedance_force[first], like)
 
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -128,7 +156,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         carriages, state, carriage, normal
     )
 
-    d_r_x = apply_impedance(impedance, r_x)
+    d_r_x = apply(impedance, r_x)
     if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
@@ -138,7 +166,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, r_x)
         across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
-        d_along = apply_impedance(impedance, along)
+        d_along = apply(transpose(impedance), along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
@@ -150,11 +178,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
     if is_hinged(carriages, first):
-        more = add_grip(cable, state, carriage, first, point, along, rate_factor, stiffness_factor, work)
+        joint = grip_of(system, state, carriage, stiffness_factor, rate_factor)
+        more = add_grip(cable, state, carriage, first, joint, point, along, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
 
-    d = (impedance[0], impedance[1], impedance[2])
     contact = add_scaled(1.0, force, residual)
     for i in range(4):
         column = load(columns[i], like)
@@ -162,7 +190,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         add_to(scale(-1.0, pull), work.right_side, point.element, i)
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
-            add_block(minus(full(shape[i] * shape[j], d, 0.0), condensed), point.element, i, j, work)
+            add_block(minus(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
 
 
 @kernel
@@ -183,17 +211,8 @@ def driven_force(system, state, carriage):
 
 
 @kernel
-def apply_impedance(impedance, displacement):
-    """Product D p (dim,) of the symmetric impedance (xx, xz, zz) and a displacement."""
-    return (
-        impedance[0] * displacement[0] + impedance[1] * displacement[1],
-        impedance[1] * displacement[0] + impedance[2] * displacement[1],
-    )
-
-
-@kernel
 def recover_joint(system, state, carriage, work):
-    """Increment of s, and of the joint's place (x, z) on the cable, once the nodal increments are known."""
+    """Increment of s, and of the joint's place (dim,) on the cable, once the nodal increments are known."""
     cable = system.cable
     like = cable.gravity
     point = joint_point(cable, state, carriage)
@@ -211,11 +230,14 @@ def recover_joint(system, state, carriage, work):
 
 @kernel
 def recover_turn(system, state, carriage, work):
-    """Increment (rad) of the direction of the cable at the joint, as a hinge there sees it; needs that of s."""
+    """Turn (turns,) of the cable at the joint, as a hinge there sees it; needs the increment of s."""
+    like = system.cable.gravity
+    still = no_turn(like)
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):
-        return 0.0
-    element, like = state.joint_element[carriage], system.cable.gravity
-    turned = work.grip_by_s[carriage] * work.sliding_increment[carriage]
+        return still
+    element, rows = state.joint_element[carriage], outer(0.0, still, like)
+    turned = scale(work.sliding_increment[carriage], load(work.grip_by_s[carriage], still))
     for i in range(4):
-        turned += dot(load(work.grip_row[carriage, i], like), coordinate(work.right_side, element, i, like))
+        seen = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like), like)
+        turned = add_scaled(1.0, seen, turned)
     return turned

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, nan, sin
+from math import nan
 from typing import NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import haul_energies
@@ -12,13 +12,15 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import copy_array, flat
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
-from cable_twin.mechanics.on_rope.air import drag_on_end
-from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.language.orientations import inertia_of, orientation_in_space
+from cable_twin.mechanics.language.turns import cross, turn_in_space
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, product, scale, store, subtract
+from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
 from cable_twin.mechanics.parameters import Cable, FloatArray
+from cable_twin.mechanics.rope.drag import drag_on_end
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow, flow_energy
@@ -104,15 +106,16 @@ def observe_vehicles(system, state, columns):
 def observe_bodies(system, state, columns):
     """Fill the columns of all bodies: where each is without its payload."""
     for body in range(columns.body_angles.shape[0]):
-        x, z, pitch = state.bodies.position[body, 0], state.bodies.position[body, 1], state.bodies.position[body, 2]
-        spin = state.bodies.velocity[body, 2]
-        arm_x, arm_z, turn_x, turn_z = pivot(pitch, system.carriages.centre_offset[body])
-        velocity = state.bodies.velocity[body, 0] - turn_x * spin, state.bodies.velocity[body, 1] - turn_z * spin
-        store_in_space((x - arm_x, z - arm_z), columns.body_position[body])
+        row, like = state.bodies.position[body], system.cable.gravity
+        spin = spin_of(state.bodies.velocity, body, like)
+        arm = arm_to(axes_of(state, body, like), system.carriages.centre_offset[body], like)
+        store_in_space(subtract(centre(state, body, like), arm), columns.body_position[body])
+        velocity = subtract(load(state.bodies.velocity[body], like), cross(spin, arm))
         store_in_space(velocity, columns.body_velocity[body])
-        store((0.0, sin(0.5 * pitch), 0.0, cos(0.5 * pitch)), columns.body_orientation[body])
-        store((0.0, spin, 0.0), columns.body_angular_velocity[body])
-        store((0.0, pitch, 0.0), columns.body_angles[body])
+        quaternion, angles = orientation_in_space(row, like)
+        store(quaternion, columns.body_orientation[body])
+        store(turn_in_space(spin), columns.body_angular_velocity[body])
+        store(angles, columns.body_angles[body])
 
 
 @kernel
@@ -198,7 +201,7 @@ def end_force(system, state, end):
     first, last = end_forces(cable, state, element)
     total = first if end == 0 else last
     if system.moving_cable.moving:
-        total = add_scaled(-1.0, end_flow(cable, state, end), total)
+        total = add_scaled(-1.0, end_flow(system, state, end), total)
     if system.air.present:
         total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state, end), total)
     for k in range(cable.load_arc_length.size):
@@ -255,11 +258,12 @@ def energies(system, state):
             if not state.attached[carriage]:
                 continue
             v = state.bodies.velocity[body]
-            kinetic += 0.5 * carriages.mass[body] * (v[0] * v[0] + v[1] * v[1])
-            kinetic += 0.5 * carriages.inertia[body] * v[2] * v[2]
+            velocity, spin = load(v, like), spin_of(state.bodies.velocity, body, like)
+            kinetic += 0.5 * carriages.mass[body] * dot(velocity, velocity)
+            inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
+            kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
             elastic += spring_energy(system, state, carriage, body)
-            q = state.bodies.position[body]
-            gravitational -= carriages.mass[body] * (like[0] * q[0] + like[1] * q[1])
+            gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
     for contact in range(system.towers.stiffness.size):
         elastic += contact_energy(cable, system.towers, state, contact)
     for end in range(2):

@@ -93,22 +93,24 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
     k = (nothing, nothing, nothing, nothing, nothing, nothing)
     damped = cable.damping_time > 0.0
     viscous_stiffening = 1.0 + cable.damping_time * rate_factor
+    per_length = 1.0 / length  # a division is as dear as ten products
 
     for point in range(AXIAL_POINTS):
         slopes = AXIAL_SLOPES[point]
         rho = combine(slopes, d, a, b)
-        squared = dot(rho, rho)
-        norm = square_root(squared)
-        strain = norm / length - 1.0
+        norm = square_root(dot(rho, rho))
+        per_norm = 1.0 / norm
+        strain = norm * per_length - 1.0
         if damped:
-            strain += cable.damping_time * dot(rho, combine(slopes, d_dot, a_dot, b_dot)) / (norm * length)
+            rate = dot(rho, combine(slopes, d_dot, a_dot, b_dot)) * per_norm * per_length
+            strain += cable.damping_time * rate
         weight = AXIAL_WEIGHT[point] * cable.axial_stiffness
-        stress = weight * strain / norm
+        stress = weight * strain * per_norm
         s_d, s_a, s_b = slopes[0], slopes[1], slopes[2]
         force_d = add_scaled(s_d * stress, rho, force_d)
         force_a = add_scaled(s_a * stress, rho, force_a)
         force_b = add_scaled(s_b * stress, rho, force_b)
-        radial = (weight * viscous_stiffening / length - stress) / squared
+        radial = (weight * viscous_stiffening * per_length - stress) * per_norm * per_norm
         c = symmetric(stiffness_factor * stress, stiffness_factor * radial, rho)
         k = add_products(slopes, c, k)
 
@@ -120,7 +122,7 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
         inverse_squared = 1.0 / dot(rho, rho)
         stretch_gradient = dot(rho, chi) * inverse_squared
         bent = add_scaled(-stretch_gradient, rho, chi)  # P χ = k |ρ| l
-        weight = BENDING_WEIGHT[point] * cable.bending_stiffness * inverse_squared / length
+        weight = BENDING_WEIGHT[point] * cable.bending_stiffness * inverse_squared * per_length
         moment = scale(weight, bent)
         if damped:
             # rate of k |ρ| l seen from the turning tangent: P (χ_dot - (ρ·χ/ρ²) ρ_dot) - P χ (ρ·ρ_dot/ρ²)

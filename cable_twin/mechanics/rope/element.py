@@ -1,4 +1,4 @@
-"""The elements of the cable: their residual and tangent, with inertia and gravity (paper, eq. 1-10).
+"""The elements of the cable: their residual and tangent with all that acts along them (paper, eq. 1-10).
 
 Inside, an element is its chord and its two slopes times length, as in `elastic_models`.
 """
@@ -20,7 +20,10 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
+from cable_twin.mechanics.rope.drag import add_drag
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force
+from cable_twin.mechanics.rope.flow import add_flow, flow_factors
+from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.shape_functions import MASS
 
 
@@ -41,28 +44,34 @@ def inertia(cable, length, r_a, a, r_b, b):
 
 
 @inlined_kernel
-def add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Write the residual and tangent of all elements, each with the elastic model of the cable.
+def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Write the residual and tangent of all elements: elastic forces, inertia, weight, flow, and the drag of the air.
 
     Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element.
     """
+    cable, group = system.cable, work.group
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
-    diagonal, upper, lower, right_side, group = work.diagonal, work.upper, work.lower, work.right_side, work.group
     like = cable.gravity
-    clear_array(right_side[0])
-    clear_array(diagonal[0])
+    flowing = flow_factors(system, state)
+    clear_array(work.right_side[0])
+    clear_array(work.diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
         length = gather_numbers(cable.element_length, first)
         r_a, slope_a, r_b, slope_b = gather(e, first, like)
-        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        r_a, slope_a, r_b, slope_b = gather(e_dot, first, like)
-        d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        rates = gather(e_dot, first, like)
+        shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
         inert = inertia(cable, length, r_a, slope_a, r_b, slope_b)
-        elastic = elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-        compute_elements(cable, length, elastic, inert, mass_factor, group)
+        elastic = elastic_force(cable, length, *shape, *shape_rates, rate_factor, stiffness_factor)
+        write_group(cable, length, elastic, inert, mass_factor, group)
+        if flowing[0] != 0.0 or flowing[1] != 0.0:
+            add_flow(length, shape, shape_rates, flowing, rate_factor, stiffness_factor, group)
+        if system.air.present:
+            drag, wind = system.air.rope_drag, load(state.wind, like)
+            add_drag(drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
-            add_element(group, lane, first + lane, diagonal, upper, lower, right_side, like)
+            add_element(group, lane, first + lane, like, work)
 
 
 @kernel
@@ -85,64 +94,50 @@ def end_forces(cable, state, element):
 
 
 @kernel
-def compute_elements(cable, length, elastic, inert, mass_factor, group):
+def write_group(cable, length, elastic, inert, mass_factor, group):
     """Write residual and tangent of `WIDTH` elements to `group`: a row a number, vectors first, then the blocks."""
     force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = elastic
     on_r_a, on_a, on_r_b, on_b = inert
-    dim = len(force_d)
-    spread(subtract(force_d, on_r_a), group, 0)
-    spread(scale(-length, add_scaled(1.0, force_a, on_a)), group, dim)
-    spread(scale(-1.0, add_scaled(1.0, force_d, on_r_b)), group, 2 * dim)
-    spread(scale(-length, add_scaled(1.0, force_b, on_b)), group, 3 * dim)
+    like = force_d
+    spread(subtract(force_d, on_r_a), group, vector_row(0, like))
+    spread(scale(-length, add_scaled(1.0, force_a, on_a)), group, vector_row(1, like))
+    spread(scale(-1.0, add_scaled(1.0, force_d, on_r_b)), group, vector_row(2, like))
+    spread(scale(-length, add_scaled(1.0, force_b, on_b)), group, vector_row(3, like))
 
     mass = mass_factor * cable.mass_per_length * length
     first, second = mass * length, mass * length * length  # of slopes: one and two lengths more
     squared = length * length
-    row, size = 4 * dim, dim * dim
-    spread(full(1.0, k_dd, MASS[0][0] * mass), group, row)
-    spread(block(-length, k_da, MASS[0][1] * first), group, row + size)
-    spread(full(squared, k_aa, MASS[1][1] * second), group, row + 2 * size)
-    spread(full(1.0, k_dd, MASS[2][2] * mass), group, row + 3 * size)
-    spread(block(length, k_db, MASS[2][3] * first), group, row + 4 * size)
-    spread(full(squared, k_bb, MASS[3][3] * second), group, row + 5 * size)
-    spread(full(-1.0, k_dd, MASS[0][2] * mass), group, row + 6 * size)
-    spread(block(-length, k_db, MASS[0][3] * first), group, row + 7 * size)
-    spread(block(length, k_da, MASS[1][2] * first), group, row + 8 * size)
-    spread(full(squared, k_ab, MASS[1][3] * second), group, row + 9 * size)
+    spread(full(1.0, k_dd, MASS[0][0] * mass), group, block_row(0, 0, like))
+    spread(full(squared, k_aa, MASS[1][1] * second), group, block_row(1, 1, like))
+    spread(full(1.0, k_dd, MASS[2][2] * mass), group, block_row(2, 2, like))
+    spread(full(squared, k_bb, MASS[3][3] * second), group, block_row(3, 3, like))
+    write_pair(block(-length, k_da, MASS[0][1] * first), group, 0, 1, like)
+    write_pair(full(-1.0, k_dd, MASS[0][2] * mass), group, 0, 2, like)
+    write_pair(block(-length, k_db, MASS[0][3] * first), group, 0, 3, like)
+    write_pair(transpose(block(length, k_da, MASS[1][2] * first)), group, 1, 2, like)
+    write_pair(full(squared, k_ab, MASS[1][3] * second), group, 1, 3, like)
+    write_pair(block(length, k_db, MASS[2][3] * first), group, 2, 3, like)
 
 
-@kernel
-def add_element(group, lane, element, diagonal, upper, lower, right_side, like):
+@inlined_kernel
+def write_pair(matrix, group, i, j, like):
+    """Write a block of coordinates i and j, and its mirror image."""
+    spread(matrix, group, block_row(i, j, like))
+    spread(transpose(matrix), group, block_row(j, i, like))
+
+
+@inlined_kernel
+def add_element(group, lane, element, like, work):
     """Add one element of a group to the residual and tangent of the nodes at its ends.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
     """
-    dim = len(like)
     square = outer(0.0, like, like)
-    accumulate(load(group[0:, lane], like), right_side[element, 0])
-    accumulate(load(group[dim:, lane], like), right_side[element, 1])
-    store(load(group[2 * dim :, lane], like), right_side[element + 1, 0])
-    store(load(group[3 * dim :, lane], like), right_side[element + 1, 1])
-    row, size = 4 * dim, dim * dim
-    cross = load(group[row + size :, lane], square)
-    accumulate(load(group[row:, lane], square), diagonal[element, 0, 0])
-    accumulate(cross, diagonal[element, 0, 1])
-    accumulate(transpose(cross), diagonal[element, 1, 0])
-    accumulate(load(group[row + 2 * size :, lane], square), diagonal[element, 1, 1])
-    cross = load(group[row + 4 * size :, lane], square)
-    store(load(group[row + 3 * size :, lane], square), diagonal[element + 1, 0, 0])
-    store(cross, diagonal[element + 1, 0, 1])
-    store(transpose(cross), diagonal[element + 1, 1, 0])
-    store(load(group[row + 5 * size :, lane], square), diagonal[element + 1, 1, 1])
-    coupling = load(group[row + 6 * size :, lane], square)
-    store(coupling, upper[element, 0, 0])
-    store(coupling, lower[element, 0, 0])
-    coupling = load(group[row + 7 * size :, lane], square)
-    store(coupling, upper[element, 0, 1])
-    store(transpose(coupling), lower[element, 1, 0])
-    coupling = load(group[row + 8 * size :, lane], square)
-    store(transpose(coupling), upper[element, 1, 0])
-    store(coupling, lower[element, 0, 1])
-    coupling = load(group[row + 9 * size :, lane], square)
-    store(coupling, upper[element, 1, 1])
-    store(coupling, lower[element, 1, 1])
+    for i in range(2):
+        accumulate(load(group[vector_row(i, like) :, lane], like), work.right_side[element, i])
+        store(load(group[vector_row(2 + i, like) :, lane], like), work.right_side[element + 1, i])
+        for j in range(2):
+            accumulate(load(group[block_row(i, j, like) :, lane], square), work.diagonal[element, i, j])
+            store(load(group[block_row(2 + i, 2 + j, like) :, lane], square), work.diagonal[element + 1, i, j])
+            store(load(group[block_row(i, 2 + j, like) :, lane], square), work.upper[element, i, j])
+            store(load(group[block_row(2 + i, j, like) :, lane], square), work.lower[element, i, j])

@@ -8,71 +8,64 @@ acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x.
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, sum_of_lanes
+from cable_twin.mechanics.language.lanes import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
-from cable_twin.mechanics.rope.point import add_to
+from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.shape_functions import FLOW, FLOW_OF_CHORD, SLOPE, SLOPE_OF_CHORD
 
 
-@kernel
-def add_flow(cable, state, rate_factor, stiffness_factor, work):
-    """Add to residual and tangent of the nodes what the motion of the cable along itself makes.
+@inlined_kernel
+def flow_factors(system, state):
+    """Factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N); zeros of a cable at rest.
 
     2 v ∫ρA SᵀS_x dx of ė, and v_t ∫ρA SᵀS_x dx - v² ∫ρA S_xᵀS_x dx of e: the last one is SᵀS_xx integrated by parts.
     Its boundary term acts on the ends only, which are held; left out, a support's force has the momentum in it that
     its sheave takes over, and is smaller than the tension by ρA v² |r_x|.
     """
-    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
-    if speed == 0.0 and rate == 0.0:
-        return
-    mass = cable.mass_per_length
-    by_velocity, by_place, by_slope = 2.0 * mass * speed, mass * rate, -mass * speed * speed
-    on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
-    for element in range(cable.element_count):
-        length = cable.element_length[element]
-        forces = flow_forces(cable, state, element, by_velocity, by_place, by_slope)
-        for i in range(4):
-            add_to(scale(-length if i % 2 else -1.0, forces[i]), work.right_side, element, i)
-    for i in range(4):
-        for j in range(4):
-            add_flow_block(cable, on_flow * FLOW[i][j], on_slope * SLOPE[i][j], i, j, work)
+    if not system.moving_cable.moving:
+        return 0.0, 0.0, 0.0
+    speed, mass = state.rope.velocity[0], system.cable.mass_per_length
+    return 2.0 * mass * speed, mass * state.rope.acceleration[0], -mass * speed * speed
 
 
 @inlined_kernel
-def add_flow_block(cable, on_flow, on_slope, i, j, work):
-    """Add one entry of the tangents of all elements: that by the place per length, that by the rate not."""
-    if i // 2 == j // 2:
-        blocks = work.diagonal[i // 2 : cable.element_count + i // 2]
-    elif i < j:
-        blocks = work.upper
-    else:
-        blocks = work.lower
-    dim, slopes = work.right_side.shape[2], i % 2 + j % 2
-    for element in range(cable.element_count):
-        length = cable.element_length[element]
-        if slopes == 0:
-            stiff = on_flow + on_slope / length
-        else:
-            stiff = on_flow * length + on_slope
-            if slopes == 2:
-                stiff *= length
-        for axis in range(dim):
-            blocks[element, i % 2, j % 2, axis * (dim + 1)] += stiff
+def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group):
+    """Add to a group of elements what the motion of the cable along itself makes.
 
-
-@inlined_kernel
-def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
-    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length.
-
-    Takes the factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N).
+    Args:
+        length: of the elements, m.
+        shape: d, A, B (dim,) in m.
+        shape_rates: their rates in m/s.
+        factors: `flow_factors`.
+        rate_factor: as in `assemble`.
+        stiffness_factor: as in `assemble`.
+        group: is added to.
     """
-    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
-    by_slope = by_slope / cable.element_length[element]
-    d_flow = add_scaled(by_velocity, d_dot, scale(by_place, d))
-    a_flow = add_scaled(by_velocity, a_dot, scale(by_place, a))
-    b_flow = add_scaled(by_velocity, b_dot, scale(by_place, b))
+    like = shape[0]
+    by_velocity, by_place, by_slope = factors
+    forces = flow_forces(length, shape, shape_rates, factors)
+    on_flow, on_slope = rate_factor * by_velocity + stiffness_factor * by_place, stiffness_factor * by_slope
+    # of positions, of a position and a slope, of slopes
+    flow = on_flow + 0.0 * length, on_flow * length, on_flow * length * length
+    stretch = on_slope / length, on_slope + 0.0 * length, on_slope * length
+    for i in range(4):
+        add_spread(scale(-length if i % 2 else -1.0, forces[i]), group, vector_row(i, like))
+        for j in range(4):
+            slopes = i % 2 + j % 2
+            stiff = FLOW[i][j] * flow[slopes] + SLOPE[i][j] * stretch[slopes]
+            for axis in range(len(like)):
+                add_spread((stiff,), group, block_row(i, j, like) + axis * (len(like) + 1))
+
+
+@inlined_kernel
+def flow_forces(length, shape, shape_rates, factors):
+    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
+    d, a, b = shape
+    by_velocity, by_place, by_slope = factors[0], factors[1], factors[2] / length
+    d_flow = add_scaled(by_velocity, shape_rates[0], scale(by_place, d))
+    a_flow = add_scaled(by_velocity, shape_rates[1], scale(by_place, a))
+    b_flow = add_scaled(by_velocity, shape_rates[2], scale(by_place, b))
     return (
         add_scaled(by_slope, combine(SLOPE_OF_CHORD[0], d, a, b), combine(FLOW_OF_CHORD[0], d_flow, a_flow, b_flow)),
         add_scaled(by_slope, combine(SLOPE_OF_CHORD[1], d, a, b), combine(FLOW_OF_CHORD[1], d_flow, a_flow, b_flow)),
@@ -82,12 +75,13 @@ def flow_forces(cable, state, element, by_velocity, by_place, by_slope):
 
 
 @kernel
-def end_flow(cable, state, end):
+def end_flow(system, state, end):
     """What the flow takes (dim,) in N at the node at `end`, as `add_flow` has it."""
+    cable = system.cable
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    speed, mass = state.rope.velocity[0], cable.mass_per_length
-    by_velocity, by_place = 2.0 * mass * speed, mass * state.rope.acceleration[0]
-    return flow_forces(cable, state, element, by_velocity, by_place, -mass * speed * speed)[row]
+    shape = chord_and_slopes(state.nodes.position, element, cable)
+    shape_rates = chord_and_slopes(state.nodes.velocity, element, cable)
+    return flow_forces(cable.element_length[element], shape, shape_rates, flow_factors(system, state))[row]
 
 
 @kernel

@@ -28,13 +28,12 @@ from cable_twin.mechanics.language.vectors import (
     store,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.air import drag_bodies, drag_rope
+from cable_twin.mechanics.on_rope.air import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.hinge import is_hinged
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
-    joint_direction,
+    direction_above,
     joint_position,
     joint_velocity,
     place_joint,
@@ -45,7 +44,6 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.flow import add_flow
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
@@ -66,11 +64,12 @@ def measure_gaps(system, state, work, place):
             continue
         if place:
             place_joint(system.cable, state, carriage)
-        joint = joint_position(system.cable, state, carriage)
-        close_joints(system.carriages, state, carriage, joint[0], joint[1], work)
+        joint, above = joint_position(system.cable, state, carriage), direction_above(system, state, carriage)
+        close_joints(system.carriages, state, carriage, joint, above, work)
         reference_gap(state, carriage, work)
     for body in range(work.joint_gap.shape[0]):
-        worst = max(worst, abs(work.joint_gap[body, 0]), abs(work.joint_gap[body, 1]))
+        for axis in range(work.joint_gap.shape[1]):
+            worst = max(worst, abs(work.joint_gap[body, axis]))
     return worst
 
 
@@ -110,36 +109,21 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     cable, carriages = system.cable, system.carriages
-    assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        drag_bodies(
-            system.air.body_drag, state.wind, state.bodies.velocity, rate_factor, work.body_drag, work.body_drag_tangent
-        )
+        drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, cable.gravity, rate_factor, work)
     for carriage in range(carriages.fixed.size):
         if state.attached[carriage]:
-            direction = 0.0, 0.0, 0.0
-            if is_hinged(carriages, carriages.body_offset[carriage]):
-                direction = joint_direction(cable, state, carriage)
+            above = direction_above(system, state, carriage)
             condense_chain(
-                carriages, cable.gravity, state, carriage, direction, mass_factor, rate_factor, stiffness_factor, work
+                carriages, cable.gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work
             )
             condense_drive(system, state, carriage, mass_factor, rate_factor, work)
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
     hold_ends(cable, work)
-
-
-@inlined_kernel
-def assemble_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Write row 2 without what hangs on the cable or holds it: its elements, their flow, loads and drag."""
-    cable = system.cable
-    add_cable(cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    if system.moving_cable.moving:
-        add_flow(cable, state, rate_factor, stiffness_factor, work)
-    add_loads(cable, state, stiffness_factor, work)
-    if system.air.present:
-        drag_rope(cable, system.air.rope_drag, state, rate_factor, stiffness_factor, work)
 
 
 @inlined_kernel

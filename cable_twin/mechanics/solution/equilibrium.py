@@ -9,6 +9,8 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays
+from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force
 from cable_twin.mechanics.on_rope.tower import settle_towers
@@ -53,9 +55,10 @@ def hang_carriages(system, state):
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
         place = position_on_cable(system.cable, state, state.joints.position[carriage])
-        hang_chain(carriages, state, carriage, place[0], place[1])
+        hang_chain(carriages, state, carriage, place)
         if not state.attached[carriage]:
-            move_chain(carriages, system.cable.gravity, state, carriage, (0.0, 0.0), (0.0, 0.0))
+            still = scale(0.0, place)
+            move_chain(carriages, system.cable.gravity, state, carriage, still, still)
 
 
 @kernel
@@ -83,13 +86,14 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         increment = largest_increment(system, work)
         turn = 0.0
         for body in range(work.body_increment.shape[0]):
-            turn = max(turn, abs(work.body_increment[body, 2]))
+            for axis in range(len(cable.gravity), work.body_increment.shape[1]):
+                turn = max(turn, abs(work.body_increment[body, axis]))
         if not solvable or not isfinite(increment) or increment > 3.0 * largest or turn > 0.5:
             copy_state(good, state)
             mass_factor *= 8.0
             continue
         combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
-        combine_arrays(state.bodies.position, 1.0, work.body_increment, state.bodies.position)
+        move_bodies(state.bodies.position, work.body_increment, cable.gravity)
         if increment < tolerance and mass_factor <= smallest:
             for carriage in range(state.drive_mode.size):
                 state.drive_force[carriage] = driven_force(system, state, carriage)
@@ -219,6 +223,9 @@ def settle(system: System, state: State, work: Workspace) -> None:
     for name, array in fields_of(state).items():
         if name not in GIVEN:
             array[:] = 0
+    if state.bodies.position.shape[1] > state.bodies.velocity.shape[1]:
+        state.bodies.position[:, -1] = 1.0  # of a quaternion
+    work.turned[:] = 0.0
     lay_cable(system, state)
     state.friction_origin[:] = state.joints.position
     modes = hold_all(state)

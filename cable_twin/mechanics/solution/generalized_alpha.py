@@ -7,11 +7,15 @@ One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, with the update
 from __future__ import annotations
 
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from numba.extending import overload
 
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.memory import flat
+from cable_twin.mechanics.language.orientations import grow_turn, turn_row
+from cable_twin.mechanics.language.vectors import OPTIONS, Vector
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
@@ -77,6 +81,82 @@ def correct(c, h, increments, motion):
         q_ddot[i] += by_acceleration * delta[i]
 
 
+def predict_bodies(c: Coefficients, h: float, motion: Any, turned: Any, like: Vector) -> None:
+    """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
+    if len(like) == 2:
+        predict(c, h, motion)
+    else:
+        _predict_in_space(c, h, motion, turned)
+
+
+@overload(predict_bodies, jit_options=OPTIONS)
+def _predict_bodies(c, h, motion, turned, like):
+    def planar(c, h, motion, turned, like):
+        predict(c, h, motion)
+
+    def spatial(c, h, motion, turned, like):
+        _predict_in_space(c, h, motion, turned)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _predict_in_space(c, h, motion, turned):
+    """The same with turns: the orientation goes on by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
+    x, v, q_ddot, a = motion.position, motion.velocity, motion.acceleration, motion.algorithmic
+    for body in range(v.shape[0]):
+        for axis in range(6):
+            after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
+            moved = h * (v[body, axis] + h * ((0.5 - c.beta) * a[body, axis] + c.beta * after))
+            if axis < 3:
+                x[body, axis] += moved
+            else:
+                turned[body, axis - 3] = moved
+            v[body, axis] += h * ((1.0 - c.gamma) * a[body, axis] + c.gamma * after)
+            a[body, axis] = after
+        turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
+
+
+def correct_bodies(c: Coefficients, h: float, increments: Any, motion: Any, turned: Any, like: Vector) -> None:
+    """Apply Newton increments (m, rad) to bodies."""
+    if len(like) == 2:
+        correct(c, h, increments, motion)
+    else:
+        _correct_in_space(c, h, increments, motion, turned)
+
+
+@overload(correct_bodies, jit_options=OPTIONS)
+def _correct_bodies(c, h, increments, motion, turned, like):
+    def planar(c, h, increments, motion, turned, like):
+        correct(c, h, increments, motion)
+
+    def spatial(c, h, increments, motion, turned, like):
+        _correct_in_space(c, h, increments, motion, turned)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _correct_in_space(c, h, increments, motion, turned):
+    """The same with turns: the rates go by what the rotation vector of the step grows by."""
+    x, v, q_ddot, a = motion.position, motion.velocity, motion.acceleration, motion.algorithmic
+    by_velocity = c.gamma / (c.beta * h)
+    by_algorithmic = 1.0 / (c.beta * h * h)
+    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    for body in range(v.shape[0]):
+        delta = grow_turn(turned[body], increments[body, 3:])
+        turn_row(x[body], (increments[body, 3], increments[body, 4], increments[body, 5]))
+        for axis in range(6):
+            if axis < 3:
+                x[body, axis] += increments[body, axis]
+                grown = increments[body, axis]
+            else:
+                grown = delta[axis - 3]
+            v[body, axis] += by_velocity * grown
+            a[body, axis] += by_algorithmic * grown
+            q_ddot[body, axis] += by_acceleration * grown
+
+
 @kernel_part
 def integrate(system, state, h, work):
     """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
@@ -87,7 +167,7 @@ def integrate(system, state, h, work):
     solver = system.solver
     c = coefficients(solver.spectral_radius)
     predict(c, h, state.nodes)
-    predict(c, h, state.bodies)
+    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
     predict_massless(c, h, state.joints)
     predict(c, h, state.sheaves)
     prescribe(state)
@@ -105,7 +185,7 @@ def integrate(system, state, h, work):
         if not isfinite(increment):
             return False, iteration, increment
         correct(c, h, work.right_side, state.nodes)
-        correct(c, h, work.body_increment, state.bodies)
+        correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
         correct(c, h, work.sliding_increment, state.joints)
         correct(c, h, work.sheave_increment, state.sheaves)
         if iteration == 2 and before > 0.0:

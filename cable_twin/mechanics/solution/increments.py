@@ -19,9 +19,11 @@ def largest_increment(system, work):
             worst = max(worst, abs(r), abs(slope))
             total += r + slope
     for body in range(work.body_increment.shape[0]):
-        x, z = work.body_increment[body, 0], work.body_increment[body, 1]
-        worst = max(worst, abs(x), abs(z))
-        total += x + z + work.body_increment[body, 2]
+        for axis in range(work.body_increment.shape[1]):
+            increment = work.body_increment[body, axis]
+            if axis < work.right_side.shape[2]:
+                worst = max(worst, abs(increment))
+            total += increment
     for carriage in range(work.sliding_increment.size):
         worst = max(worst, abs(work.sliding_increment[carriage]))
         worst = max(worst, abs(work.sheave_increment[carriage]))

@@ -13,9 +13,10 @@ from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import eigsh
 
-from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.grip import pitch_by_slope, pitch_by_slope_twice
+from cable_twin.mechanics.on_rope.grip import moment_by_slope, turn_by_slope
 from cable_twin.mechanics.on_rope.sliding_joint import grip_moment
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
@@ -221,11 +222,12 @@ def _arm(system: System, state: State, body: int, above: int) -> tuple[float, fl
     """First and second derivative (x, z, x, z) in m of the place of `body` by the pitch of `above` in its chain."""
     carriages = system.carriages
     pitch = float(state.bodies.position[above, 2])
-    up_x, up_z, up_turn_x, up_turn_z = pivot(pitch, carriages.upper_pivot[above])
-    if above == body:
-        return -up_turn_x, -up_turn_z, up_x, up_z
-    low_x, low_z, low_turn_x, low_turn_z = pivot(pitch, carriages.lower_pivot[above])
-    return low_turn_x - up_turn_x, low_turn_z - up_turn_z, up_x - low_x, up_z - low_z
+    down = -carriages.upper_pivot[above]
+    if above != body:
+        down = down + carriages.lower_pivot[above]
+    axes = np.reshape(orientation((0.0, 0.0, pitch), (0.0, 0.0)), (2, 2))
+    arm = tuple((axes @ down).tolist())
+    return *cross((1.0,), arm), -arm[0], -arm[1]
 
 
 def _pitch_stiffness(system: System, state: State) -> csc_array:
@@ -280,5 +282,7 @@ def _turn_of_cable(system: System, state: State, carriage: int) -> tuple[IntArra
     still.nodes.velocity[:], still.joints.velocity[:], still.bodies.velocity[:] = 0.0, 0.0, 0.0
     still.joint_element[carriage] = element
     moment, _ = grip_moment(system, still, carriage)
-    bend = moment * np.kron(np.outer(shape_x, shape_x), np.reshape(pitch_by_slope_twice((x, z)), (dim, dim)))
-    return 2 * dim * element + np.arange(4 * dim), np.kron(shape_x, pitch_by_slope((x, z))), bend
+    twice = np.reshape(moment_by_slope(moment, (x, z)), (dim, dim))
+    bend = np.kron(np.outer(shape_x, shape_x), twice).astype(np.float64)
+    turn = np.kron(shape_x, np.array(turn_by_slope((x, z))))
+    return 2 * dim * element + np.arange(4 * dim), turn, bend

@@ -1,0 +1,194 @@
+"""Orientations of bodies: the pitch in a plane, a unit quaternion x, y, z, w in space, in the coordinates of a body.
+
+The coordinates of a body in space are its centre of mass and its quaternion; turns are about the axes of the world.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, sin, sqrt
+from typing import Any
+
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    Matrix,
+    Vector,
+    flipped,
+    load,
+    product,
+)
+
+SMALL = 1e-4  # rad: below, series of sines are taken that are exact to rounding
+
+
+def orientation(row: Any, like: Vector) -> Matrix:
+    """Rotation matrix A (dim²) of a body from its coordinates: a vector u of the body is A u in the world."""
+    if len(like) == 2:
+        c, s = cos(row[2]), sin(row[2])
+        return c, s, -s, c
+    return _of_quaternion(row[3], row[4], row[5], row[6])
+
+
+@kernel
+def _of_quaternion(x, y, z, w):
+    """Rotation matrix (9,) of a quaternion of any length but 0."""
+    f = 2.0 / (x * x + y * y + z * z + w * w)
+    return (
+        1.0 - f * (y * y + z * z),
+        f * (x * y - z * w),
+        f * (x * z + y * w),
+        f * (x * y + z * w),
+        1.0 - f * (x * x + z * z),
+        f * (y * z - x * w),
+        f * (x * z - y * w),
+        f * (y * z + x * w),
+        1.0 - f * (x * x + y * y),
+    )
+
+
+@overload(orientation, jit_options=OPTIONS)
+def _orientation(row, like):
+    def planar(row, like):
+        c, s = cos(row[2]), sin(row[2])
+        return c, s, -s, c
+
+    def spatial(row, like):
+        return _of_quaternion(row[3], row[4], row[5], row[6])
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def turn_row(row, turn):
+    """Turn the coordinates of a body in space by a rotation vector (3,) about the axes of the world."""
+    a, b, d, c = _quaternion(turn)
+    x, y, z, w = row[3], row[4], row[5], row[6]
+    p = c * x + a * w + b * z - d * y
+    q = c * y + b * w + d * x - a * z
+    r = c * z + d * w + a * y - b * x
+    s = c * w - a * x - b * y - d * z
+    length = sqrt(p * p + q * q + r * r + s * s)
+    row[3], row[4], row[5], row[6] = p / length, q / length, r / length, s / length
+
+
+def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
+    """Inertia (turns²) in kg m² of a body about the axes of the world; `axes` is its rotation matrix.
+
+    Takes the inertias (bodies,) about y of bodies in a plane, or the tensors (bodies, 9) in the axes of each body.
+    """
+    if len(like) == 2:
+        return (inertia[body],)
+    return product(product(axes, tuple(inertia[body]), like), flipped(axes, like), like)
+
+
+@overload(inertia_of, jit_options=OPTIONS)
+def _inertia_of(inertia, body, axes, like):
+    def planar(inertia, body, axes, like):
+        return (inertia[body],)
+
+    def spatial(inertia, body, axes, like):
+        return product(product(axes, load(inertia[body], axes), like), flipped(axes, like), like)
+
+    return planar if like.count == 2 else spatial
+
+
+def set_upright(row: Any, like: Vector) -> None:
+    """Put the coordinates of a body upright: its axes are those of the world."""
+    if len(like) == 2:
+        row[2] = 0.0
+    else:
+        row[3], row[4], row[5], row[6] = 0.0, 0.0, 0.0, 1.0
+
+
+@overload(set_upright, jit_options=OPTIONS)
+def _set_upright(row, like):
+    def planar(row, like):
+        row[2] = 0.0
+
+    def spatial(row, like):
+        row[3], row[4], row[5], row[6] = 0.0, 0.0, 0.0, 1.0
+
+    return planar if like.count == 2 else spatial
+
+
+def move_bodies(positions: Any, increments: Any, like: Vector) -> None:
+    """Add increments (bodies, dim + turns) in m and rad to the coordinates of bodies."""
+    if len(like) == 2:
+        positions += increments
+        return
+    positions[:, :3] += increments[:, :3]
+    for row, turn in zip(positions, increments[:, 3:], strict=True):
+        turn_row(row, turn)
+
+
+@overload(move_bodies, jit_options=OPTIONS)
+def _move_bodies(positions, increments, like):
+    def planar(positions, increments, like):
+        for body in range(positions.shape[0]):
+            for axis in range(3):
+                positions[body, axis] += increments[body, axis]
+
+    def spatial(positions, increments, like):
+        for body in range(positions.shape[0]):
+            for axis in range(3):
+                positions[body, axis] += increments[body, axis]
+            turn_row(positions[body], load(increments[body, 3:], like))
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def grow_turn(turned, turn):
+    """Bring a rotation vector Δ (3,) up to date for another turn θ about the axes of the world; what it grows by.
+
+    exp(Δ + δ) = exp(θ) exp(Δ): quaternions are multiplied, and the logarithm taken of the product.
+    """
+    before = (turned[0], turned[1], turned[2])
+    a, b = _quaternion(before), _quaternion((turn[0], turn[1], turn[2]))
+    w = b[3] * a[3] - b[0] * a[0] - b[1] * a[1] - b[2] * a[2]
+    x = b[3] * a[0] + b[0] * a[3] + b[1] * a[2] - b[2] * a[1]
+    y = b[3] * a[1] + b[1] * a[3] + b[2] * a[0] - b[0] * a[2]
+    z = b[3] * a[2] + b[2] * a[3] + b[0] * a[1] - b[1] * a[0]
+    size = sqrt(x * x + y * y + z * z)
+    by = 2.0 * atan2(size, w) / size if size > SMALL else 2.0 + size * size / 3.0
+    turned[0], turned[1], turned[2] = by * x, by * y, by * z
+    return turned[0] - before[0], turned[1] - before[1], turned[2] - before[2]
+
+
+@kernel
+def _quaternion(turn):
+    """Unit quaternion x, y, z, w of a rotation vector (3,)."""
+    squared = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]
+    angle = sqrt(squared)
+    half = sin(0.5 * angle) / angle if angle > SMALL else 0.5 - squared / 48.0
+    return half * turn[0], half * turn[1], half * turn[2], cos(0.5 * angle)
+
+
+def orientation_in_space(row: Any, like: Vector) -> tuple[Vector, Vector]:
+    """Unit quaternion x, y, z, w of a body from its coordinates, and its angles of roll, pitch and yaw in rad.
+
+    The pitch of a body in a plane goes on beyond a turn.
+    """
+    if len(like) == 2:
+        return (0.0, sin(0.5 * row[2]), 0.0, cos(0.5 * row[2])), (0.0, row[2], 0.0)
+    return tuple(row[3:7]), _angles(row)
+
+
+@overload(orientation_in_space, jit_options=OPTIONS)
+def _orientation_in_space(row, like):
+    def planar(row, like):
+        return (0.0, sin(0.5 * row[2]), 0.0, cos(0.5 * row[2])), (0.0, row[2], 0.0)
+
+    def spatial(row, like):
+        return (row[3], row[4], row[5], row[6]), _angles(row)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _angles(row):
+    """Roll, pitch and yaw (rad) of a body in space: about z, then about its own y, then about its own x."""
+    a = _of_quaternion(row[3], row[4], row[5], row[6])
+    return atan2(a[7], a[8]), atan2(-a[6], sqrt(a[7] * a[7] + a[8] * a[8])), atan2(a[3], a[0])

@@ -1,0 +1,219 @@
+"""Turns of bodies: one angle about y in a plane, three in space; which of them is part of their type, as in `vectors`.
+
+A turn is a tuple of 1 or 3 angles in rad about the axes of the world, so are a spin in rad/s and a moment in N m. What
+belongs to it in the coordinates of a body is the pitch in a plane, and a unit quaternion x, y, z, w in space.
+"""
+
+from __future__ import annotations
+
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    Matrix,
+    Vector,
+    add_scaled,
+    product,
+    scale,
+    unit_matrix,
+)
+
+Turn = tuple[float, ...]
+
+
+def no_turn(like: Vector) -> Turn:
+    """The turn that is none, of the space of the vector `like`."""
+    return (0.0,) if len(like) == 2 else (0.0, 0.0, 0.0)
+
+
+@overload(no_turn, jit_options=OPTIONS)
+def _no_turn(like):
+    return {2: lambda like: (0.0,), 3: lambda like: (0.0, 0.0, 0.0)}[like.count]
+
+
+def cross(turn: Turn, arm: Vector) -> Vector:
+    """What a turn (or spin) does to an arm (dim,), θ x a."""
+    if len(arm) == 2:
+        return turn[0] * arm[1], -turn[0] * arm[0]
+    return (
+        turn[1] * arm[2] - turn[2] * arm[1],
+        turn[2] * arm[0] - turn[0] * arm[2],
+        turn[0] * arm[1] - turn[1] * arm[0],
+    )
+
+
+@overload(cross, jit_options=OPTIONS)
+def _cross(turn, arm):
+    return {
+        2: lambda turn, arm: (turn[0] * arm[1], -turn[0] * arm[0]),
+        3: lambda turn, arm: (
+            turn[1] * arm[2] - turn[2] * arm[1],
+            turn[2] * arm[0] - turn[0] * arm[2],
+            turn[0] * arm[1] - turn[1] * arm[0],
+        ),
+    }[arm.count]
+
+
+def moment(arm: Vector, force: Vector) -> Turn:
+    """Moment a x F of a force (dim,) at an arm (dim,)."""
+    if len(arm) == 2:
+        return (arm[1] * force[0] - arm[0] * force[1],)
+    return cross(arm, force)
+
+
+@overload(moment, jit_options=OPTIONS)
+def _moment(arm, force):
+    return {
+        2: lambda arm, force: (arm[1] * force[0] - arm[0] * force[1],),
+        3: lambda arm, force: (
+            arm[1] * force[2] - arm[2] * force[1],
+            arm[2] * force[0] - arm[0] * force[2],
+            arm[0] * force[1] - arm[1] * force[0],
+        ),
+    }[arm.count]
+
+
+def by_turn(arm: Vector) -> Matrix:
+    """Matrix (dim x turns) of θ x a by the turn θ; its transpose is that of a x F by F."""
+    if len(arm) == 2:
+        return arm[1], -arm[0]
+    return 0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0
+
+
+@overload(by_turn, jit_options=OPTIONS)
+def _by_turn(arm):
+    return {
+        2: lambda arm: (arm[1], -arm[0]),
+        3: lambda arm: (0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0),
+    }[arm.count]
+
+
+def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
+    """Matrix (turns x turns) of the moment (θ x a) x F by the turn θ of the arm: a Fᵀ - (a·F) 1."""
+    along = sum(x * f for x, f in zip(arm, force, strict=True))
+    if len(arm) == 2:
+        return (-along,)
+    return tuple(arm[i] * force[j] - (along if i == j else 0.0) for i in range(3) for j in range(3))
+
+
+@overload(moment_by_turn, jit_options=OPTIONS)
+def _moment_by_turn(arm, force):
+    return {
+        2: lambda arm, force: (-(arm[0] * force[0] + arm[1] * force[1]),),
+        3: lambda arm, force: (
+            -arm[1] * force[1] - arm[2] * force[2],
+            arm[0] * force[1],
+            arm[0] * force[2],
+            arm[1] * force[0],
+            -arm[0] * force[0] - arm[2] * force[2],
+            arm[1] * force[2],
+            arm[2] * force[0],
+            arm[2] * force[1],
+            -arm[0] * force[0] - arm[1] * force[1],
+        ),
+    }[arm.count]
+
+
+def gyration(inertia: Matrix, spin: Turn, acceleration: Turn, turned: Turn, mass_factor: float, rate_factor: float):
+    """Moment J ω_dot + ω x J ω of a body about its centre, and its derivative by a turn θ of it.
+
+    Args:
+        inertia: J (turns²) about the axes of the world.
+        spin: ω (turns,) rad/s.
+        acceleration: ω_dot (turns,) rad/s².
+        turned: rotation vector (turns,) of the step so far, which the integrator adds to.
+        mass_factor: ∂ω_dot by it.
+        rate_factor: ∂ω by it.
+    """
+    if len(spin) == 1:
+        return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
+    return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor)
+
+
+@overload(gyration, jit_options=OPTIONS)
+def _gyration(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+    def planar(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+        return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
+
+    def spatial(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+        return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor)
+
+    return planar if spin.count == 1 else spatial
+
+
+@inlined_kernel
+def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor):
+    """The same with three angles.
+
+    A turn θ of the body is the addition T⁻¹ θ to the rotation vector Δ of the step, with
+    T⁻¹ = 1 - [Δ]/2 + [Δ]²/12 - ... (Brüls, Cardona, Arnold 2012, in the axes of the world); it turns J as well.
+    """
+    momentum = product(inertia, spin, spin)
+    inert = product(inertia, acceleration, spin)
+    total = add_scaled(1.0, inert, cross(spin, momentum))
+    # [v] is the matrix of v x ., minus `by_turn`
+    by_spin = add_scaled(1.0, by_turn(momentum), scale(-1.0, product(by_turn(spin), inertia, spin)))  # [ω] J - [J ω]
+    by_increment = add_scaled(mass_factor, inertia, scale(rate_factor, by_spin))
+    cross_turned = scale(-1.0, by_turn(turned))
+    squared = product(cross_turned, cross_turned, spin)
+    inverse = add_scaled(1.0 / 12.0, squared, add_scaled(-0.5, cross_turned, unit_matrix(spin)))
+    # δ(J v) = θ x J v - J (θ x v)
+    turning_inert = add_scaled(-1.0, product(inertia, by_turn(acceleration), spin), by_turn(inert))
+    turning_momentum = add_scaled(-1.0, product(inertia, by_turn(spin), spin), by_turn(momentum))
+    gyroscopic = scale(-1.0, product(by_turn(spin), turning_momentum, spin))
+    static = add_scaled(1.0, turning_inert, gyroscopic)
+    return total, add_scaled(1.0, static, product(by_increment, inverse, spin))
+
+
+def inverse_of(a: Matrix) -> Matrix:
+    """Inverse of a matrix of turns, of one entry or nine."""
+    if len(a) == 1:
+        return (1.0 / a[0],)
+    return _inverse_in_space(a)
+
+
+@overload(inverse_of, jit_options=OPTIONS)
+def _inverse_of(a):
+    def spatial(a):
+        return _inverse_in_space(a)
+
+    return {1: lambda a: (1.0 / a[0],), 9: spatial}[a.count]
+
+
+@kernel
+def _inverse_in_space(a):
+    """Inverse of a full matrix (9,)."""
+    c = a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6]
+    f = 1.0 / (a[0] * c[0] + a[1] * c[1] + a[2] * c[2])
+    return (
+        f * c[0],
+        f * (a[2] * a[7] - a[1] * a[8]),
+        f * (a[1] * a[5] - a[2] * a[4]),
+        f * c[1],
+        f * (a[0] * a[8] - a[2] * a[6]),
+        f * (a[2] * a[3] - a[0] * a[5]),
+        f * c[2],
+        f * (a[1] * a[6] - a[0] * a[7]),
+        f * (a[0] * a[4] - a[1] * a[3]),
+    )
+
+
+def turn_in_space(turn: Turn) -> Turn:
+    """A turn, spin or moment as one of three angles."""
+    return (0.0, turn[0], 0.0) if len(turn) == 1 else turn
+
+
+@overload(turn_in_space, jit_options=OPTIONS)
+def _turn_in_space(turn):
+    return {1: lambda turn: (0.0, turn[0], 0.0), 3: lambda turn: turn}[turn.count]
+
+
+def along_track(like: Vector) -> Vector:
+    """Unit vector along the track, in the space of the vector `like`."""
+    return (1.0, 0.0) if len(like) == 2 else (1.0, 0.0, 0.0)
+
+
+@overload(along_track, jit_options=OPTIONS)
+def _along_track(like):
+    return {2: lambda like: (1.0, 0.0), 3: lambda like: (1.0, 0.0, 0.0)}[like.count]

@@ -1,0 +1,171 @@
+"""What a joint in space holds: one equation and one moment for each axis, eliminated with the body below it.
+
+In a plane nothing is held, and all of this is left out as kernels are compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    accumulate,
+    add_scaled,
+    dot,
+    load,
+    minus,
+    outer,
+    product,
+    scale,
+    store,
+    unit_matrix,
+)
+from cable_twin.mechanics.on_rope.hinge import joint_axes
+
+
+class Held(NamedTuple):
+    """Increment of the moment that holds, by the place of the pivot, by the turn of what is above, and at least."""
+
+    by_place: Any
+    by_above: Any
+    least: Any
+
+
+def measure_held(carriages, state, body, first, direction, gap):
+    """Write Φ = a·c of what a joint holds into `gap` (2,); there is nothing of that in a plane."""
+    if len(direction.spin) == 3:
+        _measure_held(carriages, state, body, first, direction, gap)
+
+
+@overload(measure_held, jit_options=OPTIONS)
+def _overload_measure_held(carriages, state, body, first, direction, gap):
+    def in_plane(carriages, state, body, first, direction, gap):
+        return None
+
+    def in_space(carriages, state, body, first, direction, gap):
+        _measure_held(carriages, state, body, first, direction, gap)
+
+    return in_space if direction[1].count == 3 else in_plane
+
+
+@kernel
+def _measure_held(carriages, state, body, first, direction, gap):
+    a, c, other, _ = joint_axes(state, body, first, direction.orientation)
+    gap[0], gap[1] = dot(a, c), dot(a, other)
+
+
+def hold(joint, inverse, by_place, by_above, least, gap):
+    """Turn of a body that its joint holds, from the turn -(by_place p + by_above θ + least) of one that is free.
+
+    Takes the inverse of what stiffens the turn, and the gaps Φ (2,). Each axis q that holds is one equation
+    q·(turn - θ) = -Φ with one moment λ q.
+
+    Returns:
+        The three coefficients, and those of the moment that holds (`Held`).
+    """
+    if len(least) == 1:
+        return by_place, by_above, least, Held(0.0, 0.0, 0.0)
+    return _hold_in_space(joint, inverse, by_place, by_above, least, gap)
+
+
+@overload(hold, jit_options=OPTIONS)
+def _overload_hold(joint, inverse, by_place, by_above, least, gap):
+    def in_plane(joint, inverse, by_place, by_above, least, gap):
+        return by_place, by_above, least, Held(0.0, 0.0, 0.0)
+
+    def in_space(joint, inverse, by_place, by_above, least, gap):
+        return _hold_in_space(joint, inverse, by_place, by_above, least, gap)
+
+    return in_plane if least.count == 1 else in_space
+
+
+@inlined_kernel
+def _hold_in_space(joint, inverse, by_place, by_above, least, gap):
+    nothing = scale(0.0, by_place)
+    on_place, on_above, on = nothing, nothing, scale(0.0, least)
+    through = unit_matrix(least)  # what a moment is with those that the axes before it then need
+    for number in range(joint.holding):
+        axis = joint.held[number]
+        yields = product(inverse, axis, axis)
+        weight = 1.0 / dot(axis, yields)
+        push = scale(weight, product(through, axis, axis))
+        place, above = product(axis, by_place, axis), add_scaled(1.0, product(axis, by_above, axis), axis)
+        rest = dot(axis, least) - gap[number]
+        on_place = add_scaled(1.0, outer(1.0, push, place), on_place)
+        on_above = add_scaled(1.0, outer(1.0, push, above), on_above)
+        on = add_scaled(rest, push, on)
+        by_place = minus(by_place, outer(weight, yields, place))
+        by_above = minus(by_above, outer(weight, yields, above))
+        least = add_scaled(-rest * weight, yields, least)
+        back = product(axis, inverse, axis)
+        inverse = minus(inverse, outer(weight, yields, back))
+        through = minus(through, outer(1.0, push, back))
+    return by_place, by_above, least, Held(on_place, on_above, on)
+
+
+def add_held(a, held):
+    """Sum of a matrix and what a joint that holds has for it; in a plane the matrix."""
+    return add_scaled(1.0, held, a) if isinstance(held, tuple) else a
+
+
+@overload(add_held, jit_options=OPTIONS)
+def _overload_add_held(a, held):
+    def in_plane(a, held):
+        return a
+
+    def in_space(a, held):
+        return add_scaled(1.0, held, a)
+
+    return in_space if hasattr(held, "count") else in_plane
+
+
+def keep_held(held, body, work):
+    """Keep what `recover_held` needs."""
+    if isinstance(held.least, tuple):
+        _keep_held(held, body, work)
+
+
+@overload(keep_held, jit_options=OPTIONS)
+def _overload_keep_held(held, body, work):
+    def in_plane(held, body, work):
+        return None
+
+    def in_space(held, body, work):
+        _keep_held(held, body, work)
+
+    return in_space if hasattr(held[2], "count") else in_plane
+
+
+@inlined_kernel
+def _keep_held(held, body, work):
+    store(held.by_place, work.held_by_place[body])
+    store(held.by_above, work.held_by_above[body])
+    store(held.least, work.held_right[body])
+
+
+def recover_held(state, body, moved, turned, work):
+    """Bring the moment that holds up to date, for the increments of the pivot and of the turn above."""
+    if len(turned) == 3:
+        _recover_held(state, body, moved, turned, work)
+
+
+@overload(recover_held, jit_options=OPTIONS)
+def _overload_recover_held(state, body, moved, turned, work):
+    def in_plane(state, body, moved, turned, work):
+        return None
+
+    def in_space(state, body, moved, turned, work):
+        _recover_held(state, body, moved, turned, work)
+
+    return in_space if turned.count == 3 else in_plane
+
+
+@kernel
+def _recover_held(state, body, moved, turned, work):
+    square = outer(0.0, moved, moved)
+    change = product(load(work.held_by_place[body], square), moved, moved)
+    change = add_scaled(1.0, product(load(work.held_by_above[body], square), turned, turned), change)
+    accumulate(add_scaled(1.0, load(work.held_right[body], moved), change), state.moments[body])

@@ -1,0 +1,21 @@
+"""Where residual and tangent of a group of elements stand in `Workspace.group`, a row a number and a lane an element.
+
+First the vectors of the four nodal coordinates, then the sixteen blocks of coordinate i against j, row by row.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import inlined_kernel
+
+
+@inlined_kernel
+def vector_row(i, like):
+    """First row of the vector (dim,) of coordinate i."""
+    return i * len(like)
+
+
+@inlined_kernel
+def block_row(i, j, like):
+    """First row of the block (dim²) of coordinate i against j."""
+    dim = len(like)
+    return 4 * dim + (4 * i + j) * dim * dim
