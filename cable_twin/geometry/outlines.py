@@ -26,12 +26,22 @@ def body_outline(body: Body) -> FloatArray:
     With a size it is that box around the centre of mass, and a line from it to each pivot. Without one, see
     `outline_from_pivots`.
     """
+    upper = body.upper_pivot[:: len(body.upper_pivot) - 1]
+    lower = None if body.lower_pivot is None else body.lower_pivot[:: len(body.lower_pivot) - 1]
     if body.size is None:
-        return outline_from_pivots(body.upper_pivot, body.lower_pivot, gyration_radius=sqrt(body.inertia / body.mass))
+        return outline_from_pivots(upper, lower, gyration_radius=sqrt(about_y(body) / body.mass))
     width, height = body.size[0] / 2.0, body.size[1] / 2.0
     box = [(0.0, height), (width, height), (width, -height), (-width, -height), (-width, height), (0.0, height)]
-    below = [] if body.lower_pivot is None else [(0.0, -height), body.lower_pivot]
-    return np.array([body.upper_pivot, *box, *below], dtype=np.float64)
+    below = [] if lower is None else [(0.0, -height), lower]
+    return np.array([upper, *box, *below], dtype=np.float64)
+
+
+def about_y(body: Body) -> float:
+    """Moment of inertia (kg m²) about the lateral axis."""
+    if not isinstance(body.inertia, tuple):
+        return body.inertia
+    middle = body.inertia[1]
+    return middle[1] if isinstance(middle, tuple) else middle
 
 
 def outline_from_pivots(

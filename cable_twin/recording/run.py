@@ -122,7 +122,7 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         path=path,
         live=live,
         ground=scenario.terrain or None,
-        support_positions={name: tower.position for name, tower in scenario.towers.items()},
+        support_positions={name: (tower.position[0], tower.position[-1]) for name, tower in scenario.towers.items()},
         carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
         **options,
     )

@@ -244,8 +244,9 @@ class _Frames:
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
-                direction = np.array(end.direction) / np.hypot(*end.direction)
-                moved = c.rope_position[-row][[0, 2]] - np.array(end.position)
+                scenario, axes = self._scenario, [0, 2] if self._scenario.dim == 2 else [0, 1, 2]
+                direction = np.array(scenario.vector(end.direction)) / np.hypot(*end.direction)
+                moved = c.rope_position[-row][axes] - np.array(scenario.vector(end.position))
                 c.support_travel[row] = float(moved @ direction)
 
 

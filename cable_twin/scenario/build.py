@@ -9,7 +9,7 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.scenario.mesh import even_nodes, nodes_of
-from cable_twin.scenario.schema import Cable, Carriage, Drive, Scenario, Support, Tower
+from cable_twin.scenario.schema import Body, Cable, Carriage, Drive, Scenario, Support, Tower
 
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
@@ -40,14 +40,14 @@ def build_system(scenario: Scenario) -> parameters.System:
             bending_stiffness=cable.bending_stiffness,
             damping_time=cable.damping_time,
             elastic_model=parameters.ELASTIC_MODELS.index(cable.elastic_model),
-            gravity=(0.0, -scenario.gravity),
-            end_position=np.array([(np.nan, np.nan) if end.support == "free" else end.position for end in ends]),
-            end_projector=np.array([_free_part(end) for end in ends]),
-            end_direction=np.array(
-                [_direction(end) if end.support == "clamped" else np.full(2, np.nan) for end in ends]
+            gravity=scenario.vector((0.0, -scenario.gravity)),
+            end_position=np.array(
+                [np.full(scenario.dim, nan) if end.support == "free" else scenario.vector(end.position) for end in ends]
             ),
+            end_projector=np.array([_free_part(scenario, end) for end in ends]),
+            end_direction=np.array([_direction(scenario, end if end.support == "clamped" else None) for end in ends]),
             load_arc_length=_array([load.arc_length for load in cable.loads]),
-            load_force=_array([load.force for load in cable.loads], 2),
+            load_force=_array([scenario.vector(load.force) for load in cable.loads], scenario.dim),
             end_moment=_end_moments(cable),
         ),
         carriages=_build_carriages(scenario),
@@ -75,9 +75,9 @@ def build_payloads(scenario: Scenario) -> Payloads:
         names, payload = list(carriage.bodies), carriage.payload
         number = -1 if payload is None else first + names.index(payload.body or names[-1])
         bodies.append(number)
-        places.append((0.0, 0.0) if payload is None else payload.position)
+        places.append(scenario.vector((0.0, 0.0) if payload is None else payload.position))
         first += len(names)
-    return Payloads(body=np.array(bodies, dtype=np.int64), position=_array(places, 2))
+    return Payloads(body=np.array(bodies, dtype=np.int64), position=_array(places, scenario.dim))
 
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
@@ -111,24 +111,24 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
     return stroke, stiffness, damping
 
 
-def _free_part(end: Support) -> FloatArray:
+def _free_part(scenario: Scenario, end: Support) -> FloatArray:
     """Projectors (2, dim²) of r and r_x of an end node onto what its support leaves free."""
-    identity = np.eye(2)
+    identity = np.eye(scenario.dim)
     position, slope = identity, identity
     if end.support != "free":
-        position = np.zeros((2, 2))
+        position = np.zeros_like(identity)
     if end.support == "counterweight":
-        position = _direction(end)[:, None] * _direction(end)
+        position = _direction(scenario, end)[:, None] * _direction(scenario, end)
     if end.support == "clamped":
-        slope = _direction(end)[:, None] * _direction(end)  # the strain is free, the turn is not
+        slope = _direction(scenario, end)[:, None] * _direction(scenario, end)  # the strain is free, the turn is not
     return np.array([position.ravel(), slope.ravel()])
 
 
-def _direction(end: Support) -> FloatArray:
-    """Unit vector (2,) of the cable in a clamp or of the pull of a counterweight, NaN elsewhere."""
-    if end.direction is None:
-        return np.full(2, np.nan)
-    direction = np.array(end.direction, dtype=np.float64)
+def _direction(scenario: Scenario, end: Support | None) -> FloatArray:
+    """Unit vector (dim,) of the cable in a clamp or of the pull of a counterweight, NaN elsewhere."""
+    if end is None or end.direction is None:
+        return np.full(scenario.dim, nan)
+    direction = np.array(scenario.vector(end.direction), dtype=np.float64)
     return direction / np.linalg.norm(direction)
 
 
@@ -142,15 +142,14 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
     towers = list(scenario.towers.values())
-    corners = np.array([scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position])
-    contacts = [
-        _contacts(tower, *corners[number : number + 3] - corners[number + 1]) for number, tower in enumerate(towers)
-    ]
+    places = [scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position]
+    corners = np.array([scenario.vector(place) for place in places])
+    contacts = [_contacts(tower, *corners[number : number + 3]) for number, tower in enumerate(towers)]
     return parameters.Towers(
         contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
         top=corners[1:-1].copy(),
-        position=_array([row for places, _ in contacts for row in places], 2),
-        normal=_array([row for _, normals in contacts for row in normals], 2),
+        position=_array([row for places, _ in contacts for row in places], scenario.dim),
+        normal=_array([row for _, normals in contacts for row in normals], scenario.dim),
         stiffness=_array([tower.stiffness for tower in towers for _ in range(tower.contacts)]),
         damping=_array([tower.damping for tower in towers for _ in range(tower.contacts)]),
         friction=_array(
@@ -166,18 +165,19 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
 
 
 def _contacts(tower: Tower, before: FloatArray, here: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (contacts, 2) in m of the contacts of a tower and the normals there, evenly along a circle.
+    """Places (contacts, dim) in m of the contacts of a tower and the normals there, evenly along a circle.
 
     Its middle is the top of the tower; its tangent there goes between the directions to the supports `before` and
-    `after` (2,) in m, seen from `here`, as sheaves on their balances and well placed saddles do.
+    `after` (dim,) in m, seen from `here`, as sheaves on their balances and well placed saddles do.
     """
     along = (here - before) / np.linalg.norm(here - before) + (after - here) / np.linalg.norm(after - here)
     along /= np.linalg.norm(along)
-    up = np.array([-along[1], along[0]]) * np.sign(along[0])
+    up = np.eye(along.size)[-1] - along[-1] * along
+    up /= np.linalg.norm(up)
     if tower.hold_down:
         up = -up
     s = np.linspace(-0.5, 0.5, tower.contacts)[:, None] * tower.length if tower.contacts > 1 else np.zeros((1, 1))
-    top = np.array(tower.position)
+    top = here
     if tower.radius is None:
         return top + s * along, np.repeat(up[None], tower.contacts, axis=0)
     angle = s / tower.radius
@@ -187,7 +187,7 @@ def _contacts(tower: Tower, before: FloatArray, here: FloatArray, after: FloatAr
 
 def _build_counterweights(scenario: Scenario) -> parameters.Counterweights:
     ends = (scenario.cable.start, scenario.cable.end)
-    rows = [_counterweight(end, scenario.gravity) for end in ends]
+    rows = [_counterweight(scenario, end) for end in ends]
     direction, mass, force, travel = zip(*rows, strict=True)
     return parameters.Counterweights(
         direction=np.array(direction),
@@ -199,11 +199,11 @@ def _build_counterweights(scenario: Scenario) -> parameters.Counterweights:
     )
 
 
-def _counterweight(end: Support, gravity: float) -> tuple[FloatArray, float, float, tuple[float, float]]:
-    """Direction (2,), mass (kg), force (N) and travel (m) of the counterweight at an end; without one a mass of 0."""
+def _counterweight(scenario: Scenario, end: Support) -> tuple[FloatArray, float, float, tuple[float, float]]:
+    """Direction (dim,), mass (kg), force (N) and travel (m) of the counterweight at an end; without one a mass of 0."""
     if end.support != "counterweight" or end.mass is None:
-        return np.full(2, nan), 0.0, 0.0, (-inf, inf)
-    return _direction(end), end.mass, end.force or end.mass * gravity, end.travel or (-inf, inf)
+        return np.full(scenario.dim, nan), 0.0, 0.0, (-inf, inf)
+    return _direction(scenario, end), end.mass, end.force or end.mass * scenario.gravity, end.travel or (-inf, inf)
 
 
 def _build_moving_cable(scenario: Scenario) -> parameters.MovingCable:
@@ -228,14 +228,14 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
     return parameters.Carriages(
         body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
         mass=_array([body.mass for body in bodies]),
-        inertia=_array([body.inertia for body in bodies]),
-        upper_pivot=_array([body.upper_pivot for body in bodies], 2),
-        lower_pivot=_array([body.lower_pivot or (0.0, 0.0) for body in bodies], 2),
+        inertia=_inertias(scenario, bodies),
+        upper_pivot=_array([scenario.vector(body.upper_pivot) for body in bodies], scenario.dim),
+        lower_pivot=_array([scenario.vector(body.lower_pivot or (0.0, 0.0)) for body in bodies], scenario.dim),
         hinge_stiffness=_array([body.stiffness for body in bodies]),
         hinge_damping=_array([body.damping for body in bodies]),
-        roll_damping=np.zeros(len(bodies)),
-        held=np.zeros(len(bodies), dtype=np.int64),
-        centre_offset=np.zeros((len(bodies), 2)),
+        roll_damping=_array([body.roll_damping for body in bodies]),
+        held=np.array(_held(scenario), dtype=np.int64),
+        centre_offset=np.zeros((len(bodies), scenario.dim)),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
         loop_place=_array([carriage.arc_length for carriage in carriages]),
@@ -256,6 +256,23 @@ def _build_carriages(scenario: Scenario) -> parameters.Carriages:
         stop_stiffness=stops[:, 1].copy(),
         stop_damping=stops[:, 2].copy(),
     )
+
+
+def _inertias(scenario: Scenario, bodies: list[Body]) -> FloatArray:
+    """Inertias (bodies,) in kg m² about y, or in space tensors (bodies, 9) in the axes of each body."""
+    if scenario.dim == 2:
+        return _array([body.inertia for body in bodies])
+    tensors = [np.array(body.inertia, dtype=np.float64) for body in bodies]
+    return np.array([t if t.ndim == 2 else np.diag(np.broadcast_to(t, 3)) for t in tensors]).reshape(-1, 9)
+
+
+def _held(scenario: Scenario) -> list[int]:
+    """Angles that the joint above each body holds: in space the heading, and of a revolute one the roll as well."""
+    found = []
+    for carriage in scenario.vehicles.values():
+        for number, body in enumerate(carriage.bodies.values()):
+            found.append(0 if scenario.dim == 2 else 2 if number > 0 and body.turns == "revolute" else 1)
+    return found
 
 
 def _brakes(drive: Drive) -> list[tuple[float, float]]:

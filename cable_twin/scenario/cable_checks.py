@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import copysign, hypot, nan
+from math import copysign, dist, hypot, nan
 
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import MOST_ELEMENTS, Cable, Grading, Scenario, Support
@@ -15,12 +15,33 @@ HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end
 
 def cable_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
+    yield from _dimensions(scenario)
     yield from _elements(scenario.cable)
     yield from _supports(scenario)
     yield from _span(scenario)
     yield from _towers(scenario)
     yield from _loads(scenario.cable)
     yield from _terrain(scenario)
+
+
+def _dimensions(scenario: Scenario) -> Iterator[Fault]:
+    """Vectors of a plane among those of space, and the other way round."""
+    cable, dim = scenario.cable, scenario.dim
+    places: dict[KeyPath, tuple[float, ...] | None] = {}
+    for name, end in (("start", cable.start), ("end", cable.end)):
+        places[("cable", name, "position")] = end.position
+        places[("cable", name, "direction")] = end.direction
+    places |= {("towers", name, "position"): tower.position for name, tower in scenario.towers.items()}
+    for path, given in places.items():
+        if given is not None and len(given) == 2 < dim and scenario.space is None:
+            yield Fault(path, f"given {show(list(given))} where others have three numbers; allowed: x, y, z in m")
+    places |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
+    places[("air", "wind")] = scenario.air.wind
+    for path, given in places.items():
+        if given is not None and len(given) > dim:
+            yield Fault(path, f"given {show(list(given))} in a plane; allowed: x, z, or positions x, y, z throughout")
+    if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
+        yield Fault(("cable", "loads"), "given a moment in space; allowed: moments on a cable in a plane, in N m")
 
 
 def _elements(cable: Cable) -> Iterator[Fault]:
@@ -106,8 +127,8 @@ def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
     if end.direction is not None:
         corners = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
         inner = corners[-2] if name == "end" else corners[1]
-        outwards = (end.position[0] - inner[0], end.position[1] - inner[1])
-        if outwards[0] * end.direction[0] + outwards[1] * end.direction[1] <= 0.0 < hypot(*end.direction):
+        here, before, pull = (scenario.vector(v) for v in (end.position, inner, end.direction))
+        if sum((a - b) * c for a, b, c in zip(here, before, pull, strict=True)) <= 0.0 < hypot(*pull):
             yield Fault(
                 (*path, "direction"),
                 f"given {show(list(end.direction))}, which lets the cable go slack; allowed: one that pulls it "
@@ -120,16 +141,13 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
     start, end = cable.start, cable.end
     if not {start.support, end.support} <= HELD:
         return
-    if (
-        hypot(end.position[0] - start.position[0], end.position[1] - start.position[1])
-        <= 1e-6 * cable.unstrained_length
-    ):
+    if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * cable.unstrained_length:
         yield Fault(
             ("cable", "end", "position"),
             f"given {show(list(end.position))}, the place of the start; allowed: another place, in m",
         )
     corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
-    way = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(corners))
+    way = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(corners))
     strain = way / cable.unstrained_length - 1.0
     over = " apart" if not scenario.towers else " apart over the towers"
     if "counterweight" in (start.support, end.support):

@@ -33,7 +33,17 @@ MOST_ELEMENTS = 100_000
 ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-Vector = Annotated[tuple[float, float], FromList]
+Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
+# along the track and upwards, or in space with what is to the left between them
+Place = Annotated[tuple[float, float] | tuple[float, float, float], FromList]
+
+
+Inertia = Annotated[
+    Annotated[float, Field(gt=0)]
+    | Annotated[tuple[float, float, float], FromList]
+    | Annotated[tuple[Annotated[tuple[float, float, float], FromList], ...], FromList],
+    Field(),
+]
 
 
 def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> Any:
@@ -60,12 +70,12 @@ class Section(BaseModel):
 class Support(Section):
     """What holds one end of the cable."""
 
-    position: Vector = quantity("m", "place of the end as x, z; only the direction of the start where it is free")
+    position: Place = quantity("m", "place as x, z, in space x, y, z; only the direction of the start where it is free")
     support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(
         default="pinned",
         description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
     )
-    direction: Vector | None = quantity(
+    direction: Place | None = quantity(
         "-", "direction of the cable in a clamp, towards its end; or in which a counterweight pulls; any length", None
     )
     mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
@@ -83,7 +93,7 @@ class Load(Section):
     """A constant load at a point of the cable."""
 
     arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
-    force: Vector = quantity("N", "force on the cable as x, z", (0.0, 0.0))
+    force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))
     moment: float = quantity("N m", "moment on an end of the cable, right-handed about y", 0.0)
 
 
@@ -141,7 +151,7 @@ class Cable(Section):
 class Tower(Section):
     """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
 
-    position: Vector = quantity("m", "where the rope touches its middle, as x, z")
+    position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
     kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
     contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
     length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
@@ -231,13 +241,20 @@ class Body(Section):
     """One rigid body of a carriage; pivots are seen from its centre of mass, in its own axes x, z."""
 
     mass: float = quantity("kg", "mass of the body", gt=0)
-    inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass", gt=0)
-    upper_pivot: Vector = quantity("m", "place of the pin from which it hangs")
-    lower_pivot: Vector | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
+    inertia: Inertia = quantity(
+        "kg m^2",
+        "moment of inertia about the centre of mass; in space also three about x, y, z, or a tensor",
+    )
+    upper_pivot: Place = quantity("m", "place of the pin from which it hangs")
+    lower_pivot: Place | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
     damping: float = quantity(
         "N m s/rad", "of a damper of its turning against the body above, or of the first against the cable", 0.0, ge=0
     )
     stiffness: float = quantity("N m/rad", "of a spring beside it, at rest when both are in line", 0.0, ge=0)
+    turns: Literal["revolute", "universal"] = Field(
+        default="revolute", description="in space, whether it turns against the body above in pitch, or in roll as well"
+    )
+    roll_damping: float = quantity("N m s/rad", "in space, of a damper of its roll against what is above", 0.0, ge=0)
     size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
     drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
 
@@ -248,7 +265,7 @@ class Payload(Section):
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
     body: str | None = Field(default=None, description="body that carries it; by default the last one")
-    position: Vector = quantity(
+    position: Place = quantity(
         "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
     )
     station_distance: float | None = quantity(
@@ -278,7 +295,7 @@ class Air(Section):
     """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
 
     density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
-    wind: Vector = quantity("m/s", "wind along the track and upwards until another comes", (0.0, 0.0))
+    wind: Place = quantity("m/s", "wind along the track and upwards until another comes; in space x, y, z", (0.0, 0.0))
 
 
 class RopeDrive(Section):
@@ -338,6 +355,9 @@ class Scenario(Section):
     )
     description: str = Field(default="", description="one line about it")
     gravity: float = quantity("m/s^2", "gravity, downwards", 9.81, ge=0)
+    space: Literal[2, 3] | None = Field(
+        default=None, description="2 for a plane, 3 for space; null: as many as the positions of supports have numbers"
+    )
     cable: Cable = Field(description="the cable")
     towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
@@ -363,6 +383,18 @@ class Scenario(Section):
             )
             for number in range(carriers.count)
         }
+
+    @property
+    def dim(self) -> int:
+        """How many dimensions it has: 2 in a plane, 3 in space."""
+        places = [self.cable.start.position, self.cable.end.position, *(t.position for t in self.towers.values())]
+        return self.space or max(map(len, places))
+
+    def vector(self, given: tuple[float, ...]) -> tuple[float, ...]:
+        """The vector x, z or x, y, z with as many numbers as there are dimensions; y is 0 where it is not given."""
+        if len(given) == self.dim:
+            return given
+        return (given[0], 0.0, given[1]) if self.dim == 3 else given[::2]
 
     @property
     def loop_length(self) -> float:

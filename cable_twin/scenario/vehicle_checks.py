@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from math import ceil
 from re import fullmatch
 
+import numpy as np
+
 from cable_twin.scenario.build import BRAKES, stop_stroke
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
@@ -38,12 +40,12 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
                 f"given {carriage.arc_length!r}; allowed: {stroke:.9g} to {length - stroke:.9g} m, "
                 "on the cable and between its end stops",
             )
-        yield from _bodies(path, carriage.bodies)
+        yield from _bodies(scenario, path, carriage.bodies)
         yield from _payload(path, carriage)
         yield from _drive(path, carriage, scenario.solver.integrator)
 
 
-def _bodies(path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
+def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
     last = list(bodies)[-1:]
     for name, body in bodies.items():
         yield from name_faults((*path, "bodies", name))
@@ -52,6 +54,32 @@ def _bodies(path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault
                 (*path, "bodies", name, "lower_pivot"),
                 "nothing given, but another body hangs there; allowed: a list of 2 finite numbers, in m",
             )
+        for key in ("upper_pivot", "lower_pivot"):
+            given = getattr(body, key)
+            if given is not None and len(given) > scenario.dim:
+                yield Fault((*path, "bodies", name, key), f"given {show(list(given))} in a plane; allowed: x, z in m")
+        yield from _inertia(scenario, (*path, "bodies", name, "inertia"), body)
+
+
+def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
+    """Inertia that no body has: of its principal moments, none is more than the other two together."""
+    if not isinstance(body.inertia, tuple):
+        return
+    given = show([list(row) if isinstance(row, tuple) else row for row in body.inertia])
+    if scenario.dim == 2:
+        yield Fault(path, f"given {given} in a plane; allowed: a number above 0, in kg m^2")
+        return
+    tensor = np.array(body.inertia, dtype=np.float64)
+    if tensor.ndim == 2 and (tensor.shape != (3, 3) or not np.array_equal(tensor, tensor.T)):
+        yield Fault(path, f"given {given}; allowed: three numbers, or the three rows of a symmetric tensor, in kg m^2")
+        return
+    low, middle, high = np.sort(np.linalg.eigvalsh(tensor)) if tensor.ndim == 2 else np.sort(tensor)
+    if low <= 0.0 or high > (1.0 + 1e-9) * (low + middle):
+        yield Fault(
+            path,
+            f"given {given}, with principal moments {low:g}, {middle:g} and {high:g}; "
+            "allowed: all above 0 and none more than the other two together, in kg m^2",
+        )
 
 
 def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Fault]:
@@ -178,4 +206,4 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield Fault(
             ("carriers", "first"), f"given {carriers.first!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop"
         )
-    yield from _bodies(("carriers",), carriers.bodies)
+    yield from _bodies(scenario, ("carriers",), carriers.bodies)

@@ -44,7 +44,7 @@ class Ropeway:
         self.stopped = False
         self.commands: dict[str, Command] = {}
         self.loading: dict[str, float] = {}
-        self.state.wind[:] = scenario.air.wind
+        self.state.wind[:] = scenario.vector(scenario.air.wind)
         self._first_loads = np.array(
             [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
             dtype=np.float64,
@@ -65,7 +65,7 @@ class Ropeway:
         """
         cable = self.scenario.cable
         if cable.initial_shape == "straight":
-            ends = np.array([cable.start.position, cable.end.position])
+            ends = np.array([self.scenario.vector(end.position) for end in (cable.start, cable.end)])
             lay_straight(self.system, self.state, ends[0], ends[1])
         else:
             check_rest(self.system, tuple(self.scenario.towers))

@@ -96,7 +96,7 @@ def park(system, state, carriage, place):
     place_joint(cable, state, carriage)
     joint = position_on_cable(cable, state, station)
     still = scale(0.0, joint)
-    hang_chain(system.carriages, state, carriage, joint)
+    hang_chain(system.carriages, state, carriage, joint, joint_tangent(cable, state, carriage))
     move_chain(system.carriages, cable.gravity, state, carriage, still, still)
 
 
@@ -132,5 +132,5 @@ def attach(system, state, carriage, place):
     velocity = joint_velocity(cable, state, carriage)
     r_tt, r_x = value(state.nodes.acceleration, point, cable.gravity), slope(state.nodes.position, point, cable.gravity)
     acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
-    hang_chain(system.carriages, state, carriage, joint)
+    hang_chain(system.carriages, state, carriage, joint, r_x)
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

@@ -94,23 +94,35 @@ def _inertia_of(inertia, body, axes, like):
     return planar if like.count == 2 else spatial
 
 
-def set_upright(row: Any, like: Vector) -> None:
-    """Put the coordinates of a body upright: its axes are those of the world."""
-    if len(like) == 2:
+def set_upright(row: Any, along: Vector) -> None:
+    """Put the coordinates of a body upright: its axes are those of the world, in space with its x along the cable.
+
+    `along` (dim,) is the direction of that; of the two ways, x points to where x of the world rises.
+    """
+    if len(along) == 2:
         row[2] = 0.0
     else:
-        row[3], row[4], row[5], row[6] = 0.0, 0.0, 0.0, 1.0
+        half = _half_heading(along)
+        row[3:] = 0.0, 0.0, sin(half), cos(half)
 
 
 @overload(set_upright, jit_options=OPTIONS)
-def _set_upright(row, like):
-    def planar(row, like):
+def _set_upright(row, along):
+    def planar(row, along):
         row[2] = 0.0
 
-    def spatial(row, like):
-        row[3], row[4], row[5], row[6] = 0.0, 0.0, 0.0, 1.0
+    def spatial(row, along):
+        half = _half_heading(along)
+        row[3], row[4], row[5], row[6] = 0.0, 0.0, sin(half), cos(half)
 
-    return planar if like.count == 2 else spatial
+    return planar if along.count == 2 else spatial
+
+
+@kernel
+def _half_heading(along):
+    """Half the angle (rad) about z to the direction `along` (3,), or to the other way round."""
+    sign = 1.0 if along[0] >= 0.0 else -1.0
+    return 0.5 * atan2(sign * along[1], sign * along[0]) if along[0] != 0.0 or along[1] != 0.0 else 0.0
 
 
 def move_bodies(positions: Any, increments: Any, like: Vector) -> None:

@@ -70,13 +70,14 @@ def pivot_velocity(state, body, offset, like):
 
 
 @kernel
-def hang_chain(carriages, state, carriage, place):
-    """Hang every body of a carriage upright below `place` (dim,) in m."""
+def hang_chain(carriages, state, carriage, place, along):
+    """Hang every body of a carriage upright below `place` (dim,) in m, headed `along` (dim,) the cable."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        at = subtract(place, load(carriages.upper_pivot[body], place))
+        set_upright(state.bodies.position[body], along)
+        axes = axes_of(state, body, place)
+        at = subtract(place, arm_to(axes, carriages.upper_pivot[body], place))
         store(at, state.bodies.position[body])
-        set_upright(state.bodies.position[body], place)
-        place = add_scaled(1.0, at, load(carriages.lower_pivot[body], place))
+        place = add_scaled(1.0, at, arm_to(axes, carriages.lower_pivot[body], place))
 
 
 @kernel

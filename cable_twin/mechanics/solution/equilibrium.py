@@ -15,7 +15,7 @@ from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force
 from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.point import position_on_cable
+from cable_twin.mechanics.rope.point import point_at, slope, value
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
@@ -54,8 +54,9 @@ def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
-        place = position_on_cable(system.cable, state, state.joints.position[carriage])
-        hang_chain(carriages, state, carriage, place)
+        point = point_at(system.cable, state.joints.position[carriage])
+        place = value(state.nodes.position, point, system.cable.gravity)
+        hang_chain(carriages, state, carriage, place, slope(state.nodes.position, point, system.cable.gravity))
         if not state.attached[carriage]:
             still = scale(0.0, place)
             move_chain(carriages, system.cable.gravity, state, carriage, still, still)
