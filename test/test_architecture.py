@@ -46,6 +46,7 @@ ALLOWED = {
     "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot"),
     "command_line": (),
     "gym": ("commands", "records", "scenario", "simulation", "snapshot"),
+    "compilation_bar": ("simulation",),
     "recording": (
         "messages",
         "command_messages",
@@ -58,8 +59,8 @@ ALLOWED = {
         "scenario",
         "snapshot",
     ),
-    "ros": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "figure_messages", "command_line", *BELOW_RECORDING),
+    "ros": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
+    "offline": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
 }
 
 # the same between the folders of the mechanics, and the two modules beside them

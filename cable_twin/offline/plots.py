@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
@@ -24,6 +24,7 @@ from matplotlib.ticker import FuncFormatter
 
 from cable_twin.offline.signal_series import Signals
 from cable_twin.signals import PLOTS, SIGNALS, Signal
+from cable_twin.snapshot import ENDS
 
 INK = "#22303C"
 QUIET = "#7B8794"
@@ -66,6 +67,14 @@ class PlottedRun:
     signals: Signals
 
 
+class Panel(NamedTuple):
+    """One panel of a plot."""
+
+    signal: Signal
+    label: str  # without unit
+    lines: Sequence[tuple[int, str]]  # numbers of runs, and names of lines
+
+
 def write_plots(
     runs: Sequence[PlottedRun], directory: Path, on_file: Callable[[Path], None] | None = None
 ) -> list[Path]:
@@ -86,7 +95,7 @@ def write_plots(
     written = []
     with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
         for name, title in PLOTS.items():
-            shown = [signal for signal in SIGNALS.values() if signal.plot == name and _lines(runs, signal.name)]
+            shown = [panel for signal in SIGNALS.values() if signal.plot == name for panel in _panels(runs, signal)]
             if shown:
                 written.append(_write(partial(_time_plot, runs, title, shown), directory / f"{name}.png", on_file))
         if all(run.signals.shapes() for run in runs):
@@ -118,6 +127,17 @@ def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
     return lines
 
 
+def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
+    """Panels of a signal that have any number: of supports one for the ends and one for towers, which bear far less."""
+    lines = _lines(runs, signal.name)
+    if signal.whose != "supports":
+        return [Panel(signal, signal.label, lines)] if lines else []
+    at_ends = [line for line in lines if line[1].split("/")[1] in ENDS]
+    at_towers = [line for line in lines if line not in at_ends]
+    kinds = ((signal.label, at_ends), (signal.label.replace("support", "tower"), at_towers))
+    return [Panel(signal, label, some) for label, some in kinds if some]
+
+
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
     """What, and of which runs, two in a row; the axes get what is left, up to `right` of the width."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
@@ -128,20 +148,20 @@ def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float 
     figure.tight_layout(rect=(0.0, 0.0, right, 1.0 - top / figure.get_figheight()))
 
 
-def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Signal]) -> Figure:
+def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) -> Figure:
     """Panels of one quantity each above a common time axis."""
     height = 3.4 if len(panels) == 1 else 2.6 * len(panels)
     figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
-    for axes, signal in zip(rows[:, 0], panels, strict=True):
-        _panel(axes, runs, signal)
+    for axes, panel in zip(rows[:, 0], panels, strict=True):
+        _panel(axes, runs, panel)
     rows[-1, 0].set_xlabel("simulated time [s]")
     _title(figure, runs, title)
     return figure
 
 
-def _panel(axes: Axes, runs: Sequence[PlottedRun], signal: Signal) -> None:
-    """All lines of one signal."""
-    lines = _lines(runs, signal.name)
+def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
+    """All lines of one panel."""
+    signal, label, lines = panel
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
     many = len(names) > MANY
@@ -157,7 +177,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], signal: Signal) -> None:
     if signal.unit in SCALED:
         scale, prefix = next(((s, p) for s, p in ((1e6, "M"), (1e3, "k")) if largest >= s), (1.0, ""))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / scale:g}"))
-    axes.set_ylabel(f"{signal.label} [{prefix}{signal.unit}]")
+    axes.set_ylabel(f"{label} [{prefix}{signal.unit}]")
     low, high = axes.get_ylim()
     if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))

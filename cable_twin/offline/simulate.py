@@ -10,10 +10,12 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 from rich.console import Console
 
 from cable_twin.command_line import left_at_once
+from cable_twin.compilation_bar import compilation_shown
 from cable_twin.figure_messages import describe
 from cable_twin.key_figures import ENERGY_LOST, KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
@@ -204,10 +206,7 @@ def _simulation(options: argparse.Namespace, log: Log | None, console: Console) 
         raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
     if changed and log is not None and log.snapshot is not None:
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
-    with (
-        left_at_once("simulate"),
-        console.status("the cable settles; the first time on a machine the solver is compiled: half a minute"),
-    ):
+    with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         if options.snapshot is not None:
             return Simulation.load(options.snapshot)
         if log is not None and not changed:
@@ -269,20 +268,16 @@ def _report(
 ) -> int:
     """Say what was done and what it showed."""
     print_figures(table_console(), [figures])
-    for figure in figures:
-        if figure.name == ENERGY_LOST and figure.kept is False:
-            print(f"simulate: warning: {figure.name}: {describe(figure)}", file=sys.stderr)
-    for line in outcome.refused[:5]:
-        print(f"simulate: refused: {line}", file=sys.stderr)
-    more = [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
-    for line in (*more, *faults):
+    lost = [figure for figure in figures if figure.name == ENERGY_LOST and figure.kept is False]
+    told = [f"warning: {figure.name}: {describe(figure)}" for figure in lost]
+    told += [f"refused: {line}" for line in outcome.refused[:5]]
+    told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
+    told += [*faults]
+    told += [f"not given, at or after the end: {_count(outcome.left)}"] if outcome.left else []
+    told += [f"not given: {line}" for line in outcome.not_reached]
+    told += [f"not given, before the snapshot: {_count(outcome.past)}"] if outcome.past else []
+    for line in told:
         print(f"simulate: {line}", file=sys.stderr)
-    if outcome.left:
-        print(f"simulate: not given, at or after the end: {_count(outcome.left)}", file=sys.stderr)
-    for line in outcome.not_reached:
-        print(f"simulate: not given: {line}", file=sys.stderr)
-    if outcome.past:
-        print(f"simulate: not given, before the snapshot: {_count(outcome.past)}", file=sys.stderr)
     simulated = outcome.time - start
     factor = simulated / max(outcome.wall_time, 1e-9)
     since = f" from {start:.2f} s on" if start else ""

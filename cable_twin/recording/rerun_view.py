@@ -186,7 +186,7 @@ class RerunView:
             RuntimeError: When the view is closed.
             OSError: When a file cannot be written.
         """
-        self.flush()
+        self._end_file()
         split_stream(self._open(), self._look.title, self._path, path)
         self._path = path
         self._laid_out = False
@@ -200,9 +200,16 @@ class RerunView:
         """
         if self._stream is None:
             return
-        self.flush()
+        self._end_file()
         self._stream.disconnect()
         self._stream = None
+
+    def _end_file(self) -> None:
+        """Send what waits, and the layout as it is for all of the file."""
+        self._send()
+        if self._picture is not None and self._laid_out:
+            self._picture.end(self._open())
+        self.flush()
 
     def _open(self) -> rr.RecordingStream:
         """Return the stream, or raise if the view is closed."""

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from cable_twin.recording.view_geometry import TIMELINE
-from cable_twin.recording.view_plots import Plot
+from cable_twin.recording.view_plots import LEGENDS, Plot
 from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
 from cable_twin.signals import SIGNALS
 
 LEGEND_LINES = 12  # of a plot, up to which it has a legend
+TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
+EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
+IN_A_ROW = 3  # plots and close-ups, of about one height and width
 
 
 def lay_out(
@@ -21,9 +25,11 @@ def lay_out(
     high: FloatArray,
     top: float,
     followed: Mapping[str, float],
+    boxes: Iterable[str],
     plots: Iterable[Plot],
     unit: str,
     window: float | None,
+    spans: Mapping[str, tuple[float, float]],
 ) -> rrb.Blueprint:
     """Return the layout of the whole picture.
 
@@ -32,9 +38,11 @@ def lay_out(
         high: (2,) m, its upper right one.
         top: m, where the legend is, above the scene.
         followed: Entity -> m, what has a close-up, and how far its vehicle reaches from there.
+        boxes: Entities that stand for vehicles where the whole track is shown.
         plots: All plots.
         unit: Of forces.
         window: s, how much time before and after the cursor the plots show; None shows the whole run.
+        spans: Signal -> lowest and highest value of its plot, where they are known.
     """
     x, width = low[0], max(high[0] - low[0], high[1] - low[1])
     paths = [(plot.path, len(plot.names)) for plot in plots]
@@ -46,25 +54,18 @@ def lay_out(
             y_range=[-top - 0.03 * width, -low[1] + 0.02 * width],
         ),
     )
-    close_ups = [
-        rrb.Spatial2DView(
-            name=f"Close-up of {name}" if len(followed) == 1 else name,
-            origin=path,
-            contents=["+ /track/**", "- /track/tension_colors"],
-            visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
-        )
-        for path, reach in list(followed.items())[:CLOSE_UPS]
-        for name in [path.rpartition("/")[2]]
-    ]
     drawn = {path.split("/")[1] for path, _ in paths}
     titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
-    views = [_plot_view(f"plots/{name}", title, paths, window) for name, title in titles.items()]
-    lower: list[rrb.View | rrb.Container] = [rrb.Grid(*views, grid_columns=2)]
-    if close_ups:
-        lower.insert(0, close_ups[0] if len(close_ups) == 1 else rrb.Tabs(*close_ups))
+    cells: list[rrb.View | rrb.Container] = [
+        _plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()
+    ]
+    if followed:
+        cells.insert(0, _close_ups(followed, boxes))
+    rows = -(-len(cells) // IN_A_ROW)
+    lower = [rrb.Horizontal(*cells[len(cells) * row // rows : len(cells) * (row + 1) // rows]) for row in range(rows)]
     return frame(
         rrb.Horizontal(
-            rrb.Vertical(track, rrb.Horizontal(*lower, column_shares=[2, 5][-len(lower) :]), row_shares=[2, 3]),
+            rrb.Vertical(track, *lower, row_shares=[1] * (rows + 1)),
             rrb.Vertical(
                 rrb.TextDocumentView(name="Readout", origin="readout"),
                 rrb.TextLogView(
@@ -75,6 +76,22 @@ def lay_out(
             column_shares=[5, 1],
         )
     )
+
+
+def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View | rrb.Container:
+    """Return the views that move with vehicles, one behind the other."""
+    hidden = ("track/tension_colors", "track/names", *boxes)
+    views = [
+        rrb.Spatial2DView(
+            name=f"Close-up of {name}" if len(followed) == 1 else name,
+            origin=path,
+            contents=["+ /track/**", *(f"- /{entity}" for entity in hidden)],
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
+        )
+        for path, reach in list(followed.items())[:CLOSE_UPS]
+        for name in [path.rpartition("/")[2]]
+    ]
+    return views[0] if len(views) == 1 else rrb.Tabs(*views)
 
 
 def plot_titles(unit: str) -> dict[str, str]:
@@ -98,17 +115,45 @@ def frame(contents: rrb.Container) -> rrb.Blueprint:
     )
 
 
-def _plot_view(path: str, title: str, paths: Iterable[tuple[str, int]], window: float | None) -> rrb.TimeSeriesView:
-    """Return one plot; all of them share their time axis."""
+def _plot_view(
+    path: str, title: str, paths: Iterable[tuple[str, int]], window: float | None, span: tuple[float, float] | None
+) -> rrb.View | rrb.Container:
+    """Return one plot, with its legend below it; all of them share their time axis."""
     lines = sum(count for other, count in paths if other.startswith(f"{path}/") or other == path)
     shown = None
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative
         shown = rr.VisibleTimeRange(TIMELINE, start=boundary(seconds=-window), end=boundary(seconds=window))
-    return rrb.TimeSeriesView(
+    plot = rrb.TimeSeriesView(
         name=title,
         origin=path,
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=1 < lines <= LEGEND_LINES),
+        axis_y=None if span is None else rrb.ScalarAxis(range=with_ticks(*span)),
+        plot_legend=rrb.PlotLegend(visible=False),
         time_ranges=shown,
     )
+    if not 1 < lines <= LEGEND_LINES:
+        return plot
+    legend = rrb.Spatial2DView(
+        origin=path.replace("plots", LEGENDS, 1),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-0.5, lines - 0.5], y_range=[-0.005 * lines, 0.055 * lines]),
+        titlebar=False,
+    )
+    return rrb.Vertical(plot, legend, row_shares=[8, 1])
+
+
+def with_ticks(low: float, high: float) -> tuple[float, float]:
+    """Return an axis around what reaches from `low` to `high`, on which rerun writes at least `TICKS` numbers.
+
+    It writes the multiples of one power of ten, the smallest for which it has room.
+    """
+    span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-9)
+    step = 10.0 ** np.ceil(np.log10(span / MOST_TICKS))
+    middle, half = (low + high) / 2.0, 0.52 * span
+    first, last = np.ceil((middle - half) / step), np.floor((middle + half) / step)
+    while last - first + 1 < TICKS:  # the nearer one next
+        if middle - half - (first - 1) * step < (last + 1) * step - middle - half:
+            first -= 1
+        else:
+            last += 1
+    return float(min(middle - half, (first - EDGE) * step)), float(max(middle + half, (last + EDGE) * step))

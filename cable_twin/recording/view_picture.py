@@ -57,6 +57,7 @@ class Picture:
         self._rope_times = Thinning(look.rope_rate)
         self._pose_times = Thinning(look.geometry_rate)
         self._readout_times = Thinning(READOUT_RATE)
+        self._corners = np.zeros(2), np.ones(2), 1.0  # m, of the scene, and where its legend is
 
     def begin(self, stream: rr.RecordingStream, c: Columns) -> None:
         """Lay a file out around its first batch: what never moves, and the blueprint."""
@@ -69,18 +70,27 @@ class Picture:
             look.support_positions,
             look.ground,
         )
-        draw_scene(stream, scene)
         low, high = extent(scene)
         width = float(max(high - low))
+        low = low - (0.0, draw_scene(stream, scene, width))
         top = float(high[1] + 0.06 * width)
         self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
         self._vehicles.begin(stream, first, 0.045 * width)
         self._plots.begin(stream)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
-        close_ups = self._vehicles.close_ups
-        stream.send_blueprint(lay_out(low, high, top, close_ups, self._plots, self._unit, look.plot_window))
+        self._corners = low, high, top
+        self._lay_out(stream)
         for times in (self._rope_times, self._pose_times, self._readout_times):
             times.restart()
+
+    def end(self, stream: rr.RecordingStream) -> None:
+        """Lay a file out again, now that it is known how far its plots reach."""
+        self._lay_out(stream)
+
+    def _lay_out(self, stream: rr.RecordingStream) -> None:
+        vehicles, plots, window = self._vehicles, self._plots, self._look.plot_window
+        shown = vehicles.close_ups, vehicles.boxes
+        stream.send_blueprint(lay_out(*self._corners, *shown, plots, self._unit, window, plots.spans))
 
     def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
         """Draw a batch of at least one frame."""

@@ -19,6 +19,7 @@ from cable_twin.snapshot import Columns, Layout
 
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
+LEGENDS = "legends"  # entities of the names of lines
 Values = Callable[[Columns, FloatArray], FloatArray]
 
 
@@ -49,10 +50,14 @@ class Plots:
         layout: What is plotted.
         carriers: Names of vehicles that are plotted together.
         scale: That forces are drawn with.
+
+    Attributes:
+        spans: Signal -> lowest and highest value in its plot so far.
     """
 
     def __init__(self, layout: Layout, carriers: Collection[str], scale: float) -> None:
         self._movers = driven_names(layout)
+        self.spans: dict[str, tuple[float, float]] = {}
         self._plots = [
             plot
             for signal in SIGNALS.values()
@@ -68,6 +73,23 @@ class Plots:
         for plot in self._plots:
             colors = np.array(plot.colors, dtype=np.uint32)
             stream.log(plot.path, rr.SeriesLines(names=plot.names, colors=colors, widths=plot.widths), static=True)
+        for name in dict.fromkeys(plot.path.split("/")[1] for plot in self._plots):
+            self._begin_legend(stream, name)
+
+    def _widen(self, name: str, values: FloatArray) -> None:
+        low, high = (float(limit.reduce(values, axis=None)) for limit in (np.fmin, np.fmax))
+        if np.isfinite(low):
+            before = self.spans.get(name, (low, high))
+            self.spans[name] = min(low, before[0]), max(high, before[1])
+
+    def _begin_legend(self, stream: rr.RecordingStream, name: str) -> None:
+        """Name all lines of a signal in a row, for a view of their own: rerun's legend would hide them."""
+        plots = [plot for plot in self._plots if plot.path.split("/")[1] == name]
+        titles = [title for plot in plots for title in plot.names]
+        colors = np.array([color for plot in plots for color in plot.colors], dtype=np.uint32)
+        places = [(float(column), 0.0) for column in range(len(titles))]
+        names = rr.Points2D(places, colors=colors, radii=[0.0], labels=titles, show_labels=True)
+        stream.log(f"{LEGENDS}/{name}", names, static=True)
 
     def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
         """Send the values of a batch."""
@@ -76,6 +98,7 @@ class Plots:
         for plot in self._plots:
             scalars = np.ascontiguousarray(plot.values(c, speeds))
             stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=scalars), strict=True)
+            self._widen(plot.path.split("/")[1], scalars)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
 
 

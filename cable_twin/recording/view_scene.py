@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from cable_twin.records import FloatArray
 
 QUIET = 0x747D8FFF  # readable on dark and on light ground
 GROUND = 0x84735DFF
+LETTER, NAME_HEIGHT = 0.009, 0.035  # of a name, in widths of the scene
 
 
 class Scene(NamedTuple):
@@ -48,20 +49,32 @@ def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def draw_scene(stream: rr.RecordingStream, scene: Scene) -> None:
-    """Log ground, supports and their masts."""
+def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float) -> float:
+    """Log ground, supports and their masts, and their names below; return how far (m) those go below the ground."""
     ground, supports = scene.ground, scene.supports
     stream.log("track/ground", rr.LineStrips2D([plane(ground)], colors=[GROUND], radii=pixels(1.5)), static=True)
     masts = [[(x, z), (x, float(np.interp(x, ground[:, 0], ground[:, 1])))] for x, z in supports.values()]
     stream.log(
         "track/supports",
         rr.LineStrips2D([plane(np.array(mast)) for mast in masts], colors=[QUIET], radii=pixels(2.0)),
-        rr.Points2D(
-            [plane(where) for where in supports.values()],
-            colors=[QUIET],
-            radii=pixels(5.0),
-            labels=list(supports),
-            show_labels=True,
-        ),
+        rr.Points2D([plane(where) for where in supports.values()], colors=[QUIET], radii=pixels(5.0)),
         static=True,
     )
+    feet = np.array([mast[1] for mast in masts]).reshape(-1, 2)
+    depths = NAME_HEIGHT * width * (0.5 + name_rows(feet[:, 0] / width, list(supports)))
+    places = plane(feet - np.column_stack([np.zeros(len(feet)), depths]))
+    names = rr.Points2D(places, colors=[QUIET], radii=[0.0], labels=list(supports), show_labels=True)
+    stream.log("track/names", names, static=True)
+    return float(depths.max(initial=0.0)) + NAME_HEIGHT * width
+
+
+def name_rows(places: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Return the row (0, 1, ...) below the ground of each name (n,), at `places` in widths of the scene: none meet."""
+    rows = np.zeros(len(names))
+    ends: list[float] = []  # of the last name in each row
+    for index in np.argsort(places, kind="stable"):
+        half = 0.5 * (len(names[index]) + 2) * LETTER
+        row = next((row for row, end in enumerate(ends) if end < places[index] - half), len(ends))
+        ends[row : row + 1] = [places[index] + half]
+        rows[index] = row
+    return rows

@@ -66,6 +66,7 @@ class Vehicles:
 
     Attributes:
         close_ups: entity -> m, what close-ups follow, and how far the vehicle reaches from its joint.
+        boxes: entities that stand for vehicles where the whole track is shown.
 
     Args:
         layout: What is drawn.
@@ -92,6 +93,11 @@ class Vehicles:
             for index in (self._together[int(place)] for place in spread)
         }
         self.close_ups: dict[str, float] = {}
+        self.boxes = [
+            entity_path(entity_path("track/carriages", self._names[index]), "(box)")
+            for index in self._alone
+            if self._spans[index]
+        ]
 
     def points(self, c: Columns) -> list[FloatArray]:
         """Return (n, 2) m of each vehicle in a frame, its joint and then its bodies, x and z; without those unknown."""
@@ -115,6 +121,9 @@ class Vehicles:
             path = entity_path("track/carriages", self._names[index])
             dot = rr.Points2D([(0.0, 0.0)], colors=[color], radii=pixels(4.5), draw_order=40.0)
             stream.log(path, dot, static=True)
+            if (box := entity_path(path, "(box)")) in self.boxes:  # it hangs from a short line, as large as can be seen
+                sides = np.array([(0, 0), (0, 1), (1, 1), (1, 3), (-1, 3), (-1, 1), (0, 1)]) * (0.15 * label_height)
+                stream.log(box, rr.LineStrips2D([sides], colors=[color], radii=pixels(1.5)), static=True)
             if labelled:  # not beside the joint, where it would hide the bodies
                 name = rr.Points2D(
                     [(0.0, -label_height)],

@@ -14,9 +14,11 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rich.console import Console
 
 from cable_twin.command_messages import command_from_message
 from cable_twin.commands import JOINT_COMMANDS, KINDS
+from cable_twin.compilation_bar import compilation_shown
 from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand, CommandError
@@ -164,24 +166,11 @@ class TwinNode(Node):
             self._held_name.close()
 
     def _build_simulation(self) -> Simulation:
-        """Build the simulation, and say so when its kernels must be compiled first."""
-        started = time.monotonic()
-        told = threading.Event()
-
-        def tell() -> None:
-            told.set()
-            self.get_logger().info("compiling the solver's kernels, once on this machine: some 15 to 30 s")
-
-        timer = threading.Timer(2.0, tell)
-        timer.start()
-        try:
+        """Build the simulation, and show how far it is when its kernels must be compiled first."""
+        with compilation_shown(Console(stderr=True), self.get_logger().info):
             if self._settings["snapshot"]:
                 return Simulation.load(self._settings["snapshot"])
             return Simulation(load_scenario(self._settings["scenario"]))
-        finally:
-            timer.cancel()
-            if told.is_set():
-                self.get_logger().info(f"kernels compiled in {time.monotonic() - started:.1f} s and kept for next time")
 
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])

@@ -79,3 +79,38 @@ def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_m
         outputs.append(result.stdout.split())
     assert [value for value, _ in outputs] == ["6.0", "8.0"]
     assert outputs[0][1] == outputs[1][1]
+
+
+PARTS = """
+import sys
+from cable_twin.mechanics.language.compilation import kernel
+
+@kernel
+def inner(x):
+    return 2.0 * x
+
+@kernel
+def first(x):
+    return inner(x) + 1.0
+
+@kernel
+def second(x):
+    return inner(x) - 1.0
+
+print({"first": first, "second": second}[sys.argv[1]](3.0))
+(part,) = inner._from_kernels.overloads.values()
+hits = inner._from_kernels.stats.cache_hits
+print(part.library.get_pointer_to_function(part.fndesc.llvm_func_name), sum(hits.values()))
+"""
+
+
+def test_a_part_has_no_machine_code_and_is_taken_from_the_cache_by_another_process(tmp_path):
+    """It is compiled to bitcode for its first caller, and goes from there into a second one elsewhere."""
+    program = tmp_path / "program.py"
+    program.write_text(PARTS)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment["NUMBA_DISABLE_JIT"] = "0"
+    for caller, expected in (("first", "7.0 0 0"), ("second", "5.0 0 1")):
+        command = [sys.executable, str(program), caller]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
+        assert " ".join(result.stdout.split()) == expected

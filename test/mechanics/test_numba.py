@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import configparser
+import inspect
 import re
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +13,8 @@ from xml.etree import ElementTree as ET
 import numba
 import pytest
 from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompileResult
 from numba.core.datamodel import default_manager
 
 from cable_twin.mechanics.language.compilation import _OPTIONS, MECHANICS, Kernel, kernel
@@ -86,6 +89,20 @@ def test_options_are_known():
     known = {name for kind in options.__mro__ for name in vars(kind)}
     needed = {*_OPTIONS, "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline", "inline"}
     assert needed <= known, f"numba {numba.__version__} knows no option {', '.join(needed - known)}.{ADVICE}"
+
+
+def test_what_parts_replace_is_there():
+    """`parts` overrides how numba optimises, translates and keeps a library, and reads what it keeps of a kernel."""
+    for name in (
+        "_optimize_final_module",
+        "_finalize_final_module",
+        "_get_module_for_linking",
+        "get_pointer_to_function",
+        "serialize_using_object_code",
+    ):
+        assert callable(getattr(JITCodeLibrary, name, None)), f"numba {numba.__version__} has no {name}.{ADVICE}"
+    kept = list(inspect.signature(CompileResult._rebuild).parameters)
+    assert kept[:5] == ["target_context", "libdata", "fndesc", "env", "signature"], ADVICE
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="no kernels without the JIT")

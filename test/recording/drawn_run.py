@@ -1,16 +1,22 @@
-"""A run of a cabin that is not simulated, as snapshots and commands for the view."""
+"""A run of a cabin that is not simulated, as snapshots and commands for the view, and what reads the file of one."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from hand_made_snapshot import body_in_plane, snapshot_of
+from rerun.chunk import RrdReader
 
 from cable_twin.geometry.outlines import outline_from_pivots
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
 
+RERUN = Path(sys.executable).with_name("rerun")
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
 LOAD, HORIZONTAL = 90e3, 420e3  # N of the cabin, N of rope pull
 FRAMES, RATE = 1500, 100.0
@@ -79,3 +85,23 @@ def draw(path, frames=FRAMES, **options):
                 view.flush()
         view.close()
     return snapshots
+
+
+def column(path, entity, component):
+    """Return times (s) and values of one component in a file, rows in the order of time."""
+    times, values = [], []
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                times += batch.column("sim_time").cast(pa.int64()).to_pylist()
+                values += batch.column(component).to_pylist()
+    order = np.argsort(times, kind="stable")
+    return np.array(times)[order] / 1e9, [values[index] for index in order]
+
+
+def rerun_command(*arguments):
+    """Run one of rerun's own tools and return what it printed."""
+    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
+    assert run.returncode == 0, run.stderr
+    return run.stdout + run.stderr

@@ -1,21 +1,28 @@
 """The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
 
-import socket
 import subprocess
 import sys
-import time
 import warnings
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
 rr = pytest.importorskip("rerun")
-psutil = pytest.importorskip("psutil")  # rerun brings it
 
-from drawn_run import FRAMES, HORIZONTAL, OUTLINES, RATE, SPAN, draw, rope_height, snapshot_at  # noqa: E402
+from drawn_run import (  # noqa: E402
+    FRAMES,
+    HORIZONTAL,
+    OUTLINES,
+    RATE,
+    SPAN,
+    column,
+    draw,
+    rerun_command,
+    rope_height,
+    snapshot_at,
+)
 from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
@@ -27,33 +34,11 @@ from cable_twin.records import (  # noqa: E402
     CableSamples,
     CarriageState,
     Command,
-    DriveState,
     SupportState,
     TowerState,
 )
-from cable_twin.snapshot import Snapshot  # noqa: E402
 
-RERUN = Path(sys.executable).with_name("rerun")
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
-
-
-def column(path, entity, component):
-    """Return times (s) and values of one component in a file, rows in the order of time."""
-    times, values = [], []
-    for chunk in RrdReader(path).stream():
-        if chunk.entity_path == entity and not chunk.is_static:
-            batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                times += batch.column("sim_time").cast(pa.int64()).to_pylist()
-                values += batch.column(component).to_pylist()
-    order = np.argsort(times, kind="stable")
-    return np.array(times)[order] / 1e9, [values[index] for index in order]
-
-
-def rerun_command(*arguments):
-    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 0, run.stderr
-    return run.stdout + run.stderr
 
 
 @pytest.fixture(scope="module")
@@ -198,123 +183,6 @@ def test_rope_is_whole_and_has_its_kink(recording):
         assert all(color != other for color, other in pairwise(colors[row]))
 
 
-CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))
-CHAIR_OUTLINE = outline_from_pivots((0.0, 2.6), gyration_radius=0.6)
-
-
-def chairlift_at(moment, count=12):
-    """A rope that goes by with chairs, each with a swing of its own; from the tenth on they hang in a station."""
-    stations = np.linspace(0.0, 200.0, 50)
-    chairs = {}
-    for index, name in enumerate(CHAIRS[:count]):
-        x, pitch = 15.0 * index + 2.0 * moment, 0.01 * (index + 1) * np.cos(moment)
-        chair = body_in_plane(x - 2.6 * np.sin(pitch), -2.6 * np.cos(pitch), pitch)
-        state = CarriageState(x, 2.0, 0.0, np.zeros(2), np.array([x, 0.0]), {"chair": chair}, attached=index < 9)
-        chairs[name] = state
-    supports = {"start": SupportState(np.array([-1e5, 0.0])), "end": SupportState(np.array([1e5, 0.0]))}
-    cable = CableSamples(stations, np.column_stack([stations, 0.0 * stations]), np.linspace(1e5, 1.1e5, 50))
-    return snapshot_of(moment, chairs, supports, cable, {"haul_rope": DriveState(2.0 * moment, 2.0, 1e4)})
-
-
-def draw_chairlift(path, snapshots, outlines=None, **options):
-    if outlines is None:
-        outlines = {name: {"chair": CHAIR_OUTLINE} for name in CHAIRS}
-    view = RerunView("chairlift", outlines, path=path, live=False, carriers=CHAIRS, **options)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for snapshot in snapshots:
-            view.log(snapshot)
-        view.close()
-
-
-def test_carriers_are_drawn_together_each_where_it_is(tmp_path):
-    snapshots = [chairlift_at(0.01 * index) for index in range(200)]
-    draw_chairlift(tmp_path / "run.rrd", snapshots, batch_frames=70)
-    rerun_command("rrd", "verify", tmp_path / "run.rrd")
-    times, frames = column(tmp_path / "run.rrd", "/track/carriers", "LineStrips2D:strips")
-    _, joints = column(tmp_path / "run.rrd", "/track/carriers", "Points2D:positions")
-    assert len(times) == 40
-    for row in (0, 30):
-        drawn = snapshots[round(times[row] * RATE)]
-        assert len(frames[row]) == len(CHAIRS)
-        for line, joint, state in zip(frames[row], joints[row], drawn.carriages.values(), strict=True):
-            np.testing.assert_allclose(line[0], state.position[[0, 2]] * (1.0, -1.0), atol=1e-4)  # it hangs there
-            np.testing.assert_allclose(joint, line[0], atol=1e-4)
-            body = state.bodies["chair"]
-            np.testing.assert_allclose(np.mean(line[2:6], axis=0), [body.x, -body.z], atol=1e-4)
-    times, places = column(tmp_path / "run.rrd", "/track/close_ups/chair_3", "Transform3D:translation")
-    shown = snapshots[round(times[-1] * RATE)].carriages["chair_3"].position
-    np.testing.assert_allclose(places[-1][0], [shown[0], -shown[2], 0.0], atol=1e-4)
-
-
-@pytest.mark.parametrize("count", [0, 1, 3, 4])
-def test_few_carriers_and_none_are_drawn(tmp_path, count):
-    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0, count)])
-    rerun_command("rrd", "verify", tmp_path / "run.rrd")
-
-
-def test_carriers_without_outline_are_dots(tmp_path):
-    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0)], outlines={})
-    _, dots = column(tmp_path / "run.rrd", "/track/carriers", "Points2D:positions")
-    assert len(dots[0]) == 2 * len(CHAIRS)  # joints and bodies
-
-
-def test_swing_of_carriers_is_that_of_those_on_the_rope(tmp_path):
-    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.5), chairlift_at(2.5)])
-    _, swings = column(tmp_path / "run.rrd", "/plots/swing/carriers", "Scalars:scalars")
-    expected = np.rad2deg([[0.01 * np.cos(0.5), 0.09 * np.cos(0.5)], [0.09 * np.cos(2.5), 0.01 * np.cos(2.5)]])
-    np.testing.assert_allclose(np.array(swings)[:, :2], expected)
-    np.testing.assert_allclose(np.array(swings)[:, 2], np.rad2deg(0.01 * np.cos([0.5, 2.5])))
-
-
-def test_entities_do_not_grow_with_carriers(tmp_path):
-    draw_chairlift(tmp_path / "run.rrd", [chairlift_at(0.0)])
-    paths = {chunk.entity_path for chunk in RrdReader(tmp_path / "run.rrd").stream()}
-    assert sum("chair" in path for path in paths) == 6  # close-ups
-
-
-@pytest.mark.parametrize("batch_frames", [7, 500])
-def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
-    """Rope and vehicles of every third frame from the seventh on."""
-    snapshots = []
-    for index in range(60):
-        snapshot = chairlift_at(0.01 * index)
-        numbers = snapshot.numbers.copy()
-        c = snapshot.layout.columns(numbers)
-        if index < 6 or index % 3:
-            bodies = (c.joint_position, c.body_position, c.body_angles)
-            for missing in (*bodies, c.rope_position, c.rope_tension, c.drive_speed):
-                missing[...] = np.nan
-        snapshots.append(Snapshot(snapshot.layout, numbers, snapshot.solver))
-    known = [chairlift_at(0.01 * (index - index % 3)) for index in range(60)]
-    path = tmp_path / "run.rrd"
-    draw_chairlift(path, snapshots, batch_frames=batch_frames)
-    rerun_command("rrd", "verify", path)
-    times, frames = column(path, "/track/carriers", "LineStrips2D:strips")
-    rows = np.rint(times * RATE).astype(int)
-    assert rows.min() == 10  # the first that is due and known
-    for row, lines in zip(rows, frames, strict=True):
-        joint = known[row].carriages["chair_2"].position
-        np.testing.assert_allclose(lines[1][0], [joint[0], 0.0], atol=1e-4)
-    assert len(column(path, "/track/rope", "LineStrips2D:strips")[0]) == 5
-    _, tensions = column(path, "/plots/tension", "Scalars:scalars")
-    assert np.isnan(tensions[5]).all()
-    np.testing.assert_allclose(tensions[6:], [[110.0, 100.0, 110.0]] * 54)
-    _, texts = column(path, "/readout", "TextDocument:text")
-    assert "speed" not in texts[0][0]
-    assert "| speed | **2.00 m/s** |" in texts[1][0]
-
-
-def test_a_log_without_rope_and_vehicles_is_drawn_without_them(tmp_path):
-    snapshot = chairlift_at(0.0)
-    numbers = snapshot.numbers.copy()
-    numbers[1:] = np.nan
-    snapshot = Snapshot(snapshot.layout, numbers, snapshot.solver)
-    draw_chairlift(tmp_path / "run.rrd", [snapshot])
-    rerun_command("rrd", "verify", tmp_path / "run.rrd")
-    assert column(tmp_path / "run.rrd", "/track/rope", "LineStrips2D:strips")[1] == []
-
-
 def test_a_command_counts_from_its_frame_on_within_a_batch(tmp_path):
     path = tmp_path / "run.rrd"
     view = RerunView("test ropeway", OUTLINES, path=path, live=False)
@@ -325,105 +193,6 @@ def test_a_command_counts_from_its_frame_on_within_a_batch(tmp_path):
     view.close()
     _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
     np.testing.assert_array_equal([speed[1] for speed in speeds], [np.nan] * 5 + [3.0] * 5)
-
-
-def test_flushed_frames_survive_without_close(tmp_path):
-    path = tmp_path / "run.rrd"
-    view = RerunView("test ropeway", OUTLINES, path=path, live=False)
-    for index in range(60):
-        view.log(snapshot_at(index / RATE))
-    view.flush()
-    copy = tmp_path / "torn.rrd"
-    copy.write_bytes(path.read_bytes())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it has no footer yet
-        times, _ = column(copy, "/plots/tension", "Scalars:scalars")
-    assert len(times) == 60
-    view.close()
-
-
-def test_close_is_final_and_may_be_repeated(tmp_path):
-    view = RerunView("test ropeway", OUTLINES, path=tmp_path / "run.rrd", live=False)
-    view.log(snapshot_at(0.0))
-    view.close()
-    view.close()
-    with pytest.raises(RuntimeError, match="closed"):
-        view.log(snapshot_at(0.01))
-    assert rr.get_global_data_recording() is None
-
-
-def test_a_view_that_saw_nothing_leaves_a_readable_file(tmp_path):
-    path = tmp_path / "run.rrd"
-    RerunView("test ropeway", {}, path=path, live=False).close()
-    rerun_command("rrd", "verify", path)
-
-
-def test_view_to_nowhere_and_unknown_unit_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="shows nothing"):
-        RerunView("test ropeway", {}, path=None, live=False)
-    with pytest.raises(ValueError, match="lbf"):
-        RerunView("test ropeway", {}, path=tmp_path / "run.rrd", live=False, force_unit="lbf")
-
-
-def test_live_view_listens_on_this_machine_only():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    view = RerunView("test ropeway", OUTLINES, path=None, live=True, live_port=port)
-    try:
-        view.log(snapshot_at(0.0))
-        view.flush()
-        assert view.url == f"rerun+http://127.0.0.1:{port}/proxy"
-        listening = []
-        deadline = time.monotonic() + 10.0
-        while not listening and time.monotonic() < deadline:
-            sockets = psutil.Process().net_connections(kind="tcp")
-            listening = [s.laddr.ip for s in sockets if s.laddr.port == port and s.status == psutil.CONN_LISTEN]
-        assert listening == ["127.0.0.1"]
-    finally:
-        view.close()
-
-
-def test_file_or_port_that_cannot_be_had_is_an_error_at_once(tmp_path):
-    with pytest.raises(OSError, match="No such file"):
-        RerunView("test ropeway", {}, path=tmp_path / "no" / "run.rrd", live=False)
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        with pytest.raises(OSError, match=f"port {port}"):
-            RerunView("test ropeway", {}, path=None, live=True, live_port=port)
-
-
-FULL_DISK = """
-import resource, signal, sys
-from pathlib import Path
-sys.path[:0] = {path!r}
-import cable_twin.recording.rerun_view as drawing
-from test_rerun_view import OUTLINES, snapshot_at
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-drawing.FLUSH_TIMEOUT = 0.5
-view = drawing.RerunView("test ropeway", OUTLINES, path=Path({file!r}), live=False)
-resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
-try:
-    for index in range(500):
-        view.log(snapshot_at(index / 100))
-        if index % 50 == 49:
-            view.flush()
-except OSError as error:
-    print("refused:", error)
-view.close()
-"""
-
-
-@pytest.mark.parametrize("attempt", range(3))
-def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
-    """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
-    paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(RENDERER.parents[1])]
-    script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 0, run.stderr
-    assert "refused: the rerun recording cannot be written" in run.stdout
 
 
 def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from drawn_run import OUTLINES, RATE, commands, snapshot_at
-from test_rerun_view import column
+from drawn_run import OUTLINES, RATE, column, commands, snapshot_at
 
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.web_view import live_url

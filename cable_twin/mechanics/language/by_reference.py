@@ -7,6 +7,7 @@ matter), which the loads say, so that they leave a loop. To hand a packed state 
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections import OrderedDict
 from collections.abc import Set
@@ -31,7 +32,10 @@ class RecordType(types.Type):
     def __init__(self, record: Any, kinds: tuple[types.Type, ...]) -> None:
         self.names: tuple[str, ...] = record._fields
         self.kinds = kinds
-        super().__init__(name=f"&{record.__name__}({', '.join(map(str, kinds))})")
+        content = hashlib.sha256(repr(kinds).encode()).hexdigest()[
+            :12
+        ]  # short: compiled code names symbols after types
+        super().__init__(name=f"&{record.__name__} {content}")
 
 
 _RECORDS: set[type] = set()
@@ -50,9 +54,10 @@ def by_reference(record: type) -> type:
 
 @register_model(RecordType)
 class _RecordModel(models.PrimitiveModel):
+    """An address, whose words only `read_field` spells out: their type is longer than most kernels."""
+
     def __init__(self, manager: Any, kind: RecordType) -> None:
-        words = ir.LiteralStructType([manager.lookup(field).get_value_type() for field in kind.kinds])
-        super().__init__(manager, kind, words.as_pointer())
+        super().__init__(manager, kind, cgutils.voidptr_t)
 
 
 @infer_getattr
@@ -73,9 +78,11 @@ def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer:
         reader.linkage = "internal"
         reader.attributes.add("alwaysinline")
         body = ir.IRBuilder(reader.append_basic_block())
+        words = ir.LiteralStructType([context.get_value_type(field) for field in record.kinds])
         index = record.names.index(name)
         owner = {0, 1} if isinstance(record.kinds[index], types.Array) else set()  # nothing here counts references
-        body.ret(_load(body, reader.args[0], [ir.Constant(_WORD, 0), ir.Constant(_WORD, index)], kind, owner))
+        place = body.bitcast(reader.args[0], words.as_pointer())
+        body.ret(_load(body, place, [ir.Constant(_WORD, 0), ir.Constant(_WORD, index)], kind, owner))
     return builder.call(reader, [pointer])
 
 
@@ -180,7 +187,7 @@ def _unbox_record(kind: RecordType, value: ir.Value, c: Any) -> NativeValue:
     with cgutils.if_likely(c.builder, c.builder.not_(unpacked)):
         c.builder.store(c.pyapi.long_as_voidptr(number), address)
         c.pyapi.decref(number)
-    place = c.builder.bitcast(c.builder.load(address), c.context.get_value_type(kind))
+    place = c.builder.load(address)
     # Nothing happens here, but LLVM may not know: a load that "does not change" must not move before the words above.
     same = ir.FunctionType(place.type, [place.type])
     return NativeValue(c.builder.asm(same, "", "=r,0,~{memory}", [place], side_effect=True), is_error=unpacked)

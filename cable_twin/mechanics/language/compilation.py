@@ -9,6 +9,7 @@ not compile. Counting references to those arrays took three quarters of a step.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import functools
 import hashlib
@@ -16,13 +17,14 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
 
 from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.parts import PartCache, PartCompiler, WholeCompiler
 
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 MECHANICS = Path(__file__).parents[1]
@@ -73,13 +75,17 @@ _OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "_nrt": False,
 }
+_AS_PART: dict[str, Any] = {"pipeline_class": PartCompiler, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+# Options of an `overload`, which is compiled as a kernel that others call.
+OVERLOAD: Any = {"error_model": "numpy", **_AS_PART}
 
 
 class Kernel:
     """A function that is compiled twice, as needed: to be called from Python, and to be called from other kernels.
 
     What turns Python objects into the dozens of arrays of a state and back is larger than most kernels; one that only
-    others call is compiled without it, which takes a quarter off a cold start.
+    others call is compiled without it, and without machine code of its own (`parts`).
     """
 
     def __init__(self, function: Callable[..., Any], **options: Any) -> None:
@@ -87,22 +93,39 @@ class Kernel:
         functools.update_wrapper(self, function)
         self.py_func = function
         self.targetoptions = options  # where numba looks whether to inline it
-        self._from_python = _jit(function, FROM_PYTHON, options)
-        inner = {**options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self._from_kernels = _jit(function, FROM_KERNELS, inner)
+        with _kept_in(function, FROM_PYTHON) as keeps:
+            self._from_python: Any = numba.njit(cache=keeps, pipeline_class=WholeCompiler, **_OPTIONS, **options)(
+                function
+            )
+        with _kept_in(function, FROM_KERNELS) as keeps:
+            self._from_kernels: Any = numba.njit(**_AS_PART, **_OPTIONS, **options)(function)
+            if keeps:
+                self._from_kernels._cache = PartCache(function)
         self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
+
+    @property
+    def title(self) -> str:
+        """Its name, as `kept_kernels` has it."""
+        return title_of(self.py_func)
+
+    @property
+    def is_inlined(self) -> bool:
+        """Whether it is compiled as if it stood in its callers, and never by itself."""
+        return self.targetoptions.get("inline") == "always"
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it, compiled on the first call for these types or loaded from the cache."""
         return self._from_python(*map(pack, arguments))
 
 
-def _jit(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
+@contextlib.contextmanager
+def _kept_in(function: Callable[..., Any], kind: str) -> Iterator[bool]:
+    """Have what is decorated meanwhile kept in a directory of its kind, where there is one."""
     config: Any = numba.config
     before, directory = config.CACHE_DIR, _directory_of(function)
     config.CACHE_DIR = f"{directory}/{kind}"  # read by numba while it decorates, and only then
     try:
-        return numba.njit(cache=directory is not None, **_OPTIONS, **options)(function)
+        yield directory is not None
     finally:
         config.CACHE_DIR = before
 
@@ -124,10 +147,7 @@ def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def kernel_part(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`kernel` that is compiled with its caller, not before it: for a large one with a single caller.
-
-    Otherwise all that it calls would be optimised twice, which is most of the time of a cold start.
-    """
+    """`kernel` that is typed with its caller, as if it stood there: for a large one with a single caller."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, inline="always")
 
@@ -142,6 +162,20 @@ def keeps_kernels() -> bool:
     return cache_directory(MECHANICS) is not None
 
 
+def title_of(function: Callable[..., Any]) -> str:
+    """Name of a kernel's function among the files of its cache."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+
+
+def kept_kernels() -> set[tuple[str, str]]:
+    """What of the mechanics is in the cache by now: kind, of `FROM_PYTHON` and `FROM_KERNELS`, and title."""
+    directory = cache_directory(MECHANICS)
+    if directory is None:
+        return set()
+    kinds = (FROM_PYTHON, FROM_KERNELS)
+    return {(kind, file.name.rpartition("-")[0]) for kind in kinds for file in (directory / kind).glob("**/*.nbi")}
+
+
 def is_compiled(function: Callable[..., Any]) -> bool:
     """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
     if not isinstance(function, Kernel):
@@ -149,5 +183,4 @@ def is_compiled(function: Callable[..., Any]) -> bool:
     directory = _directory_of(function.py_func)
     if directory is None:
         return False  # no process has it but this one
-    name = f"{function.__module__.rpartition('.')[2]}.{function.py_func.__qualname__}-"
-    return any((directory / FROM_PYTHON).glob(f"**/{name}*.nbc"))
+    return any((directory / FROM_PYTHON).glob(f"**/{function.title}-*.nbc"))

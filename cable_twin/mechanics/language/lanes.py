@@ -19,6 +19,8 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
 
+from cable_twin.mechanics.language.compilation import OVERLOAD
+
 _intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
 
 WIDTH = 4  # lanes; a processor with registers of two numbers takes two
@@ -91,7 +93,7 @@ def square_root(value: Any) -> Any:
     return np.sqrt(value)
 
 
-@overload(square_root)
+@overload(square_root, jit_options=OVERLOAD)
 def _square_root(value):
     function = _root if isinstance(value, LanesType) else math.sqrt
 
@@ -133,7 +135,7 @@ def gather(coordinates: Any, first: int, like: tuple[float, ...]) -> tuple[Any, 
     return tuple(tuple(end[:, slot, k] for k in range(len(like))) for end in ends for slot in range(2))
 
 
-@overload(gather)
+@overload(gather, jit_options=OVERLOAD)
 def _gather(coordinates, first, like):
     def planar(coordinates, first, like):
         return (
@@ -179,7 +181,7 @@ def gather_numbers(numbers: Any, first: int) -> Any:
     return numbers[np.minimum(first + np.arange(WIDTH), numbers.size - 1)]
 
 
-@overload(gather_numbers)
+@overload(gather_numbers, jit_options=OVERLOAD)
 def _gather_numbers(numbers, first):
     def lanes(numbers, first):
         return _read_numbers(numbers, first)
@@ -203,7 +205,7 @@ def spread(values: tuple[Any, ...], rows: Any, first: int) -> None:
         rows[first + i] = values[i]
 
 
-@overload(spread)
+@overload(spread, jit_options=OVERLOAD)
 def _spread(values, rows, first):
     def write(values, rows, first):
         for i in range(len(values)):
@@ -229,7 +231,7 @@ def add_spread(values: tuple[Any, ...], rows: Any, first: int) -> None:
         rows[first + i] += values[i]
 
 
-@overload(add_spread)
+@overload(add_spread, jit_options=OVERLOAD)
 def _add_spread(values, rows, first):
     def add(values, rows, first):
         for i in range(len(values)):
@@ -251,7 +253,7 @@ def sum_of_lanes(lanes: Any) -> float:
     return float(sum(lanes))
 
 
-@overload(sum_of_lanes)
+@overload(sum_of_lanes, jit_options=OVERLOAD)
 def _sum_of_lanes(lanes):
     def total(lanes):
         result = 0.0

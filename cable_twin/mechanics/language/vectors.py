@@ -13,11 +13,11 @@ from typing import Any
 
 from numba.extending import overload
 
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import OVERLOAD, inlined_kernel, kernel
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
-OPTIONS: Any = {"error_model": "numpy"}  # of what `overload` gives to numba
+OPTIONS: Any = OVERLOAD  # of what `overload` gives to numba
 
 
 def formula(arguments: str, entries: list[str]) -> Callable[..., Any]:

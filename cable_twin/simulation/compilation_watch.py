@@ -1,0 +1,105 @@
+"""How far a first compilation is: what this process and the one beside it have compiled, by the size of each kernel."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+from typing import Any, NamedTuple, cast
+
+from numba.core import event
+
+from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, Kernel, kept_kernels, title_of
+from cable_twin.mechanics.parameters import INTEGRATORS
+from cable_twin.mechanics.readout.columns import observe
+from cable_twin.mechanics.solution.equilibrium import relax
+from cable_twin.mechanics.solution.integrators import integrator_named
+from cable_twin.simulation.first_compilation import kernels_below
+
+PERIOD = 0.25  # s between two looks
+OVERHEAD = 300  # bytes of Python's code that take as long to compile as the least kernel does
+LAST = 0.2  # of the time for all kernels below: what optimising them together takes
+
+
+class Moment(NamedTuple):
+    """A moment of a first compilation."""
+
+    share: float  # of the work that is done, 0 to 1
+    kernel: str  # what this process compiles
+    elapsed: float  # s since the begin
+
+    @property
+    def remaining(self) -> float | None:
+        """Time (s) that is left at the speed so far, or None while nothing is known of that."""
+        return self.elapsed * (1.0 - self.share) / self.share if self.share > 0.08 else None
+
+
+def work_ahead() -> dict[tuple[str, str], float]:
+    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code."""
+    ahead: dict[tuple[str, str], float] = {}
+    for called in (relax, observe, integrator_named(INTEGRATORS[0])):
+        kernels = [kernel for kernel in kernels_below(cast(Kernel, called)) if not kernel.is_inlined]
+        sizes = {(FROM_KERNELS, kernel.title): OVERHEAD + len(kernel.py_func.__code__.co_code) for kernel in kernels}
+        ahead |= sizes
+        ahead[FROM_PYTHON, cast(Kernel, called).title] = LAST * sum(sizes.values())
+    return ahead
+
+
+@contextmanager
+def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
+    """Tell, some times a second, how far it is, as soon as a kernel is compiled within this block: from another thread.
+
+    Where all are there already, nothing is told.
+    """
+    if not isinstance(relax, Kernel):  # the JIT is off
+        yield
+        return
+    watch = _Watch()
+    ended = threading.Event()
+
+    def look() -> None:
+        ahead = work_ahead()
+        while not ended.wait(PERIOD):
+            if watch.begun is not None:
+                done = set(watch.done) | kept_kernels()
+                share = sum(size for kernel, size in ahead.items() if kernel in done) / sum(ahead.values())
+                shown(Moment(share, watch.kernel, monotonic() - watch.begun))
+
+    thread = threading.Thread(target=look, name="compilation watch", daemon=True)
+    with event.install_listener("numba:compile", watch):
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+
+class _Watch(event.Listener):
+    """Notes what numba compiles in this process."""
+
+    def __init__(self) -> None:
+        self.begun: float | None = None
+        self.done: set[tuple[str, str]] = set()
+        self._under_way: list[str] = []  # callers before callees
+
+    @property
+    def kernel(self) -> str:
+        """What it compiles now; small change of numba's own aside."""
+        return next((name for name in reversed(self._under_way) if name.isidentifier() and name != "impl"), "")
+
+    def on_start(self, event: Any) -> None:
+        """Take what it begins with."""
+        self.begun = self.begun or monotonic()
+        self._under_way = [*self._under_way, event.data["dispatcher"].py_func.__name__]
+
+    def on_end(self, event: Any) -> None:
+        """Take what it is done with."""
+        dispatcher = event.data["dispatcher"]
+        kind = FROM_KERNELS if "no_cpython_wrapper" in dispatcher.targetoptions else FROM_PYTHON
+        self.done.add((kind, title_of(dispatcher.py_func)))
+        self._under_way = self._under_way[:-1]
+
+
+__all__ = ["Moment", "watching_compilation", "work_ahead"]

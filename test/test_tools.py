@@ -1,0 +1,54 @@
+"""The commands of those who work on it: each explains itself, without running anything, and takes some of its parts."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PARTS = {
+    "verification": "statics",
+    "verification.long_runs": "tramway_trip",
+    "benchmarks": "startup",
+    "examples.pictures": "softer_brake",
+}
+
+
+def tool(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_help_is_printed_and_nothing_is_run(name):
+    pages = {page: page.stat().st_mtime_ns for page in (ROOT / "docs").rglob("*") if page.is_file()}
+    result = tool(name, "--help")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("usage: ")
+    assert PARTS[name] in result.stdout
+    assert pages == {page: page.stat().st_mtime_ns for page in pages}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_that_is_none_is_refused_with_those_that_are(name):
+    result = tool(name, "statiks")
+    assert result.returncode == 2
+    error = result.stderr.splitlines()[-1]
+    assert "statiks" in error
+    assert PARTS[name] in error
+
+
+def test_one_section_is_verified_and_its_rows_printed():
+    page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    result = tool("verification", "hinges")
+    assert result.returncode == 0, result.stdout + result.stderr
+    head, _, *rows = result.stdout.splitlines()
+    assert head.startswith("| case | source |")
+    known = {line.split(" | ")[0] for line in page.splitlines()}
+    assert rows
+    assert {row.split(" | ")[0] for row in rows} <= known
+    assert (ROOT / "docs" / "verification.md").read_text(encoding="utf-8") == page
