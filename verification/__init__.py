@@ -27,6 +27,7 @@ MODULES = (
     "haul_ropes",
     "loads",
     "meshes",
+    "space",
 )
 
 

@@ -10,6 +10,7 @@ from cable_twin.mechanics.language.orientations import (
     inertia_of,
     orientation,
     orientation_in_space,
+    turn_between,
     turn_row,
 )
 from cable_twin.mechanics.language.turns import (
@@ -95,3 +96,13 @@ def test_roll_pitch_and_yaw():
     quaternion, angles = orientation_in_space(row, SPACE)
     np.testing.assert_allclose(quaternion, row[3:], atol=0)
     np.testing.assert_allclose(angles, [0.2, -0.3, 0.7], atol=1e-15)
+
+
+@pytest.mark.parametrize("turn", [(0.3, -0.2, 0.4), (1e-6, 0.0, -2e-6), (0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_turn_between_two_orientations(turn, sign):
+    first = body(np.array([0.5, -0.8, 0.3]))
+    last = first.copy()
+    turn_row(last, turn)
+    last[3:] *= sign
+    np.testing.assert_allclose(turn_between(first, last, SPACE), turn, atol=1e-15)

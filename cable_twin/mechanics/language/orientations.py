@@ -11,6 +11,7 @@ from typing import Any
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.turns import Turn
 from cable_twin.mechanics.language.vectors import (
     OPTIONS,
     Matrix,
@@ -204,3 +205,34 @@ def _angles(row):
     """Roll, pitch and yaw (rad) of a body in space: about z, then about its own y, then about its own x."""
     a = _of_quaternion(row[3], row[4], row[5], row[6])
     return atan2(a[7], a[8]), atan2(-a[6], sqrt(a[7] * a[7] + a[8] * a[8])), atan2(a[3], a[0])
+
+
+def turn_between(first: Any, last: Any, like: Vector) -> Turn:
+    """Turn (turns,) in rad that takes the coordinates `first` of a body to `last`, less than half a turn."""
+    return (last[2] - first[2],) if len(like) == 2 else _turn_between(first, last)
+
+
+@overload(turn_between, jit_options=OPTIONS)
+def _overload_turn_between(first, last, like):
+    def planar(first, last, like):
+        return (last[2] - first[2],)
+
+    def spatial(first, last, like):
+        return _turn_between(first, last)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _turn_between(first, last):
+    """Logarithm of the quaternion `last` times the conjugate of `first`."""
+    a, b, c, d = first[3], first[4], first[5], first[6]
+    x, y, z, w = last[3], last[4], last[5], last[6]
+    p = -w * a + x * d - y * c + z * b
+    q = -w * b + x * c + y * d - z * a
+    r = -w * c - x * b + y * a + z * d
+    s = w * d + x * a + y * b + z * c
+    size = sqrt(p * p + q * q + r * r)
+    by = 2.0 * atan2(size, abs(s)) / size if size > SMALL else 2.0
+    by = by if s >= 0.0 else -by
+    return by * p, by * q, by * r

@@ -13,7 +13,10 @@ part. What is left out is the error of the trapezoidal rule on forces that chang
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale
+from cable_twin.mechanics.language.orientations import inertia_of, orientation, turn_between
+from cable_twin.mechanics.language.turns import gyration, no_turn
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
+from cable_twin.mechanics.language.vectors import product as times
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
 
@@ -36,21 +39,37 @@ def numerical_loss(system, before, after):
     for carriage in range(system.carriages.fixed.size):
         if before.attached[carriage] and after.attached[carriage]:
             for body in range(system.carriages.body_offset[carriage], system.carriages.body_offset[carriage + 1]):
-                for axis in range(3):
-                    mass = system.carriages.mass[body] if axis < 2 else system.carriages.inertia[body]
-                    way, pull, speed, gain = ends_of_step(before.bodies, after.bodies, body, axis)
-                    lost += mass * (pull * way - speed * gain)
-                    moved += mass * speed * gain
+                here, there = body_loss(system, before, after, body)
+                lost, moved = lost + here, moved + there
     return lost, abs(moved)
 
 
 @kernel
-def ends_of_step(before, after, body, axis):
-    """Way, mean acceleration, mean velocity and change of velocity of one coordinate of a body."""
-    way = after.position[body, axis] - before.position[body, axis]
-    gain = after.velocity[body, axis] - before.velocity[body, axis]
-    mean_acceleration = 0.5 * (after.acceleration[body, axis] + before.acceleration[body, axis])
-    return way, mean_acceleration, 0.5 * (after.velocity[body, axis] + before.velocity[body, axis]), gain
+def body_loss(system, before, after, body):
+    """The same of one body (J): of its centre of mass, and of its turn θ with the moment J ω_dot + ω x J ω."""
+    like, carriages = system.cable.gravity, system.carriages
+    first, last = before.bodies, after.bodies
+    way = subtract(load(last.position[body], like), load(first.position[body], like))
+    gain = subtract(load(last.velocity[body], like), load(first.velocity[body], like))
+    speed = add_scaled(1.0, load(last.velocity[body], like), load(first.velocity[body], like))
+    pull = add_scaled(1.0, load(last.acceleration[body], like), load(first.acceleration[body], like))
+    change = 0.5 * carriages.mass[body] * dot(speed, gain)
+    work = 0.5 * carriages.mass[body] * dot(pull, way)
+    turn = turn_between(first.position[body], last.position[body], like)
+    early, late = turning(carriages, first, body, like), turning(carriages, last, body, like)
+    spun = late[1] - early[1]
+    return work + 0.5 * dot(add_scaled(1.0, early[0], late[0]), turn) - change - spun, change + spun
+
+
+@kernel
+def turning(carriages, bodies, body, like):
+    """Moment (turns,) in N m that turns a body as it does, and its energy of that (J)."""
+    axes = orientation(bodies.position[body], like)
+    inertia = inertia_of(carriages.inertia, body, axes, like)
+    spin = load(bodies.velocity[body, len(like) :], no_turn(like))
+    acceleration = load(bodies.acceleration[body, len(like) :], spin)
+    moment, _ = gyration(inertia, spin, acceleration, no_turn(like), 0.0, 0.0, 0.0)
+    return moment, 0.5 * dot(spin, times(inertia, spin, spin))
 
 
 @inlined_kernel

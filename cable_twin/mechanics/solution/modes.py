@@ -41,18 +41,21 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
         Frequencies (count,) in Hz, rising; shapes (count, nodes, 2, dim) of the nodal coordinates, largest entry 1.
 
     Raises:
-        ValueError: when the system has fewer modes than `count`, or fewer than one is asked for.
+        ValueError: when the system has fewer modes than `count`, fewer than one is asked for, or carriages in space.
     """
     free = _free_directions(system)
     nodal = free.shape[0]
     pitches = system.carriages.mass.size
+    if pitches and len(system.cable.gravity) == 3:
+        raise ValueError("natural frequencies of carriages in space asked for; allowed: of a bare cable, or in a plane")
     unknowns = free.shape[1] + pitches
     if not 1 <= count <= unknowns:
         raise ValueError(f"{count} natural frequencies asked for; this cable has 1 to {unknowns}")
     bodies = _body_directions(system, state)
     basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
 
-    inertias = np.stack([system.carriages.mass, system.carriages.mass, system.carriages.inertia], axis=1).ravel()
+    inertia = system.carriages.inertia.ravel()[:pitches]
+    inertias = np.column_stack([system.carriages.mass, system.carriages.mass, inertia]).ravel()
     support_stiffness, counterweight_mass = _tower_matrices(system, state)
     mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
     mass = mass + bodies.T @ _diagonal(inertias) @ bodies
