@@ -229,3 +229,30 @@ def lateral_frequencies() -> Iterator[Result]:
         for number, got in enumerate(frequencies[across][:3], start=1):
             want = number / (2.0 * length) * sqrt(level / mass)
             yield Result(f"mode {number}, slack {100 * (slack - 1):.2g} %", "Hz", want, float(got), 0.01 * want)
+
+
+@case(
+    "rope bent in plan over a tower",
+    "side force of a groove 2 H sin β; its ratio to the normal force g y",
+    needs_jit=True,
+)
+def groove() -> Iterator[Result]:
+    """A tower 4 m beside the line of both ends, in the middle of 200 m."""
+    aside, half, ratio = 4.0, 100.0, 20.0
+    rope = {
+        "unstrained_length": 200.3,
+        "mass_per_length": 5.0,
+        "axial_stiffness": 2e7,
+        "bending_stiffness": 10.0,
+        "elements": {"target": 4.0, "at_towers": 0.5, "growth": 1.5},
+        "start": {"position": [0.0, 0.0, 0.0]},
+        "end": {"position": [2.0 * half, 0.0, 0.0]},
+    }
+    tower = {"position": [half, aside, 2.0], "stiffness": 1e7, "groove": ratio}
+    simulation = Simulation(load_scenario({"cable": rope, "towers": {"tower": tower}}))
+    force = np.array(simulation.snapshot.supports["tower"].force)
+    level = float(np.hypot(*simulation.snapshot.supports["start"].force[:2]))
+    place = simulation.cable_positions(simulation.state.contact_arc_length)[0]
+    expected = 2.0 * level * float(place[1]) / hypot(half, float(place[1]))
+    yield Result("side force", "N", expected, float(force[1]), 1e-3 * expected)
+    yield Result("ratio of the forces", "-", ratio * (aside - float(place[1])), float(force[1] / force[2]), 1e-6)

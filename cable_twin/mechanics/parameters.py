@@ -121,6 +121,7 @@ class Towers(NamedTuple):
     friction: FloatArray  # (contacts,) - , limit of the force along the rope per normal force
     presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
+    groove: FloatArray  # (contacts,) 1/m, in space: force sideways over normal force, by the way off the middle
 
 
 @by_reference

@@ -126,6 +126,7 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
         ),
         presliding=np.full(sum(tower.contacts for tower in towers), PRESLIDING),
         toe=np.full(sum(tower.contacts for tower in towers), TOE),
+        groove=floats([tower.groove for tower in towers for _ in range(tower.contacts)]),
     )
 
 

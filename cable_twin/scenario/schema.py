@@ -159,6 +159,12 @@ class Tower(Section):
     hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
     stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
     damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
+    groove: float = quantity(
+        "1/m",
+        "in space, force sideways over normal force, by how far the rope is off the middle of its groove",
+        20.0,
+        gt=0,
+    )
     friction: float | None = quantity(
         "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
     )

@@ -113,6 +113,7 @@ def make_towers(dim=2, contacts=0, **changes):
         friction=np.full(contacts, 0.3),
         presliding=np.full(contacts, 0.02),
         toe=np.full(contacts, 0.01),
+        groove=np.full(contacts, 4.0),
     )
     return towers._replace(**changes)
 

@@ -9,14 +9,23 @@ f friction. s is not an unknown but a function of the shape: it is found anew in
 ∂s/∂e = -(S r_x + S_x (r - p)) / (|r_x|² + (r - p)·r_xx) makes the tangent exact. With no friction the forces have a
 potential, and a rope that slides over keeps its tension. A saddle, or a train of sheaves, is several contacts on a
 circle: a sharper bend lifts off the outer ones.
+
+In space a groove holds the rope sideways, b = t x n: -g N y b with y = (r - p)·b, so that y g is the ratio of the
+forces, and nothing is held that does not lie on it.
 """
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
-from cable_twin.mechanics.language.compilation import kernel
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import (
+    OPTIONS,
+    Vector,
     add_scaled,
     block,
     dot,
@@ -109,11 +118,65 @@ def contact_frame(cable, towers, state, contact):
 @kernel
 def contact_force(cable, towers, state, contact):
     """Force (dim,) of a contact on the rope and its normal part, both in N."""
-    _, r_x, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
+    _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
     friction = towers.friction[contact] * n * z
-    return add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal)), n
+    force = add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal))
+    return with_groove(force, towers.groove[contact] * n, r_x, normal, apart), n
+
+
+def with_groove(force: Vector, stiffness: float, r_x: Vector, normal: Vector, apart: Vector) -> Vector:
+    """Force (dim,) in N of a contact with that of its groove, of a stiffness in N/m; in a plane there is none."""
+    if len(force) == 2:
+        return force
+    across = sideways(r_x, normal)
+    return add_scaled(-stiffness * dot(apart, across), across, force)
+
+
+@overload(with_groove, jit_options=OPTIONS)
+def _with_groove(force, stiffness, r_x, normal, apart):
+    def planar(force, stiffness, r_x, normal, apart):
+        return force
+
+    def spatial(force, stiffness, r_x, normal, apart):
+        across = sideways(r_x, normal)
+        return add_scaled(-stiffness * dot(apart, across), across, force)
+
+    return planar if force.count == 2 else spatial
+
+
+@inlined_kernel
+def sideways(r_x, normal):
+    """Unit vector (3,) across the rope and the normal of a contact."""
+    across = cross(r_x, normal)
+    return scale(1.0 / sqrt(dot(across, across)), across)
+
+
+def add_groove(stiffness: float, r_x: Vector, normal: Vector, point: Any, work: Any) -> None:
+    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane."""
+    if len(r_x) == 3:
+        _add_groove(stiffness, r_x, normal, point, work)
+
+
+@overload(add_groove, jit_options=OPTIONS)
+def _overload_add_groove(stiffness, r_x, normal, point, work):
+    def planar(stiffness, r_x, normal, point, work):
+        return None
+
+    def spatial(stiffness, r_x, normal, point, work):
+        _add_groove(stiffness, r_x, normal, point, work)
+
+    return planar if r_x.count == 2 else spatial
+
+
+@inlined_kernel
+def _add_groove(stiffness, r_x, normal, point, work):
+    across = sideways(r_x, normal)
+    for i in range(4):
+        for j in range(4):
+            matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)
+            add_block(matrix, point.element, i, j, work)
 
 
 @kernel
@@ -135,10 +198,12 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
-        add_force(force, point, work.right_side)
+        groove = towers.groove[contact] * n
+        add_force(with_groove(force, groove, r_x, normal, apart), point, work.right_side)
         if stiffness_factor == 0.0:
             continue
 
+        add_groove(stiffness_factor * groove, r_x, normal, point, work)
         r_xx, turning = bend(state.nodes.position, point, like), slope(state.nodes.velocity, point, like)
         shape, shape_x = point.shape, point.shape_x
         pivot = norm * norm + dot(apart, r_xx)

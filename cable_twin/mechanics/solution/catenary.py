@@ -25,7 +25,7 @@ class Rest(NamedTuple):
     """The spans of the cable at rest; span k is before tower k."""
 
     corner: FloatArray  # (spans + 1, dim) m: ends and towers
-    basis: FloatArray  # (2, dim): unit vectors, level along the span and up
+    basis: FloatArray  # (spans, 2, dim): unit vectors, level along each span and up
     pull: FloatArray  # (spans, 2) N at the start of each span: level, and upwards along the cable
     length: FloatArray  # (spans,) m, unstrained
     weight: float  # N/m
@@ -34,7 +34,7 @@ class Rest(NamedTuple):
     def load(self) -> FloatArray:
         """Force (towers, dim) in N of each tower on the cable."""
         after = self.pull + np.stack([np.zeros_like(self.length), self.weight * self.length], axis=1)
-        return (after[:-1] - self.pull[1:]) @ self.basis
+        return _in_world(after[:-1], self.basis[:-1]) - _in_world(self.pull[1:], self.basis[1:])
 
     def place(self, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions (n, dim) in m and slopes r_x (n, dim) at arc lengths (n,) in m."""
@@ -45,7 +45,13 @@ class Rest(NamedTuple):
         shape = elastic_catenary(pull, s, self.weight, self.stiffness)
         tension = pull + np.stack([np.zeros_like(s), self.weight * s], axis=-1)
         slopes = tension / self.stiffness + tension / np.linalg.norm(tension, axis=-1, keepdims=True)
-        return self.corner[span] + shape @ self.basis, slopes @ self.basis
+        basis = self.basis[span]
+        return self.corner[span] + _in_world(shape, basis), _in_world(slopes, basis)
+
+
+def _in_world(vectors: FloatArray, basis: FloatArray) -> FloatArray:
+    """Vectors (n, 2), level and up, in the axes of the world (n, dim), each with its own basis (n, 2, dim)."""
+    return np.einsum("nb,nbd->nd", vectors, basis)
 
 
 def elastic_catenary(pull: FloatArray, s: FloatArray, weight: float, stiffness: float) -> FloatArray:
@@ -74,7 +80,7 @@ def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[in
     if weighted.size == 0:
         return -1, np.zeros(2), 0.0
     end = int(weighted[0])
-    return end, basis @ counterweights.direction[end], float(counterweights.force[end])
+    return end, basis[-end] @ counterweights.direction[end], float(counterweights.force[end])
 
 
 def _too_light(end: int, force: float, reach: str, weight: float) -> EquilibriumError:
@@ -97,7 +103,8 @@ def rest_over_supports(system: System) -> Rest:
     gravity = np.array(cable.gravity)
     strength = float(np.linalg.norm(gravity))
     corner = np.concatenate([cable.end_position[:1], system.towers.top, cable.end_position[1:]])
-    basis = _plane(corner[-1] - corner[0], -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1])
+    up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
+    basis = np.array([_plane(way, up) for way in np.diff(corner, axis=0)])
     stiffness, length = cable.axial_stiffness, cable.unstrained_length
     # a cable without weight is taken as one of hardly any
     weight = max(cable.mass_per_length * strength, 1e-7 * stiffness / length if strength == 0.0 else 0.0)
@@ -107,7 +114,7 @@ def rest_over_supports(system: System) -> Rest:
         moved = corner.copy()
         if end >= 0:
             moved[-end] += travel * counterweights.direction[end]  # the first corner, or the last one
-        return np.diff(moved, axis=0) @ basis.T
+        return np.einsum("kd,kbd->kb", np.diff(moved, axis=0), basis)
 
     spans = spans_at(0.0)
     spans[:, 0] = np.maximum(spans[:, 0], 1e-3 * length / spans.shape[0])
@@ -135,7 +142,7 @@ def rest_over_supports(system: System) -> Rest:
         missed = np.abs(miss(found.x)).max()
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
     if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
-        across, height = basis @ (corner[-1] - corner[0])
+        across, height = _plane(corner[-1] - corner[0], up) @ (corner[-1] - corner[0])
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
         reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
         if end < 0:
@@ -168,8 +175,8 @@ def check_rest(system: System, names: Sequence[str]) -> None:
             others = towers._replace(top=np.delete(towers.top, tower, axis=0))
             passing = rest_over_supports(system._replace(towers=others))
             places, _ = passing.place(np.linspace(0.0, cable.unstrained_length, 10_001))
-            up = rest.basis[1]
-            away = float(np.interp(towers.top[tower] @ rest.basis[0], places @ rest.basis[0], places @ up))
+            along, up = rest.basis[0]
+            away = float(np.interp(towers.top[tower] @ along, places @ along, places @ up))
             away -= float(towers.top[tower] @ up)
             where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
             raise EquilibriumError(
