@@ -22,7 +22,10 @@ from cable_twin.scenario.schema import Limits
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
 # assumed: ropeway standards name no band; shorter than 0.2 s nobody takes for an acceleration
-MEANS = f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), assumed: no ropeway standard names a band"
+MEANS = (
+    f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), "
+    "assumed: no ropeway standard names a band"
+)
 LOOKS = f"looks every {CLEARANCE_PERIOD:g} s"
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
 SOURCES = {  # of the default limits
