@@ -6,7 +6,7 @@ from pathlib import Path
 
 from setuptools import find_packages, setup
 
-COMMANDS = ("sim", "drive", "simulate", "review", "replay")  # console scripts of setup.cfg
+COMMANDS = ("sim", "drive", "simulate", "line", "review", "replay")  # console scripts of setup.cfg
 SHARED = "examples/control_experiment.py"  # what the controllers have in common
 CONTROLLERS = ("examples/swing_damping.py", "examples/tower_pass.py", "examples/trapezoid_driver.py")
 RELAY = """\

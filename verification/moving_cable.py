@@ -169,7 +169,7 @@ def speeding_up() -> Iterator[Result]:
     yield Result("tension at the end", "N", 1e7 * (first * np.exp(growth) - 1.0), float(forces[1, 0]), 1e-3)
     yield Result("difference: its mass times v_t", "N", 5.0 * STRING_END * 20.0, float(forces.sum(axis=0)[0]), 1e-3)
     squared = first**2 * np.expm1(2.0 * growth) / (2.0 * growth / STRING_LENGTH)  # ∫|r_x|² dx
-    drive = simulation._observe(simulation.snapshot.solver).drives["haul_rope"]
+    drive = simulation._observe().drives["haul_rope"]
     yield Result("force of the drive", "N", 5.0 * 20.0 * squared, drive.force, 1e-3)
 
 

@@ -11,6 +11,7 @@ import math
 import sys
 from typing import Any
 
+from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import KINDS
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.repeated_drive import RATE, Driver
@@ -120,12 +121,12 @@ class Trip(Driver):
         super()._on_states(message)
         self._time = _seconds(message.header.stamp)
 
-    def _on_applied(self, message: Any) -> None:
-        super()._on_applied(message)
-        if self._way is not None and self._options.name in message.name and len(message.velocity):
-            time, speed = _seconds(message.header.stamp), message.velocity[list(message.name).index(self._options.name)]
-            self._way += self._last[1] * (time - self._last[0])
-            self._last = time, float(speed)
+    def _on_applied(self, data: bytes) -> None:
+        super()._on_applied(data)
+        applied = applied_command_from_message(data)
+        if self._way is not None and applied.command.kind == "speed" and self._options.name in applied.command.values:
+            self._way += self._last[1] * (applied.time - self._last[0])
+            self._last = applied.time, applied.command.values[self._options.name]
 
 
 def target_of(scenario: Scenario, name: str, place: str) -> float:

@@ -24,7 +24,7 @@ from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 VERSION_1 = {  # what its fields are now, one by one or by their columns
     "nodal_coordinates": "nodes.position",
     "nodal_velocities": "nodes.velocity",
@@ -184,7 +184,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
-            if header["format_version"] < 3:
+            if header["format_version"] < 4:
                 arrays |= _planar_moments(arrays)
                 joints = {key: array for key, array in arrays.items() if "/joints." in key}
                 arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
@@ -219,7 +219,7 @@ def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What version 3 added: the moments of joints that hold a body, of which there are none in a plane."""
+    """What version 4 added: the moments of joints that hold a body, of which there are none in a plane."""
     return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
 
 

@@ -15,7 +15,8 @@ from cable_twin.mechanics.drives.haul_rope import (
     sheave_force,
     take_up,
 )
-from cable_twin.mechanics.on_rope.chain import pivot
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
@@ -136,7 +137,8 @@ def hauled_residual(system, work):
         bodies = bare[4 * (system.cable.element_count + 1) :][: 3 * carriages.mass.size].reshape(-1, 3)
         gaps = []
         for k, body in enumerate(first):
-            _, _, *turn = pivot(state.bodies.position[body, 2], carriages.upper_pivot[body])
+            axes = np.reshape(orientation(state.bodies.position[body], (0.0, 0.0)), (2, 2))
+            turn = cross((1.0,), tuple(axes @ carriages.upper_pivot[body]))
             bodies[body] -= [*pulls[k], pulls[k] @ turn]
             place = np.array(joint_position(system.cable, state, k))
             gaps.append(state.hauled.position[k] - work.haul_origin[k] - work.haul_direction[k] @ place)

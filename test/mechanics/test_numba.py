@@ -8,7 +8,6 @@ import inspect
 import re
 from importlib import import_module
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numba
 import pytest
@@ -59,11 +58,6 @@ def test_numba_is_below_the_ceiling():
     assert numbers(floor) <= numbers(numba.__version__) < numbers(ceiling), (
         f"numba {numba.__version__} is installed, setup.cfg allows {floor} to below {ceiling}.{ADVICE}"
     )
-
-
-def test_package_xml_says_the_same():
-    (depend,) = (item for item in ET.parse(ROOT / "package.xml").iter("exec_depend") if item.text == "python3-numba")
-    assert (depend.get("version_gte"), depend.get("version_lt")) == bounds()
 
 
 @pytest.mark.parametrize(("file", "module", "name"), imported())

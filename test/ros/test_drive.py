@@ -190,7 +190,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["cabin", "--wind", "1"], "'cabin' given; only --speed, --force, --payload, --to take a name"),
         (["--reset", "--duration", "1"], "--duration given; it goes with --speed, --force"),
         (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
-        (["--wind", "1", "2", "3"], "argument --wind: 3 numbers given; allowed: x, z, in m/s"),
+        (["--wind", "1", "2", "3", "4"], "argument --wind: 4 numbers given; allowed: x, z, y, in m/s"),
         (["--wind", "gale"], "argument --wind: 'gale' given, a finite number is needed"),
         (
             ["--reset", "--node", "a b"],

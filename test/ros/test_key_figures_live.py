@@ -6,7 +6,7 @@ import re
 
 import pytest
 from small_tramway import TRAMWAY
-from twin_process import LOG_EVERY_FRAME
+from twin_process import LOG_EVERY_FRAME, PATIENCE
 
 from cable_twin.key_figures import ENERGY_LOST, KeyFigures
 from cable_twin.messages import SECOND, decode
@@ -48,10 +48,12 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     level, message = participant.task("limits")
     assert level == 1
     assert SWING in message
+    passed = f"limit passed: {ENERGY_LOST}"
+    participant.until(lambda: passed in sim.output, 2.0 * PATIENCE, what="a warning of lost energy")
     (line,) = [line for line in sim.output.splitlines() if f"limit passed: {SWING}" in line]
     assert "allowed: at most 0.02 rad (scenario: limits.swing)" in line
     assert participant.received["supports/tower_1/force"]
-    (line,) = [line for line in sim.output.splitlines() if f"limit passed: {ENERGY_LOST}" in line]
+    (line,) = [line for line in sim.output.splitlines() if passed in line]
     assert re.search(r"lower solver.step|refine cable.elements", line)  # the cause
     assert {pair.key: pair.value for pair in figures()["cabin: vehicle acceleration"].values}["band"].startswith(
         "means"

@@ -12,6 +12,7 @@ import pytest
 from cable_twin.commands import INPUTS
 from cable_twin.messages import topics
 from cable_twin.scenario import load_scenario, scenario_names
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.snapshot import Layout
 
 pytest.importorskip("rclpy")
@@ -47,6 +48,10 @@ def published() -> Iterator[str]:
         for topic in table:
             if topic.name not in INPUTS:
                 yield topic.name if topic.name.startswith("/") else f"{TWIN}/{topic.name}"
+    kinds = {"encoder": "cabin", "load_cell": "start", "inclinometer": "cabin", "imu": "cabin"}
+    sensors = {kind: {"kind": kind, "of": of} for kind, of in kinds.items()}
+    for topic in sensor_topics(load_scenario("aerial_tramway", {"sensors": sensors})):
+        yield f"{TWIN}/{topic.name}"
 
 
 def covered(names: set[str], patterns: set[str]) -> tuple[set[str], set[str]]:
