@@ -17,7 +17,6 @@ from rich.progress import Progress
 from benchmarks.live_processes import processor_seconds
 from benchmarks.measure import BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
-from cable_twin.commands import INPUTS
 from cable_twin.messages import topics
 from cable_twin.rates import PUBLISHED
 from cable_twin.recording.frame_output import FrameOutput
@@ -93,11 +92,11 @@ def _rates(
 
 def _api(node: Any, scenario: str) -> tuple[Callable[[int], None], Callable[[int], None]]:
     """Frames of the plain API, and with its messages built and published."""
-    from cable_twin.ros.endpoints import publisher_of  # noqa: PLC0415 - of the extra ros
+    from cable_twin.ros.endpoints import Endpoints  # noqa: PLC0415 - of the extra ros
 
     simulation = Simulation(load_scenario(scenario))
     table = topics(simulation.layout)
-    senders = {one.name: publisher_of(node, one) for one in table if one.name not in INPUTS}
+    senders = Endpoints(node, table).senders
     output = FrameOutput(simulation, table, [PUBLISHED], frame_rate=1.0 / PERIOD)
 
     def alone(frames: int) -> None:

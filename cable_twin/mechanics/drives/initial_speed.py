@@ -16,7 +16,7 @@ def set_going(system, state, carriage, speed):
     state.joints.velocity[carriage] = speed
     place = state.joints.position[carriage]
     if state.drive_mode[carriage] == HAULED:
-        state.sheaves.velocity[carriage] = speed
+        state.sheaves.velocity[carriage] = state.hauled.velocity[carriage] = speed
         place = state.sheaves.position[carriage]
     follow(state.reference, carriage, place, speed, 0.0)
     place_joint(cable, state, carriage)

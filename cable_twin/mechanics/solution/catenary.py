@@ -100,8 +100,7 @@ def rest_over_supports(system: System) -> Rest:
         EquilibriumError: when there is none.
     """
     cable, counterweights = system.cable, system.counterweights
-    gravity = np.array(cable.gravity)
-    strength = float(np.linalg.norm(gravity))
+    gravity, strength = np.array(cable.gravity), float(np.linalg.norm(cable.gravity))
     corner = np.concatenate([cable.end_position[:1], system.towers.top, cable.end_position[1:]])
     up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
     basis = np.array([_plane(way, up) for way in np.diff(corner, axis=0)])
