@@ -131,10 +131,11 @@ def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] 
         import rclpy  # noqa: PLC0415 - optional
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
 
-        from cable_twin.ros.endpoints import message_class  # noqa: PLC0415
     except ImportError:
         yield None
         return
+    from cable_twin.ros.endpoints import message_class  # noqa: PLC0415 - needs rclpy
+
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=os.getpid() % 80 + 20)
     node = rclpy.create_node("cable_twin_benchmark", context=context)

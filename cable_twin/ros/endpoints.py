@@ -73,12 +73,12 @@ class Endpoints:
             reliability=ReliabilityPolicy[topic.reliability.upper()],
             durability=DurabilityPolicy[topic.durability.upper()],
         )
-        package, _, type_name = topic.type.split("/")
-        message_class = getattr(import_module(f"{package}.msg"), type_name)
         name = topic.name if topic.name.startswith("/") else f"~/{topic.name}"
         overriding = QoSOverridingOptions(OVERRIDABLE)
         try:
-            made = create(message_class, name, *how, qos_profile=quality, qos_overriding_options=overriding, **options)
+            made = create(
+                message_class(topic.type), name, *how, qos_profile=quality, qos_overriding_options=overriding, **options
+            )
         except (ParameterException, RuntimeError) as error:  # RuntimeError: also of rcl
             reason = " ".join(str(error).split()).partition(", at /")[0]
             raise ParameterError(f"{QOS_OVERRIDES}{self._node.resolve_topic_name(name)}: {reason}") from None
@@ -91,6 +91,12 @@ class Endpoints:
             depth=quality.depth,
         )
         return made
+
+
+def message_class(kind: str) -> Any:
+    """Class of messages of a type such as sensor_msgs/msg/JointState."""
+    package, _, name = kind.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
 
 
 def _nowhere(_data: bytes) -> None:
