@@ -8,6 +8,7 @@ numba the same as one expression.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from typing import Any
 
@@ -22,7 +23,13 @@ OPTIONS: Any = OVERLOAD  # of what `overload` gives to numba
 
 def formula(arguments: str, entries: list[str]) -> Callable[..., Any]:
     """The function that gives a tuple of these expressions: what numba compiles for one length of vectors."""
-    return eval(f"lambda {arguments}: ({', '.join(entries)},)")
+    source = f"lambda {arguments}: ({', '.join(entries)},)"
+    function = eval(source)
+    # a name of its own: what is compiled is kept by name and types, and the numbers in a formula count for neither
+    name = f"formula_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    function.__code__ = function.__code__.replace(co_name=name)
+    function.__name__ = function.__qualname__ = name
+    return function
 
 
 @inlined_kernel
