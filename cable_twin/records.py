@@ -112,6 +112,15 @@ class TowerState:
 
 
 @dataclass(frozen=True, slots=True)
+class PantographState:
+    """What pushes a rope from below."""
+
+    position: FloatArray  # (3,) m, of the head
+    speed: float  # m/s, along the track
+    contact_force: float  # N, upwards on the rope, 0 where it has lost it
+
+
+@dataclass(frozen=True, slots=True)
 class HaulRopeState:
     """The haul rope of one carriage, and the sheave that drives it."""
 

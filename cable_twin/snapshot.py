@@ -21,6 +21,7 @@ from cable_twin.records import (
     DriveState,
     FloatArray,
     HaulRopeState,
+    PantographState,
     SolverReport,
     SupportState,
     TowerState,
@@ -57,6 +58,10 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "moving_cable_force": ("drives",),
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
+    "connector_force": ("connectors",),
+    "pantograph_force": ("pantographs",),
+    "pantograph_position": ("pantographs", 3),
+    "pantograph_speed": ("pantographs",),
 }
 T = TypeVar("T")
 
@@ -70,7 +75,10 @@ class Layout:
         carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
-        arc_lengths: (samples,) m, unstrained, where the cable is shown.
+        towers: names of those of them that are between the ends of a rope.
+        arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
+        ropes: which of these are of which rope, by its name.
+        connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
         vehicle_rows, support_rows, drive_rows: number by name.
@@ -87,6 +95,10 @@ class Layout:
         *,
         carriers: int = 0,
         hauled: Sequence[str] = (),
+        towers: Sequence[str] | None = None,
+        ropes: Mapping[str, slice] | None = None,
+        connectors: Sequence[str] = (),
+        pantographs: Sequence[str] = (),
     ) -> None:
         """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
@@ -95,6 +107,9 @@ class Layout:
         self.supports, self.drives, self.hauled = tuple(supports), tuple(drives), tuple(hauled)
         self.arc_lengths = np.array(arc_lengths, dtype=np.float64)
         self.arc_lengths.setflags(write=False)
+        self.towers = self.supports[len(ENDS) :] if towers is None else tuple(towers)
+        self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
+        self.connectors, self.pantographs = tuple(connectors), tuple(pantographs)
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
         counts: dict[str | int, int] = {
@@ -103,6 +118,8 @@ class Layout:
             "supports": len(self.supports),
             "drives": len(self.drives),
             "samples": self.arc_lengths.size,
+            "connectors": len(self.connectors),
+            "pantographs": len(self.pantographs),
         }
         shapes = [tuple(counts.get(count, count) for count in SHAPES[name]) for name in Columns._fields]
         ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]  # type: ignore[arg-type]
@@ -114,15 +131,31 @@ class Layout:
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
-        """Layout of the frames of a scenario, with so many points (at least 2) of its cable."""
+        """Layout of the frames of a scenario, with so many points (at least 2) of each of its ropes."""
+        names = tuple(scenario.ropes)
+        alone = [scenario.of_rope(name) for name in names] or [scenario]
+        supports = [
+            [*(f"{name}/{end}" if name else end for end in ENDS), *one.towers]
+            for name, one in zip(names or ("",), alone, strict=True)
+        ]
         return cls(
             {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()},
-            (*ENDS, *scenario.towers),
+            [name for own in supports for name in own],
             tuple(scenario.drives),
-            np.linspace(0.0, scenario.cable.unstrained_length, samples, dtype=np.float64),
+            np.concatenate([np.linspace(0.0, one.cable.unstrained_length, samples) for one in alone]),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
             hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
+            towers=[name for own in supports for name in own[len(ENDS) :]],
+            ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names or (CABLE,))},
+            connectors=tuple(scenario.connectors),
+            pantographs=tuple(scenario.pantographs),
         )
+
+    def of_rope(self, columns: Columns, name: str, supports: slice, vehicles: slice) -> Columns:
+        """Views of what is of one rope in the columns of a frame, from its supports and vehicles."""
+        bodies = slice(self.first_body[vehicles.start], self.first_body[vehicles.stop])
+        rows = {"supports": supports, "vehicles": vehicles, "bodies": bodies, "samples": self.ropes[name]}
+        return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
 
     def columns(self, numbers: FloatArray) -> Columns:
         """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""
@@ -248,12 +281,28 @@ class Snapshot:
     @property
     def cable(self) -> CableSamples:
         """The first rope."""
-        return CableSamples(self.layout.arc_lengths, self.columns.rope_position, self.columns.rope_tension)
+        return next(iter(self.ropes.values()))
 
     @property
     def ropes(self) -> Mapping[str, CableSamples]:
         """All ropes by name."""
-        return {CABLE: self.cable}
+        arc_lengths, c = self.layout.arc_lengths, self.columns
+        return {
+            name: CableSamples(arc_lengths[part], c.rope_position[part], c.rope_tension[part])
+            for name, part in self.layout.ropes.items()
+        }
+
+    @property
+    def connectors(self) -> Mapping[str, float]:
+        """Pull (N) of what hangs between ropes, by name."""
+        return dict(zip(self.layout.connectors, self.columns.connector_force.tolist(), strict=True))
+
+    @property
+    def pantographs(self) -> Mapping[str, PantographState]:
+        """What pushes a rope from below, by name."""
+        c = self.columns
+        rows = zip(self.layout.pantographs, c.pantograph_position, c.pantograph_speed, c.pantograph_force, strict=True)
+        return {name: PantographState(place, float(speed), float(force)) for name, place, speed, force in rows}
 
     def _carriage(self, index: int) -> CarriageState:
         c = self.columns
@@ -287,7 +336,9 @@ class Snapshot:
         travel = float(c.support_travel[index])
         return SupportState(
             force=c.support_force[index],
-            tower=TowerState(load, lowest, float(rest), load == 0.0) if index >= len(ENDS) else None,
+            tower=TowerState(load, lowest, float(rest), load == 0.0)
+            if self.layout.supports[index] in self.layout.towers
+            else None,
             travel=None if isnan(travel) else travel,
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.scenario.build_vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
-from cable_twin.scenario.mesh import even_nodes, nodes_of
+from cable_twin.scenario.mesh import even_nodes, nodes_of, with_marks
 from cable_twin.scenario.schema import Cable, Scenario, Support, Tower
 
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
@@ -17,11 +17,12 @@ TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
 BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
 
 
-def build_system(scenario: Scenario) -> parameters.System:
+def build_system(scenario: Scenario, marks: FloatArray | None = None) -> parameters.System:
     """Work out the constants of the mechanics.
 
     Args:
-        scenario: a scenario from `load_scenario`.
+        scenario: a scenario from `load_scenario`, of one rope.
+        marks: arc lengths (marks,) in m at which the mesh has a node whatever happens.
 
     Returns:
         Cable, carriages and solver; the bodies are in the order of the file.
@@ -61,6 +62,8 @@ def build_system(scenario: Scenario) -> parameters.System:
         ),
     )
     nodes = nodes_of(scenario, system)
+    if marks is not None:
+        nodes = with_marks(nodes, marks)
     return system._replace(cable=system.cable._replace(**parameters.mesh_fields(nodes)))
 
 

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.rope_checks import rope_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_checks import sensor_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
@@ -34,6 +35,8 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         found = {
             fault.path: fault for fault in (_schema_fault(item["loc"], item["type"], data) for item in error.errors())
         }
+        if "ropes" in data:  # the cable is the first of them, which has its own
+            return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
     faults = list(_implausible(scenario))
@@ -195,6 +198,8 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
 
 def _implausible(scenario: Scenario) -> Iterator[Fault]:
     """Values that are sound alone but not together."""
-    yield from cable_faults(scenario)
-    yield from vehicle_faults(scenario)
+    yield from rope_faults(scenario)
+    if not scenario.ropes:
+        yield from cable_faults(scenario)
+        yield from vehicle_faults(scenario)
     yield from sensor_faults(scenario)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import log
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,17 @@ def nodes_of(scenario: Scenario, system: System) -> FloatArray:
     if not isinstance(elements, Grading):
         return even_nodes(length, elements)
     return graded_nodes(length, elements, short_zones(scenario, system))
+
+
+def with_marks(nodes: FloatArray, marks: FloatArray) -> FloatArray:
+    """A mesh with nodes at `marks` (m) too, each between its ends; elements are as long as before, or shorter."""
+    numbers = np.arange(nodes.size, dtype=np.float64)
+    stops = np.unique(np.interp([nodes[0], *marks, nodes[-1]], nodes, numbers))
+    pieces = [nodes[:1]]
+    for first, last in pairwise(stops.tolist()):
+        count = max(int(np.ceil(last - first - 1e-6)), 1)
+        pieces.append(np.interp(np.linspace(first, last, count + 1)[1:], numbers, nodes))
+    return np.concatenate(pieces)
 
 
 def short_zones(scenario: Scenario, system: System) -> FloatArray:
@@ -79,4 +91,4 @@ def graded_nodes(length: float, elements: Grading, zones: FloatArray) -> FloatAr
     return nodes
 
 
-__all__ = ["even_nodes", "graded_nodes", "nodes_of", "short_zones"]
+__all__ = ["even_nodes", "graded_nodes", "nodes_of", "short_zones", "with_marks"]

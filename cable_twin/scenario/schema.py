@@ -6,65 +6,19 @@ is in `checks`; use `load_scenario`, which applies both.
 
 from __future__ import annotations
 
-from io import StringIO
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
-from ruamel.yaml import YAML
-from ruamel.yaml.representer import SafeRepresenter
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from cable_twin.mechanics.parameters import ELASTIC_MODELS, INTEGRATORS
-
-
-class _Representer(SafeRepresenter):
-    """Floats as every YAML reads them: 1e-06 is a text in YAML 1.1, 1.0e-06 is not."""
-
-    def represent_float(self, value: float) -> Any:
-        text = repr(value)
-        return self.represent_scalar(
-            "tag:yaml.org,2002:float", text.replace("e", ".0e") if "e" in text and "." not in text else text
-        )
-
-
-_Representer.add_representer(float, _Representer.represent_float)
+from cable_twin.scenario.as_yaml import as_yaml
+from cable_twin.scenario.couplings import Connector, Pantograph
+from cable_twin.scenario.fields import FromList, Place, Section, Tensor, Vector, in_space, quantity
 
 MOST_ELEMENTS = 100_000
 # whatever the mechanics have; without a stub's idea of a literal
 ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
-FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
-Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
-# along the track and upwards, or in space with what is to the left between them
-Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)]
-
-
-Tensor = Annotated[tuple[float, ...], FromList, Field(min_length=3, max_length=6)]
-
-
-def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> Any:
-    """A field that is a number or a vector.
-
-    Args:
-        unit: SI unit, "-" for a plain number.
-        description: what it is; the unit is added.
-        default: value where none is given; without it the field must be given.
-        **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
-
-    Returns:
-        The pydantic field.
-    """
-    return Field(default, description=f"{description} ({unit})", json_schema_extra={"unit": unit}, **bounds)
-
-
-def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
-    """A vector x, z or x, y, z as one of three numbers."""
-    return vector if len(vector) == 3 else (vector[0], 0.0, vector[1])
-
-
-class Section(BaseModel):
-    """A part of a scenario: nothing unknown in it, nothing converted, every number finite."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class Support(Section):
@@ -136,6 +90,10 @@ class Cable(Section):
         default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
+    mass_damping: float = quantity("1/s", "of a rope among several: damping per mass", 0.0, ge=0)
+    tension_damping: float = quantity(
+        "s", "of a rope among several: damping per stiffness that the tension at the start gives it", 0.0, ge=0
+    )
     initial_shape: Literal["equilibrium", "straight"] = Field(
         default="equilibrium", description="how it starts: in static equilibrium, or unstrained from start towards end"
     )
@@ -151,6 +109,7 @@ class Cable(Section):
 class Tower(Section):
     """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
 
+    rope: str | None = Field(default=None, description="the rope that runs over it; null: the first one")
     position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
     kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
     contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
@@ -286,6 +245,7 @@ class Payload(Section):
 class Carriage(Section):
     """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
 
+    rope: str | None = Field(default=None, description="the rope on which it is; null: the first one")
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
     speed: float = quantity(
         "m/s", "speed along the cable at the start of the run, which a drive of mode speed keeps until a command", 0.0
@@ -426,7 +386,12 @@ class Scenario(Section):
     space: Literal[2, 3] | None = Field(
         default=None, description="2 for a plane, 3 for space; null: as many as the positions of supports have numbers"
     )
-    cable: Cable = Field(description="the cable")
+    cable: Cable = Field(description="the cable; where there are several `ropes` instead, the first of those")
+    ropes: dict[str, Cable] = Field(default_factory=dict, description="several ropes by name, instead of one cable")
+    connectors: dict[str, Connector] = Field(default_factory=dict, description="what hangs between ropes, by name")
+    pantographs: dict[str, Pantograph] = Field(
+        default_factory=dict, description="what pushes a rope from below and moves along it, by name"
+    )
     towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
     drives: dict[str, RopeDrive] = Field(default_factory=dict, description="the drive of a moving cable, by name")
@@ -437,10 +402,33 @@ class Scenario(Section):
     sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _first_of_ropes(cls, data: Any) -> Any:
+        """Let the cable be the first of several ropes."""
+        ropes = data.get("ropes") if isinstance(data, dict) else None
+        if isinstance(ropes, dict) and ropes and "cable" not in data:
+            return {**data, "cable": next(iter(ropes.values()))}
+        return data
+
+    def of_rope(self, name: str) -> Scenario:
+        """The same of one rope alone, with what is on it: a scenario with a cable."""
+        first = next(iter(self.ropes))
+        update = {
+            "cable": self.ropes[name],
+            "towers": {key: tower for key, tower in self.towers.items() if (tower.rope or first) == name},
+            "carriages": {key: one for key, one in self.carriages.items() if (one.rope or first) == name},
+            "space": self.dim,
+        }
+        return self.model_copy(update={**update, "ropes": {}, "connectors": {}, "pantographs": {}})
+
     @property
     def vehicles(self) -> dict[str, Carriage]:
         """All carriages by name: those of the file, then the carriers from the first on."""
         carriers = self.carriers
+        if self.ropes:  # rope by rope, as they are read
+            rows = {name: row for row, name in enumerate(self.ropes)}
+            return dict(sorted(self.carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
         if carriers is None:
             return self.carriages
         first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
@@ -464,7 +452,9 @@ class Scenario(Section):
     @property
     def dim(self) -> int:
         """How many dimensions it has: 2 in a plane, 3 in space."""
-        places = [self.cable.start.position, self.cable.end.position, *(t.position for t in self.towers.values())]
+        cables = self.ropes.values() or [self.cable]
+        places = [place for cable in cables for place in (cable.start.position, cable.end.position)]
+        places += [tower.position for tower in self.towers.values()]
         return self.space or max(map(len, places))
 
     def vector(self, given: tuple[float, ...]) -> tuple[float, ...]:
@@ -480,15 +470,8 @@ class Scenario(Section):
 
     def resolved(self) -> dict[str, Any]:
         """The whole scenario with its defaults as plain data for JSON or YAML; `load_scenario` reads it back."""
-        return self.model_dump(mode="json")
+        return self.model_dump(mode="json", exclude={"cable"} if self.ropes else None)
 
     def to_yaml(self) -> str:
         """The whole scenario with its defaults as YAML text, readable as YAML 1.1 and 1.2 alike."""
-        yaml = YAML(typ="safe", pure=True)
-        yaml.Representer = _Representer
-        yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # bodies in the order of the chain
-        yaml.default_flow_style = None
-        yaml.width = 120
-        text = StringIO()
-        yaml.dump(self.resolved(), text)
-        return text.getvalue()
+        return as_yaml(self.resolved())

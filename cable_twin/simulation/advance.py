@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from cable_twin.mechanics.parameters import Solver
 from cable_twin.mechanics.solution.stepping import Outcome
@@ -15,20 +15,28 @@ PERIOD = 0.05  # s of simulated time from one look to the next; a person gets in
 SURE_RADIUS = 0.8  # -, of solver.spectral_radius; with more a light load on a stiff cable fails now and then
 
 
-def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[int], tuple]) -> Outcome:
+def in_parts(
+    parts: Sequence[Ropeway], meetings: Sequence[Meeting], steps: int, advance: Callable[[int], tuple]
+) -> Outcome:
     """Take `steps` solver steps by calls of `advance`, in one where nothing is to be done meanwhile.
+
+    Args:
+        parts: one a rope, with what is on it.
+        meetings: what watches each of them.
+        steps: how many.
+        advance: takes so many of them.
 
     Returns:
         What came of all of them, or until one failed or two vehicles have met.
     """
-    if not ropeway.loading and not ropeway.rooms and not meeting.possible:
+    if not _has_more_to_do(parts, meetings):
         return Outcome(*advance(steps))
-    step, clock = ropeway.system.solver.step, ropeway.state.clock
+    step, clock = parts[0].system.solver.step, parts[0].state.clock
     period = max(round(PERIOD / step), 1)
     total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
-    while total.converged and total.steps < steps and not meeting.found(ropeway.state):
+    while total.converged and total.steps < steps and not meeting_found(parts, meetings):
         rest = steps - total.steps
-        until = period - int(clock[0]) % period if ropeway.loading or ropeway.rooms or meeting.possible else rest
+        until = period - int(clock[0]) % period if _has_more_to_do(parts, meetings) else rest
         part = Outcome(*advance(min(rest, until)))
         total = part._replace(
             steps=total.steps + part.steps,
@@ -39,10 +47,22 @@ def in_parts(ropeway: Ropeway, meeting: Meeting, steps: int, advance: Callable[[
             moved=total.moved + part.moved,
         )
         if total.converged and int(clock[0]) % period == 0:
-            load_on(ropeway, period * step)
-            if ropeway.rooms:
-                exchange(ropeway)
+            for ropeway in parts:
+                load_on(ropeway, period * step)
+                if ropeway.rooms:
+                    exchange(ropeway)
     return total
+
+
+def _has_more_to_do(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> bool:
+    """Whether steps are to be interrupted now and then."""
+    return any(part.loading or part.rooms for part in parts) or any(meeting.possible for meeting in meetings)
+
+
+def meeting_found(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> str:
+    """The line about two vehicles that have met, or nothing."""
+    lines = (meeting.found(part.state) for part, meeting in zip(parts, meetings, strict=True))
+    return next((line for line in lines if line), "")
 
 
 def report_of(outcome: Outcome) -> SolverReport:
@@ -67,4 +87,4 @@ def undamped(solver: Solver) -> str:
     )
 
 
-__all__ = ["in_parts", "report_of", "undamped"]
+__all__ = ["in_parts", "meeting_found", "report_of", "undamped"]

@@ -14,6 +14,7 @@ from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.command_checks import check_drive, check_room, check_station, check_wind
 from cable_twin.simulation.driving import brake, drive, drive_mode
+from cable_twin.simulation.engines import Engine
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
 
@@ -26,11 +27,12 @@ class Effect(NamedTuple):
     check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # what the present one forbids
 
 
-def take_effect(ropeway: Ropeway, command: Command, *, ahead: bool = False) -> None:
+def take_effect(engine: Engine, scenario: Scenario, command: Command, *, ahead: bool = False) -> None:
     """Carry out a command: whole or, with an error, not at all.
 
     Args:
-        ropeway: What it acts on.
+        engine: What it acts on.
+        scenario: The whole of it.
         command: Of any kind.
         ahead: Only refuse what no motion makes possible.
 
@@ -40,13 +42,27 @@ def take_effect(ropeway: Ropeway, command: Command, *, ahead: bool = False) -> N
     if command.kind not in EFFECTS:
         raise CommandError(f"a command of kind {command.kind!r}; known: {', '.join(EFFECTS)}")
     effect = EFFECTS[command.kind]
-    if KINDS[command.kind].drives and ropeway.stopped:
+    if KINDS[command.kind].drives and engine.parts[0].stopped:
         raise CommandError("the emergency stop is in force: release it before the next command")
     if effect.check is not None:
-        effect.check(command, ropeway.scenario)
-    if effect.check_motion is not None and not ahead:
-        effect.check_motion(command, ropeway.scenario, ropeway.system, ropeway.state)
-    effect.change(ropeway, command)
+        effect.check(command, scenario)
+    shares = [(part, _share(command, part)) for part in engine.parts]
+    for part, share in shares:
+        if effect.check_motion is not None and not ahead:
+            effect.check_motion(share, part.scenario, part.system, part.state)
+    for part, share in shares:
+        effect.change(part, share)
+    if command.kind == "reset":
+        engine.reset()
+
+
+def _share(command: Command, part: Ropeway) -> Command:
+    """What of a command is for one rope and what is on it: all that names nobody, else what names something of it."""
+    kind = KINDS[command.kind]
+    if kind.axes or not kind.quantity:
+        return command
+    own = {name: value for name, value in command.values.items() if name in part.rows or name in part.scenario.drives}
+    return Command(command.kind, own)
 
 
 def _drive(ropeway: Ropeway, command: Command) -> None:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import groups, observe
 from cable_twin.records import SolverReport
 from cable_twin.scenario import Scenario
+from cable_twin.simulation.engines import Engine
 from cable_twin.snapshot import Layout, Snapshot
 
 
@@ -19,27 +19,34 @@ class Observer:
 
     Args:
         scenario: what runs.
-        system: its parameters.
-        samples: points (at least 2) at which snapshots hold the cable.
+        engine: what is read.
+        samples: points (at least 2) at which snapshots hold each rope.
     """
 
-    def __init__(self, scenario: Scenario, system: System, samples: int) -> None:
-        self.layout = Layout.of(scenario, samples)
-        self._numbers = np.zeros(self.layout.size)
-        self._columns = pack(self.layout.columns(self._numbers))
-        self._means = np.empty(groups(system.cable))
+    def __init__(self, scenario: Scenario, engine: Engine, samples: int) -> None:
+        self._engine = engine
+        self.layout = layout = Layout.of(scenario, samples)
+        self._numbers = np.zeros(layout.size)
+        self._columns = layout.columns(self._numbers)
+        self._of_ropes, support, vehicle = [], 0, 0
+        for part, (name, points) in zip(engine.parts, layout.ropes.items(), strict=True):
+            supports = slice(support, support + 2 + len(part.scenario.towers))
+            vehicles = slice(vehicle, vehicle + len(part.rows))
+            support, vehicle = supports.stop, vehicles.stop
+            columns = pack(layout.of_rope(self._columns, name, supports, vehicles))
+            means = np.empty(groups(part.system.cable))
+            self._of_ropes.append((part, pack(part.state), layout.arc_lengths[points], means, columns))
 
-    def snapshot(self, time: float, system: Any, state: Any, rest_loads: FloatArray, report: SolverReport) -> Snapshot:
+    def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds.
 
         Args:
             time: s.
-            system: parameters with payloads, packed or not.
-            state: what is read, packed or not.
-            rest_loads: (towers, 2) N, at the start of the run in the first column.
             report: what the solver did since the snapshot before.
         """
-        observe(system, state, self.layout.arc_lengths, rest_loads, self._means, self._columns)
+        for part, state, arc_lengths, means, columns in self._of_ropes:
+            observe(part.packed_system, state, arc_lengths, part.start.tower_load, means, columns)
+        self._engine.observe(self._columns)
         self._numbers[0] = time
         return Snapshot(self.layout, self._numbers.copy(), report)
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
-from cable_twin.snapshot import Snapshot
+from cable_twin.records import CableSamples
 
 ROUNDING = 1e-9  # strain
 
 
-def check_pressure(system: System, start: Snapshot) -> None:
+def check_pressure(system: System, rope: CableSamples) -> None:
     """Refuse a start under more pressure than rounding, or elements that fold under the weight of the cable, explain.
 
     Raises:
@@ -19,7 +19,7 @@ def check_pressure(system: System, start: Snapshot) -> None:
     """
     cable = system.cable
     weight = cable.mass_per_length * cable.unstrained_length * float(np.linalg.norm(cable.gravity))
-    pressure = -float(start.cable.tensions.min())
+    pressure = -float(rope.tensions.min())
     if cable.bending_stiffness == 0.0 and pressure > max(ROUNDING * cable.axial_stiffness, weight):
         raise EquilibriumError(
             f"cable.bending_stiffness: given 0, but the cable starts under a pressure of {pressure:.4g} N, which only "

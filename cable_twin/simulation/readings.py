@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.records import Clearance, Energy, SolverReport
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
-from cable_twin.snapshot import CABLE, Snapshot
+from cable_twin.snapshot import Snapshot
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 
@@ -22,8 +21,8 @@ ROPE_POINTS = 10  # of an element, at which its clearance is taken
 class Readings:
     """Reads the present state of a ropeway, and changes nothing."""
 
-    _ropeway: Ropeway
-    _packed_state: Any
+    _ropeway: Ropeway  # the first rope with what is on it
+    _parts: list[Ropeway]
     _observer: Observer
     _on_demand: bool
     _report: SolverReport
@@ -42,10 +41,10 @@ class Readings:
         Raises:
             ValueError: when there is no rope of that name.
         """
-        _check_rope(rope)
+        part = self._part(rope)
         arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")  # a copy: kernels want what may be written
         positions = np.empty((arc_lengths.size, 3))
-        sample_positions(self._ropeway.system.cable, self._ropeway.state, arc_lengths, positions)
+        sample_positions(part.system.cable, part.state, arc_lengths, positions)
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
@@ -54,10 +53,11 @@ class Readings:
         Raises:
             ValueError: when there is no rope of that name.
         """
-        _check_rope(rope)
+        part = self._part(rope)
         arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
         tensions = np.empty(arc_lengths.size)
-        sample_tensions(self._ropeway.system.cable, self._ropeway.state, arc_lengths, tensions, self._means)
+        means = np.empty(groups(part.system.cable))
+        sample_tensions(part.system.cable, part.state, arc_lengths, tensions, means)
         return tensions
 
     def clearance(self) -> Clearance:
@@ -77,8 +77,9 @@ class Readings:
         return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
 
     def energy(self) -> Energy:
-        """Mechanical energy now (J)."""
-        return Energy(*energies(self._ropeway.system, self._ropeway.state))
+        """Mechanical energy of the ropes and what is on them now (J); of what is between them, none."""
+        each = [energies(part.system, part.state) for part in self._parts]
+        return Energy(*np.sum(each, axis=0).tolist())
 
     def natural_frequencies(self, count: int) -> FloatArray:
         """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
@@ -115,9 +116,7 @@ class Readings:
 
     def _observe(self) -> Snapshot:
         time = self._time_at(int(self._ropeway.state.clock[0]))
-        return self._observer.snapshot(
-            time, self._ropeway.packed_system, self._packed_state, self._ropeway.start.tower_load, self._report
-        )
+        return self._observer.snapshot(time, self._report)
 
     def _time_at(self, clock: int) -> float:
         """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
@@ -128,16 +127,16 @@ class Readings:
         """The ground, made when somebody asks for the clearance."""
         return ground_of(self._ropeway.scenario)
 
-    @cached_property
-    def _means(self) -> FloatArray:
-        """Room for the mean tensions of groups of elements."""
-        return np.empty(groups(self._ropeway.system.cable))
+    def _part(self, rope: str | None) -> Ropeway:
+        """A rope with what is on it, by name; the first one without.
 
-
-def _check_rope(rope: str | None) -> None:
-    """Refuse a rope that there is not."""
-    if rope not in (None, CABLE):
-        raise ValueError(f"rope {rope!r} is unknown; known: {CABLE}")
+        Raises:
+            ValueError: there is none of that name.
+        """
+        names = list(self._observer.layout.ropes)
+        if rope is not None and rope not in names:
+            raise ValueError(f"rope {rope!r} is unknown; known: {', '.join(names)}")
+        return self._parts[0 if rope is None else names.index(rope)]
 
 
 __all__ = ["Readings"]

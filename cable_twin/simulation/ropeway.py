@@ -36,11 +36,11 @@ class Ropeway:
         rooms: what carriers carry from either station, by name.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        """Lay it out: vehicles at their places, with their payloads."""
+    def __init__(self, scenario: Scenario, system: System | None = None) -> None:
+        """Lay it out: vehicles at their places, with their payloads; `system` is that of the scenario."""
         self.scenario = scenario
         self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
-        self._empty: System = build_system(scenario)
+        self._empty: System = build_system(scenario) if system is None else system
         self._payloads: Payloads = build_payloads(scenario)
         self.state = self.start = allocate_state(self._empty)
         self.stopped = False
@@ -62,8 +62,8 @@ class Ropeway:
             if vehicle.joint == "sliding":
                 as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
 
-    def find_rest(self, work: Workspace) -> None:
-        """Bring the cable to where it starts, and its haul ropes.
+    def lay(self, work: Workspace) -> None:
+        """Bring the cable to where it starts.
 
         Raises:
             EquilibriumError: when it finds no rest with its carriages on it.
@@ -75,6 +75,13 @@ class Ropeway:
         else:
             check_rest(self.system, tuple(self.scenario.towers))
             settle(self.system, self.state, work)
+
+    def take_over_rest(self) -> None:
+        """Start drives and haul ropes from what holds everything now.
+
+        Raises:
+            EquilibriumError: a haul rope would have to push.
+        """
         self.state.payload[:] = self._first_loads
         hang_in_ropes(self.system, self.state, [*self.rows])
         self.commands = set_in_motion(self.system, self.state, self.scenario)

@@ -11,15 +11,15 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of, write_state
+from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
@@ -47,7 +47,8 @@ VERSION_1 = {  # what its fields are now, one by one or by their columns
     "rope": ("rope.position", "rope.velocity", "rope.acceleration"),
 }
 SUFFIX = ".npz"
-PARTS = ("state", "start")
+PARTS = ("state", "start")  # of ropes beside the first: state2, start2 and on
+BETWEEN = "between"  # what is on no rope alone
 # what zipfile, numpy and json raise on the way
 DAMAGED = (
     zipfile.BadZipFile,
@@ -72,36 +73,60 @@ class FullState:
 
     scenario: Scenario
     time: float  # s
-    state: State
-    start: State  # to which a reset goes back
+    states: tuple[State, ...]  # of each rope with what is on it
+    starts: tuple[State, ...]  # to which a reset goes back
     emergency_stopped: bool
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
     loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
     at_start: bool = False  # of the scenario, with nothing done since; never so of a file
+    between: Mapping[str, Any] = field(default_factory=dict)  # arrays of what is on no rope alone, by name
 
-    def copy_to(self, state: State, start: State, scenario: Scenario) -> None:
-        """Write both states into those of a simulation of this scenario.
+    @property
+    def state(self) -> State:
+        """The present one of the first rope."""
+        return self.states[0]
+
+    @property
+    def start(self) -> State:
+        """The start of the first rope."""
+        return self.starts[0]
+
+    def check(self, scenario: Scenario, own: Sequence[State], between: Mapping[str, Any]) -> None:
+        """Refuse a simulation whose scenario, or whose arrays, are others.
 
         Raises:
-            SnapshotError: They do not fit; nothing is changed then.
+            SnapshotError: They do not fit.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
         driven = [*scenario.vehicles, *scenario.drives]
-        pairs = [(part, getattr(self, part), own) for part, own in (("state", state), ("start", start))]
-        for part, given, own in pairs:
-            for (field, array), target in zip(fields_of(given).items(), fields_of(own).values(), strict=True):
-                if array.shape != target.shape or array.dtype != target.dtype:
-                    raise SnapshotError(
-                        f"{part}/{field} is {array.dtype} of shape {array.shape}; "
-                        f"its scenario needs {target.dtype} of shape {target.shape}"
-                    )
+        if len(own) != len(self.states):
+            raise SnapshotError(f"{len(self.states)} ropes; its scenario has {len(own)}")
+        pairs = [
+            (f"{part}/{field}", array, target)
+            for part in PARTS
+            for given, ours in zip(getattr(self, f"{part}s"), own, strict=True)
+            for (field, array), target in zip(fields_of(given).items(), fields_of(ours).values(), strict=True)
+        ]
+        if self.between.keys() != between.keys():
+            raise SnapshotError(f"{', '.join(self.between.keys() ^ between.keys())}: in one of them only")
+        pairs += [(key, self.between[key], between[key]) for key in between]
+        for name, array, target in pairs:
+            if array.shape != target.shape or array.dtype != target.dtype:
+                raise SnapshotError(
+                    f"{name} is {array.dtype} of shape {array.shape}; "
+                    f"its scenario needs {target.dtype} of shape {target.shape}"
+                )
         if strange := [name for name in self.commands if name not in driven]:
             raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
         if strange := [name for name in self.loading if name not in scenario.vehicles]:
             raise SnapshotError(f"{', '.join(strange)} being loaded; its scenario has: {', '.join(scenario.vehicles)}")
-        for _, given, own in pairs:
-            write_state(given, own)
+
+    def _numbered(self) -> Iterator[tuple[str, str, State]]:
+        """Each state with its part and the number of its rope, none for the first."""
+        for part in PARTS:
+            for number, state in enumerate(getattr(self, f"{part}s")):
+                yield part, str(number + 1) if number else "", state
 
     def write(self, target: Path | IO[bytes]) -> None:
         """Write it; a file appears whole or not at all.
@@ -123,8 +148,9 @@ class FullState:
             "scenario": self.scenario.resolved(),
         }
         arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
-        for part in PARTS:
-            arrays |= {f"{part}/{name}": array for name, array in fields_of(getattr(self, part)).items()}
+        for part, number, state in self._numbered():
+            arrays |= {f"{part}{number}/{name}": array for name, array in fields_of(state).items()}
+        arrays |= {f"{BETWEEN}/{name}": array for name, array in self.between.items()}
         if not isinstance(target, Path):
             np.savez(target, **arrays)  # type: ignore[arg-type]  # its option allow_pickle is none of our names
             return
@@ -201,8 +227,12 @@ def _read(stream: IO[bytes], name: str) -> FullState:
         loaded = load_scenario(scenario)
     except ScenarioError as error:
         raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
-    states = [_state(part, arrays, name, made) for part in PARTS]
-    return FullState(loaded, time, states[0], states[1], stopped, commands, loading)
+    numbers = ["", *(str(number) for number in range(2, len(loaded.ropes) + 1))]
+    states, starts = (tuple(_state(f"{part}{n}", arrays, name, made) for n in numbers) for part in PARTS)
+    between = {key.partition("/")[2]: array for key, array in arrays.items() if key.startswith(f"{BETWEEN}/")}
+    if damaged := [key for key, array in between.items() if not np.isfinite(array).all()]:
+        raise SnapshotError(f"{name}: damaged: {BETWEEN}/{damaged[0]} is not finite")
+    return FullState(loaded, time, states, starts, stopped, commands, loading, between=between)
 
 
 def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
@@ -245,10 +275,10 @@ def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
         raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
     if unknown := sorted(given - set(FIELDS)):
         raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
-    for field in FIELDS:
-        array = arrays[f"{part}/{field}"]
+    for key in FIELDS:
+        array = arrays[f"{part}/{key}"]
         if array.dtype.kind == "f" and not np.isfinite(array).all():
-            raise SnapshotError(f"{name}: damaged: {part}/{field} is not finite")
+            raise SnapshotError(f"{name}: damaged: {part}/{key} is not finite")
     return state_of({field: arrays[f"{part}/{field}"] for field in FIELDS})
 
 

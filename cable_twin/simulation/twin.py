@@ -8,12 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
 
-from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
-from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import State, allocate_workspace, clone_state
+from cable_twin.mechanics.state import State, clone_state
 from cable_twin.records import (
     AppliedCommand,
     Command,
@@ -21,16 +19,16 @@ from cable_twin.records import (
     SolverReport,
 )
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.advance import in_parts, report_of, undamped
+from cable_twin.simulation.advance import in_parts, meeting_found, report_of, undamped
 from cable_twin.simulation.effects import take_effect
+from cable_twin.simulation.engines import engine_of
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer, read_only
 from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
-from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.snapshot import ENDS, Layout, Snapshot
+from cable_twin.snapshot import Layout, Snapshot
 
 SAMPLES = 200  # points at which a snapshot holds the cable
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
@@ -58,25 +56,24 @@ class Simulation(Readings):
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES, on_demand: bool = False) -> None:
         self.scenario = scenario
-        self._ropeway, self._meeting = Ropeway(scenario), Meeting(scenario)
+        self._engine = engine_of(scenario)
+        self._parts = self._engine.parts
+        self._ropeway, self._meetings = self._parts[0], [Meeting(part.scenario) for part in self._parts]
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
-        self.supports = (*ENDS, *scenario.towers)
         self._state = self._ropeway.state
         self._shown = read_only(self._state)
-        self._work = allocate_workspace(self.system)
-        self._observer, self._on_demand = Observer(scenario, self.system, samples), on_demand
+        self._observer, self._on_demand = Observer(scenario, self._engine, samples), on_demand
+        self.supports = self._observer.layout.supports
         with compiling_ahead(scenario.solver.integrator):
-            self._ropeway.find_rest(self._work)
+            self._engine.find_rest()
             # compiles what reads the state, while the other process is still at it
-            first = self._observer.snapshot(0.0, self.system, self._state, self._state.tower_load, NOTHING_DONE)
-            check_pressure(self.system, first)
-        self._packed_state = pack(self._state)
-        self._scratch = pack(clone_state(self._state)), pack(clone_state(self._state)), pack(self._work)
+            first = self._observer.snapshot(0.0, NOTHING_DONE)
+            for part, rope in zip(self._parts, first.ropes.values(), strict=True):
+                check_pressure(part.system, rope)
         self._at_start = True
-        self._advance = integrator_named(scenario.solver.integrator)
-        self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, 0)  # compile, if still to do
-        self._ropeway.begin()
+        self._engine.advance(0)  # compile, if still to do
+        self._engine.begin()
         if scenario.solver.integrator == "runge_kutta" and self.step > stable_step(self.system):
             warnings.warn(
                 f"solver.step of {self.step:g} s is above the largest stable one of runge_kutta on this mesh, "
@@ -138,7 +135,7 @@ class Simulation(Readings):
     @property
     def commands(self) -> Mapping[str, Command]:
         """The last drive command in force of each carriage or drive that has one."""
-        return self._ropeway.commands
+        return {name: command for part in self._parts for name, command in part.commands.items()}
 
     @property
     def at_start(self) -> bool:
@@ -158,12 +155,13 @@ class Simulation(Readings):
         return FullState(
             self.scenario,
             self.time,
-            clone_state(self._state),
-            clone_state(self._ropeway.start),
+            tuple(clone_state(part.state) for part in self._parts),
+            tuple(clone_state(part.start) for part in self._parts),
             self._ropeway.stopped,
-            dict(self._ropeway.commands),
-            dict(self._ropeway.loading),
+            dict(self.commands),
+            {name: mass for part in self._parts for name, mass in part.loading.items()},
             self._at_start,
+            self._engine.between(),
         )
 
     def restore(self, full: FullState) -> None:
@@ -172,12 +170,8 @@ class Simulation(Readings):
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        ropeway = self._ropeway
-        full.copy_to(ropeway.state, ropeway.start, self.scenario)
-        ropeway.note_stations()
-        ropeway.carry(ropeway.state.payload)
-        ropeway.stopped, ropeway.commands = full.emergency_stopped, dict(full.commands)
-        ropeway.loading = dict(full.loading)
+        full.check(self.scenario, [part.state for part in self._parts], self._engine.between())
+        self._engine.restore(full)
         self._at_start = full.at_start
         self._show(NOTHING_DONE)
 
@@ -234,7 +228,7 @@ class Simulation(Readings):
         Raises:
             CommandError: one line with what was given and what is allowed.
         """
-        take_effect(self._ropeway, command, ahead=ahead)
+        take_effect(self._engine, self.scenario, command, ahead=ahead)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._show(NOTHING_DONE)
@@ -254,9 +248,9 @@ class Simulation(Readings):
         if steps == 0:
             return self.snapshot
         self._at_start = False
-        outcome = in_parts(self._ropeway, self._meeting, steps, self._take)
+        outcome = in_parts(self._parts, self._meetings, steps, self._engine.advance)
         self._show(report_of(outcome))
-        if met := self._meeting.found(self._state):
+        if met := meeting_found(self._parts, self._meetings):
             raise SolverError(f"{met}; the state is that at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(
@@ -267,9 +261,6 @@ class Simulation(Readings):
                 f"the state is that at {self.time:g} s"
             )
         return self.snapshot
-
-    def _take(self, steps: int) -> tuple:
-        return self._advance(self._ropeway.packed_system, self._packed_state, *self._scratch, steps)
 
 
 __all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]

@@ -62,6 +62,10 @@ class Columns(NamedTuple):
     moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
     rope_position: FloatArray  # (samples, 3) m
     rope_tension: FloatArray  # (samples,) N
+    connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes; these and below not by `observe`
+    pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
+    pantograph_position: FloatArray  # (pantographs, 3) m, of the head
+    pantograph_speed: FloatArray  # (pantographs,) m/s, along the track
 
 
 @kernel

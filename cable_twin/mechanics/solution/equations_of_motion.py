@@ -108,6 +108,13 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         stiffness_factor: ∂coordinate/∂unknown, 1 (0 when the unknowns are accelerations).
         work: takes the result.
     """
+    assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    hold_ends(system.cable, work)
+
+
+@inlined_kernel
+def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """The same as if the supports held nothing, for what else is to be added."""
     cable, carriages = system.cable, system.carriages
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
@@ -123,7 +130,6 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
-    hold_ends(cable, work)
 
 
 @inlined_kernel
@@ -195,13 +201,19 @@ def solve(system, state, work):
     like = system.cable.gravity
     if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
         return False
+    recover(system, state, work)
+    return True
+
+
+@inlined_kernel
+def recover(system, state, work):
+    """Increments of all that was eliminated, once those of the nodes are known."""
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
             recover_drive(state, carriage, moved, work)
-    return True
 
 
 @kernel

@@ -63,6 +63,16 @@ def hang_carriages(system, state):
 
 
 @kernel
+def note_rest(system, state):
+    """Keep what holds each joint at rest, and let friction start from none."""
+    for carriage in range(state.drive_mode.size):
+        state.drive_force[carriage] = driven_force(system, state, carriage)
+    for contact in range(state.contact_origin.size):
+        state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
+    settle_towers(system.cable, system.towers, state)
+
+
+@kernel
 def relax(system, state, good, work, max_relaxations, tolerance):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
 
@@ -96,11 +106,7 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
         move_bodies(state.bodies.position, work.body_increment, cable.gravity)
         if increment < tolerance and mass_factor <= smallest:
-            for carriage in range(state.drive_mode.size):
-                state.drive_force[carriage] = driven_force(system, state, carriage)
-            for contact in range(state.contact_origin.size):
-                state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
-            settle_towers(cable, system.towers, state)
+            note_rest(system, state)
             return iteration + 1, increment
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -139,6 +145,17 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     arc_lengths = cable.node_arc_length
     state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
     state.nodes.position[:, 1] = direction
+    state.friction_origin[:] = state.joints.position
+    state.reference.position[:] = state.joints.position
+    hang_carriages(system, state)
+
+
+def lay_taut(system: System, state: State) -> None:
+    """Lay the cable straight between its two ends, evenly stretched, the carriages hanging below it."""
+    cable = system.cable
+    start, end = cable.end_position
+    state.nodes.position[:, 1] = (end - start) / cable.unstrained_length
+    state.nodes.position[:, 0] = start + cable.node_arc_length[:, None] * state.nodes.position[0, 1]
     state.friction_origin[:] = state.joints.position
     state.reference.position[:] = state.joints.position
     hang_carriages(system, state)
@@ -206,6 +223,11 @@ def _advice(system: System) -> str:
     return "change cable.elements or cable.bending_stiffness, or start it another way"
 
 
+def without_friction(system: System) -> System:
+    """The same with towers that let the rope slide."""
+    return system._replace(towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)))
+
+
 def settle(system: System, state: State, work: Workspace) -> None:
     """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
 
@@ -220,7 +242,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
-    cable, towers = system.cable, system.towers
+    cable = system.cable
     for name, array in fields_of(state).items():
         if name not in GIVEN:
             array[:] = 0
@@ -230,7 +252,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
     lay_cable(system, state)
     state.friction_origin[:] = state.joints.position
     modes = hold_all(state)
-    smooth = system._replace(towers=towers._replace(friction=np.zeros_like(towers.friction)))
+    smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
         relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)

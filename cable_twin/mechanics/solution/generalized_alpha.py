@@ -45,6 +45,12 @@ def coefficients(spectral_radius):
     return Coefficients(alpha_m, alpha_f, 0.25 * (0.5 + gamma) * (0.5 + gamma), gamma)
 
 
+@inlined_kernel
+def factors(c, h):
+    """What the method makes of inertia and of rates in its tangent: ∂acceleration and ∂velocity by coordinate."""
+    return (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h), c.gamma / (c.beta * h)
+
+
 @kernel
 def predict(c, h, motion):
     """Start of the iteration for one kind of coordinates: the acceleration of the step before goes on."""
@@ -159,6 +165,29 @@ def _correct_in_space(c, h, increments, motion, turned):
             q_ddot[body, axis] += by_acceleration * grown
 
 
+@inlined_kernel
+def predict_all(c, h, system, state, work):
+    """Start of the iteration for all coordinates of one rope and what is on it."""
+    leave_place(system, state, work)
+    predict(c, h, state.nodes)
+    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
+    predict_massless(c, h, state.joints)
+    predict_massless(c, h, state.hauled)
+    predict(c, h, state.sheaves)
+    prescribe(state)
+    direct_haul(system, state, work)
+
+
+@inlined_kernel
+def correct_all(c, h, system, state, work):
+    """Apply the Newton increments of one rope and what is on it."""
+    correct(c, h, work.right_side, state.nodes)
+    correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
+    correct(c, h, work.sliding_increment, state.joints)
+    correct(c, h, work.haul_increment, state.hauled)
+    correct(c, h, work.sheave_increment, state.sheaves)
+
+
 @kernel_part
 def integrate(system, state, h, work):
     """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
@@ -168,16 +197,8 @@ def integrate(system, state, h, work):
     """
     solver = system.solver
     c = coefficients(solver.spectral_radius)
-    leave_place(system, state, work)
-    predict(c, h, state.nodes)
-    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
-    predict_massless(c, h, state.joints)
-    predict_massless(c, h, state.hauled)
-    predict(c, h, state.sheaves)
-    prescribe(state)
-    direct_haul(system, state, work)
-    mass_factor = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h)
-    rate_factor = c.gamma / (c.beta * h)
+    predict_all(c, h, system, state, work)
+    mass_factor, rate_factor = factors(c, h)
 
     increment, before = 0.0, 0.0
     curvature = REFRESH * state.newton_curvature[0] if state.newton_curvature[0] > 0.0 else inf
@@ -189,11 +210,7 @@ def integrate(system, state, h, work):
         increment = largest_increment(system, work)
         if not isfinite(increment):
             return False, iteration, increment
-        correct(c, h, work.right_side, state.nodes)
-        correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
-        correct(c, h, work.sliding_increment, state.joints)
-        correct(c, h, work.haul_increment, state.hauled)
-        correct(c, h, work.sheave_increment, state.sheaves)
+        correct_all(c, h, system, state, work)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
         before = increment

@@ -1,0 +1,66 @@
+"""What hangs between two ropes and pulls them together: droppers, slack carriers (EN 50318 has them without mass)."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.bundle.records import STATE, WORK
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import accumulate, dot, full, load, scale, store, subtract, symmetric
+
+
+@inlined_kernel
+def connector_force(bundle, connector, state, like):
+    """Pull (N) along the unit vector from its first end to its second, that vector, and the distance (m).
+
+    Returns:
+        Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance.
+    """
+    connectors = bundle.connectors
+    first = record_at(bundle.records[connectors.rope[connector, 0], STATE], state).nodes
+    second = record_at(bundle.records[connectors.rope[connector, 1], STATE], state).nodes
+    a, b = connectors.node[connector, 0], connectors.node[connector, 1]
+    apart = subtract(load(second.position[b, 0], like), load(first.position[a, 0], like))
+    distance = sqrt(dot(apart, apart))
+    along = scale(1.0 / distance, apart)
+    rate = dot(along, subtract(load(second.velocity[b, 0], like), load(first.velocity[a, 0], like)))
+    longer = distance - connectors.length[connector]
+    if longer > 0.0:
+        stiffness, damping = connectors.stiffness[connector], connectors.damping[connector]
+        return stiffness * longer + damping * rate, stiffness, damping, along, distance
+    stiffness = connectors.compression[connector]
+    return stiffness * longer, stiffness, 0.0, along, distance
+
+
+@kernel
+def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like):
+    """Add all connectors to the nodes at their ends; what couples the two nodes goes to `cross`.
+
+    Returns:
+        How many have begun to pull, or ceased to, since the last look.
+    """
+    connectors, changed = bundle.connectors, 0
+    for connector in range(connectors.length.size):
+        pull, stiffness, damping, along, distance = connector_force(bundle, connector, state, like)
+        radial = stiffness_factor * stiffness + rate_factor * damping
+        across = stiffness_factor * pull / distance
+        matrix = full(1.0, symmetric(across, radial - across, along), 0.0)
+        store(scale(-1.0, matrix), scratch.cross[connector])
+        for end in range(2):
+            own = record_at(bundle.records[connectors.rope[connector, end], WORK], work)
+            node = connectors.node[connector, end]
+            accumulate(scale(pull if end == 0 else -pull, along), own.right_side[node, 0])
+            accumulate(matrix, own.diagonal[node, 0, 0])
+        tight = 1 if distance > connectors.length[connector] else 0
+        changed += abs(tight - moving.tight[connector])
+        moving.tight[connector] = tight
+    return changed
+
+
+@kernel
+def connector_forces(bundle, state, like, forces):
+    """Write the pull (connectors,) in N of all."""
+    for connector in range(bundle.connectors.length.size):
+        pull, _, _, _, _ = connector_force(bundle, connector, state, like)
+        forces[connector] = pull

@@ -1,0 +1,95 @@
+"""Blocks of whole nodes: 2 x 2 matrices of the working space, of r and r_x against r and r_x, as tuples of four."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    adjugate,
+    apply,
+    determinant,
+    load,
+    minus,
+    multiply,
+    scale,
+    store,
+    subtract,
+)
+
+
+@inlined_kernel
+def load_node(array, square):
+    """The four matrices of an array (2, 2, dim²)."""
+    return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
+
+
+@inlined_kernel
+def store_node(matrices, array):
+    """Write the four matrices."""
+    store(matrices[0], array[0, 0])
+    store(matrices[1], array[0, 1])
+    store(matrices[2], array[1, 0])
+    store(matrices[3], array[1, 1])
+
+
+@inlined_kernel
+def multiply_nodes(a, b):
+    """Product a b."""
+    return (
+        add_scaled(1.0, multiply(a[0], b[0]), multiply(a[1], b[2])),
+        add_scaled(1.0, multiply(a[0], b[1]), multiply(a[1], b[3])),
+        add_scaled(1.0, multiply(a[2], b[0]), multiply(a[3], b[2])),
+        add_scaled(1.0, multiply(a[2], b[1]), multiply(a[3], b[3])),
+    )
+
+
+@inlined_kernel
+def minus_nodes(a, b):
+    """Difference a - b."""
+    return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2]), minus(a[3], b[3])
+
+
+@inlined_kernel
+def apply_node(a, x):
+    """Product of a block and the two vectors of a node."""
+    return (
+        add_scaled(1.0, apply(a[0], x[0]), apply(a[1], x[1])),
+        add_scaled(1.0, apply(a[2], x[0]), apply(a[3], x[1])),
+    )
+
+
+@inlined_kernel
+def load_pair(array, like):
+    """The two vectors of an array (2, dim)."""
+    return load(array[0], like), load(array[1], like)
+
+
+@inlined_kernel
+def store_pair(pair, array):
+    """Write the two vectors."""
+    store(pair[0], array[0])
+    store(pair[1], array[1])
+
+
+@inlined_kernel
+def subtract_pair(a, b):
+    """Difference a - b of two pairs."""
+    return subtract(a[0], b[0]), subtract(a[1], b[1])
+
+
+@inlined_kernel
+def invert_node(block):
+    """Inverse of a block by the Schur complement of its first matrix, and whether there is one."""
+    a, b, c, d = block
+    det = determinant(a)
+    inverse = adjugate(1.0 / det, a)
+    a_b, c_a = multiply(inverse, b), multiply(c, inverse)
+    schur = minus(d, multiply(c, a_b))
+    det_of_schur = determinant(schur)
+    last = adjugate(1.0 / det_of_schur, schur)
+    upper_right = multiply(a_b, last)
+    lower_left = scale(-1.0, multiply(last, c_a))
+    found = det != 0.0 and det_of_schur != 0.0 and isfinite(det) and isfinite(det_of_schur)
+    return (minus(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), found

@@ -1,0 +1,143 @@
+"""A pantograph: masses on springs, the head of which slides along a rope from below and pushes it, one-sided.
+
+The gap is measured upwards where the rope is above the head, g = z_0 - z(s) with x(s) = X. Its virtual work gives the
+rope the force F (e_z - z'/x' e_x) there, which is normal to it: there is no friction. The stages are eliminated first,
+F = k_c g being their only share in the equations of the rope.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.bundle.records import STATE, SYSTEM, WORK
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.turns import along_track
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, scale
+from cable_twin.mechanics.rope.point import add_block, add_force, coordinate, point_at, slope, value
+
+SEARCHES = 4  # Newton steps for the place above the head, from the one before
+
+
+@kernel
+def find_place(cable, nodes, arc_length, x):
+    """Arc length (m) at which a rope is at `x` (m) along the track, sought from `arc_length` on."""
+    like = cable.gravity
+    for _ in range(SEARCHES):
+        point = point_at(cable, arc_length)
+        arc_length += (x - value(nodes.position, point, like)[0]) / slope(nodes.position, point, like)[0]
+        arc_length = min(max(arc_length, 0.0), cable.unstrained_length)
+    return arc_length
+
+
+@inlined_kernel
+def push_direction(nodes, point, up, like):
+    """Direction (dim,) in which the head pushes the rope, of which the part upwards is 1."""
+    r_x = slope(nodes.position, point, like)
+    return add_scaled(-dot(r_x, up) / r_x[0], along_track(like), up)
+
+
+@inlined_kernel
+def springs_and_inertia(pantographs, moving, pantograph, stage):
+    """Force (N) upwards on a stage from springs and dampers above and below it, less its inertia."""
+    z, z_dot = moving.stages.position[pantograph], moving.stages.velocity[pantograph]
+    last = z.size - 1
+    force = -pantographs.mass[pantograph, stage] * moving.stages.acceleration[pantograph, stage]
+    if stage > 0:
+        k, c = pantographs.stiffness[pantograph, stage - 1], pantographs.damping[pantograph, stage - 1]
+        force -= k * (z[stage] - z[stage - 1]) + c * (z_dot[stage] - z_dot[stage - 1])
+    k, c = pantographs.stiffness[pantograph, stage], pantographs.damping[pantograph, stage]
+    if stage < last:
+        return force - k * (z[stage] - z[stage + 1]) - c * (z_dot[stage] - z_dot[stage + 1])
+    return force - k * z[stage] - c * z_dot[stage] + pantographs.base_force[pantograph]
+
+
+@kernel
+def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like):
+    """Condense all pantographs and add them to the ropes they push.
+
+    Returns:
+        How many have touched, or lost, their rope since the last look.
+    """
+    changed, up = 0, load(bundle.up, like)
+    for pantograph in range(bundle.pantographs.rope.size):
+        rope = bundle.pantographs.rope[pantograph]
+        cable = record_at(bundle.records[rope, SYSTEM], system).cable
+        nodes = record_at(bundle.records[rope, STATE], state).nodes
+        own = record_at(bundle.records[rope, WORK], work)
+        x = moving.place.position[pantograph]
+        moving.arc_length[pantograph] = find_place(cable, nodes, moving.arc_length[pantograph], x)
+        point = point_at(cable, moving.arc_length[pantograph])
+        gap = moving.stages.position[pantograph, 0] - dot(value(nodes.position, point, like), up)
+        touches = 1 if gap > 0.0 else 0
+        contact = bundle.pantographs.contact_stiffness[pantograph] if touches else 0.0
+        force = contact * gap
+        moving.contact_force[pantograph] = force
+        factors = mass_factor, rate_factor, stiffness_factor
+        given, share = condense_stages(bundle.pantographs, moving, scratch, pantograph, contact, force, factors)
+        if touches:
+            push = push_direction(nodes, point, up, like)
+            add_force(scale(force + contact * stiffness_factor * given, push), point, own.right_side)
+            stiff = stiffness_factor * contact * (1.0 - stiffness_factor * contact * share)
+            square = outer(stiff, push, push)
+            for i in range(4):
+                for j in range(4):
+                    add_block(scale(point.shape[i] * point.shape[j], square), point.element, i, j, own)
+        place = bundle.connectors.length.size + pantograph
+        changed += abs(touches - moving.tight[place])
+        moving.tight[place] = touches
+    return changed
+
+
+@kernel
+def condense_stages(pantographs, moving, scratch, pantograph, contact, force, factors):
+    """Eliminate the stages from the base up to the head; what is left gives them once the rope has moved.
+
+    Returns:
+        Increment of the head (m) if the rope stays, and its share (m/N) of a force on it.
+    """
+    mass_factor, rate_factor, stiffness_factor = factors
+    stages = pantographs.mass.shape[1]
+    below, right_below = 0.0, 0.0
+    for stage in range(stages - 1, -1, -1):
+        k, c = pantographs.stiffness[pantograph, stage], pantographs.damping[pantograph, stage]
+        under = stiffness_factor * k + rate_factor * c
+        pivot = mass_factor * pantographs.mass[pantograph, stage] + under
+        right = springs_and_inertia(pantographs, moving, pantograph, stage)
+        if stage < stages - 1:  # row of the stage below: below · Δz_(stage+1) - under · Δz_stage = right_below
+            pivot -= under * under / below
+            right += under * right_below / below
+        if stage > 0:
+            above = stiffness_factor * pantographs.stiffness[pantograph, stage - 1]
+            pivot += above + rate_factor * pantographs.damping[pantograph, stage - 1]
+        else:
+            pivot += stiffness_factor * contact
+            right -= force
+        below, right_below = pivot, right
+        scratch.elimination[pantograph, stage, 0] = pivot
+        scratch.elimination[pantograph, stage, 1] = right
+        scratch.elimination[pantograph, stage, 2] = under
+    return right_below / below, 1.0 / below
+
+
+@kernel
+def recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like):
+    """Increments of all stages once those of the ropes are known; the largest of them (m)."""
+    largest, up = 0.0, load(bundle.up, like)
+    for pantograph in range(bundle.pantographs.rope.size):
+        rope = bundle.pantographs.rope[pantograph]
+        cable = record_at(bundle.records[rope, SYSTEM], system).cable
+        nodes = record_at(bundle.records[rope, STATE], state).nodes
+        own = record_at(bundle.records[rope, WORK], work)
+        lifted = 0.0
+        if moving.tight[bundle.connectors.length.size + pantograph]:
+            point = point_at(cable, moving.arc_length[pantograph])
+            push = push_direction(nodes, point, up, like)
+            for i in range(4):
+                lifted += point.shape[i] * dot(push, coordinate(own.right_side, point.element, i, like))
+            lifted *= stiffness_factor * bundle.pantographs.contact_stiffness[pantograph]
+        rows, before = scratch.elimination[pantograph], 0.0
+        for stage in range(rows.shape[0]):
+            extra = lifted if stage == 0 else rows[stage - 1, 2] * before
+            before = (rows[stage, 1] + extra) / rows[stage, 0]
+            scratch.increment[pantograph, stage] = before
+            largest = max(largest, abs(before))
+    return largest

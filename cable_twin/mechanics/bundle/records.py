@@ -1,0 +1,193 @@
+"""Parameters and state of a bundle: ropes side by side, what hangs between them, and what pushes from below."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.parameters import FloatArray, IntArray
+from cable_twin.mechanics.state import Course, Motion
+
+SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
+
+
+@by_reference
+class Connectors(NamedTuple):
+    """Massless rods between nodes of two ropes: droppers, slack carriers. They pull; few push."""
+
+    rope: IntArray  # (connectors, 2)
+    node: IntArray  # (connectors, 2)
+    length: FloatArray  # (connectors,) m, unstrained
+    stiffness: FloatArray  # (connectors,) N/m, when longer than that
+    compression: FloatArray  # (connectors,) N/m, when shorter
+    damping: FloatArray  # (connectors,) N s/m, while it pulls
+
+
+@by_reference
+class Pantographs(NamedTuple):
+    """Masses on springs that push a rope from below, one-sided, and move along the track at a given speed.
+
+    Stage 0 is the head; below each stage is its spring, that of the last one stands on the vehicle.
+    """
+
+    rope: IntArray  # (pantographs,)
+    mass: FloatArray  # (pantographs, stages) kg; weight is balanced
+    stiffness: FloatArray  # (pantographs, stages) N/m, below the stage
+    damping: FloatArray  # (pantographs, stages) N s/m, beside it
+    base_force: FloatArray  # (pantographs,) N, upwards on the last stage at height 0
+    contact_stiffness: FloatArray  # (pantographs,) N/m, of head and rope
+
+
+@by_reference
+class Wires(NamedTuple):
+    """Damping of ropes as a share of their mass and of the stiffness that their tension gives them."""
+
+    by_mass: FloatArray  # (ropes,) 1/s
+    by_stiffness: FloatArray  # (ropes,) s
+    tension: FloatArray  # (ropes,) N, for that stiffness
+    present: bool  # whether any of them is not 0
+
+
+@by_reference
+class Order(NamedTuple):
+    """In which order the nodes of all ropes are eliminated, and when each connector has both its nodes at the front."""
+
+    rope: IntArray  # (nodes of all,)
+    node: IntArray  # (nodes of all,)
+    connector_at: IntArray  # (connectors,) nodes that are gone before; rising
+
+
+@by_reference
+class Bundle(NamedTuple):
+    """Everything that does not change while a bundle runs."""
+
+    records: IntArray  # (ropes, 5) addresses of System, State, Workspace, and of two states more, for steps that fail
+    up: FloatArray  # (dim,) unit vector
+    connectors: Connectors
+    pantographs: Pantographs
+    wires: Wires
+    order: Order
+
+
+@by_reference
+class BundleState(NamedTuple):
+    """Motion of what is on no rope alone."""
+
+    stages: Motion  # (pantographs, stages) m, height
+    place: Course  # (pantographs,) m, along the track
+    arc_length: FloatArray  # (pantographs,) m, of the rope above the head
+    contact_force: FloatArray  # (pantographs,) N
+    tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
+
+
+@by_reference
+class BundleWork(NamedTuple):
+    """Scratch of the solver; contents have no meaning between steps."""
+
+    fill: FloatArray  # (ropes, ropes, 2, 2, dim²): front node of one rope against that of another
+    linked: IntArray  # (ropes, ropes) 1 where there is any
+    side: FloatArray  # (nodes of all, ropes, 2, 2, dim²): eliminated node by the front node of another rope
+    used: IntArray  # (nodes of all, ropes) 1 where there is any
+    front: IntArray  # (ropes,)
+    cross: FloatArray  # (connectors, dim²) N/m: either node by the other
+    elimination: FloatArray  # (pantographs, stages, 3): matrix row, and what stands right of it
+    increment: FloatArray  # (pantographs, stages) m
+    by_rope: FloatArray  # (pantographs, stages) -, of each stage by the rope above the head
+
+
+def allocate_bundle_state(bundle: Bundle) -> BundleState:
+    """State of zeros."""
+    shape = bundle.pantographs.mass.shape
+    count = shape[0]
+    return BundleState(
+        stages=Motion(*(np.zeros(shape) for _ in Motion._fields)),
+        place=Course(*(np.zeros(count) for _ in Course._fields)),
+        arc_length=np.zeros(count),
+        contact_force=np.zeros(count),
+        tight=np.zeros(bundle.connectors.length.size + count, np.int64),
+    )
+
+
+def clone_bundle_state(moving: BundleState) -> BundleState:
+    """Independent copy."""
+    return BundleState(
+        stages=Motion(*(array.copy() for array in moving.stages)),
+        place=Course(*(array.copy() for array in moving.place)),
+        arc_length=moving.arc_length.copy(),
+        contact_force=moving.contact_force.copy(),
+        tight=moving.tight.copy(),
+    )
+
+
+def allocate_bundle_work(bundle: Bundle) -> BundleWork:
+    """Scratch of the size of a bundle."""
+    ropes, dim = bundle.records.shape[0], bundle.up.size
+    nodes, connectors, shape = bundle.order.node.size, bundle.connectors.length.size, bundle.pantographs.mass.shape
+    return BundleWork(
+        fill=np.zeros((ropes, ropes, 2, 2, dim * dim)),
+        linked=np.zeros((ropes, ropes), np.int64),
+        side=np.zeros((nodes, ropes, 2, 2, dim * dim)),
+        used=np.zeros((nodes, ropes), np.int64),
+        front=np.zeros(ropes, np.int64),
+        cross=np.zeros((connectors, dim * dim)),
+        elimination=np.zeros((*shape, 3)),
+        increment=np.zeros(shape),
+        by_rope=np.zeros(shape),
+    )
+
+
+def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
+    """Numbers of the connectors in an order in which they follow each other on every rope.
+
+    Args:
+        ropes: (connectors, 2).
+        nodes: (connectors, 2).
+
+    Raises:
+        ValueError: two of them cross.
+    """
+    waiting: dict[int, list[int]] = {}
+    for rope in np.unique(ropes).tolist():
+        on_rope = [(int(nodes[c, end]), c) for c, end in zip(*np.nonzero(ropes == rope), strict=True)]
+        waiting[rope] = [c for _, c in sorted(on_rope, reverse=True)]
+    sequence: list[int] = []
+    while len(sequence) < len(ropes):
+        ready = {w[-1] for w in waiting.values() if w and all(waiting[r][-1] == w[-1] for r in ropes[w[-1]].tolist())}
+        if not ready:
+            raise ValueError("connectors cross each other")
+        for connector in sorted(ready):
+            sequence.append(connector)
+            for rope in ropes[connector].tolist():
+                waiting[rope].pop()
+    return sequence
+
+
+def order_of(nodes: list[int], ropes: IntArray, connected: IntArray) -> Order:
+    """Order of elimination: ropes go on side by side from connector to connector.
+
+    Args:
+        nodes: number of nodes of each rope.
+        ropes: (connectors, 2).
+        connected: (connectors, 2) nodes; connectors in the order in which they follow each other along the ropes.
+
+    Raises:
+        ValueError: two connectors cross each other.
+    """
+    front = [0] * len(nodes)
+    rope: list[int] = []
+    node: list[int] = []
+    at: list[int] = []
+    for number, (pair, places) in enumerate(zip(ropes.tolist(), connected.tolist(), strict=True)):
+        for one, place in zip(pair, places, strict=True):
+            if place < front[one]:
+                raise ValueError(f"connector {number} crosses the one before it")
+            rope += [one] * (place - front[one])
+            node += range(front[one], place)
+            front[one] = place
+        at.append(len(node))
+    for one, count in enumerate(nodes):
+        rope += [one] * (count - front[one])
+        node += range(front[one], count)
+    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at)))

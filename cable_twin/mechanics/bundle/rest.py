@@ -1,0 +1,73 @@
+"""Static start of a bundle: each rope is laid by itself, then all are relaxed together until all forces balance."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from cable_twin.mechanics.bundle.equations import solve_increments
+from cable_twin.mechanics.bundle.generalized_alpha import copy_ropes
+from cable_twin.mechanics.bundle.records import GOOD, STATE, WORK
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.memory import combine_arrays, copy_record
+from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
+
+FIRST_STEP = 1e-2  # s, of the pseudo-transient
+LONGEST_WAY = 0.2  # m, that a point goes in an iteration
+
+
+@kernel
+def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_relaxations, tolerance):
+    """Pseudo-transient continuation of all ropes together, as `equilibrium.relax`.
+
+    Returns:
+        Number of iterations, `max_relaxations` when it did not end, and the last increment (m).
+    """
+    like = system.cable.gravity
+    mass_factor = 1.0 / (FIRST_STEP * FIRST_STEP)
+    smallest, increment = 1e-12 * mass_factor, 0.0
+    for iteration in range(max_relaxations):
+        copy_ropes(bundle, STATE, GOOD, state)
+        copy_record(moving, moving_good)
+        solvable, increment, changed = solve_increments(
+            bundle, moving, scratch, system, state, work, mass_factor, 0.0, 1.0
+        )
+        if not solvable or not isfinite(increment) or increment > 3.0 * LONGEST_WAY:
+            copy_ropes(bundle, GOOD, STATE, state)
+            copy_record(moving_good, moving)
+            mass_factor *= 8.0
+            continue
+        for rope in range(bundle.records.shape[0]):
+            here, own = record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
+            combine_arrays(here.nodes.position, 1.0, own.right_side, here.nodes.position)
+            move_bodies(here.bodies.position, own.body_increment, like)
+        combine_arrays(moving.stages.position, 1.0, scratch.increment, moving.stages.position)
+        if increment < tolerance and mass_factor <= smallest and changed == 0:
+            return iteration + 1, increment
+        if increment < LONGEST_WAY:
+            mass_factor = max(0.25 * mass_factor, smallest)
+    return max_relaxations, increment
+
+
+def settle_bundle(parts: tuple[Any, ...], tolerance: float) -> None:
+    """Bring a bundle, of which each rope is at rest by itself, to rest as a whole.
+
+    Args:
+        parts: the first arguments of `relax_bundle`, up to the scratch of a rope.
+        tolerance: last increment (m) that is allowed.
+
+    Raises:
+        EquilibriumError: it finds no rest.
+    """
+    used, increment = relax_bundle(*parts, MAX_RELAXATIONS, tolerance)
+    if used >= MAX_RELAXATIONS:
+        raise EquilibriumError(
+            f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
+            f"{increment:.3g} m, allowed are {tolerance:.3g} m"
+        )
+
+
+__all__ = ["relax_bundle", "settle_bundle"]

@@ -1,0 +1,64 @@
+"""Records by their addresses: so that one kernel takes as many of a kind as there are, each a pointer in an array."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from cable_twin.mechanics.language.by_reference import RecordType, pack
+
+_intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
+
+
+class Addresses:
+    """Addresses of records that stay where they are as long as this object lives.
+
+    Attributes:
+        table: (rows, columns) integers, for kernels.
+    """
+
+    def __init__(self, rows: list[tuple[Any, ...]]) -> None:
+        """Pack the records of a table, whose columns each hold records of one kind."""
+        self._packed = [[pack(record) for record in row] for row in rows]
+        self.table: NDArray[np.int64] = np.array([[_address(one) for one in row] for row in self._packed], np.int64)
+
+    def write(self, row: int, column: int, record: Any) -> None:
+        """Put another record in its place."""
+        self._packed[row][column] = pack(record)
+        self.table[row, column] = _address(self._packed[row][column])
+
+
+def _address(packed: Any) -> int:
+    if hasattr(packed, "address"):
+        return int(packed.address)
+    _UNPACKED[id(packed)] = packed
+    return id(packed)
+
+
+_UNPACKED: dict[int, Any] = {}  # records by the number that stands for their address, with the JIT off
+
+
+@_intrinsic
+def _at(typingctx, address, like):
+    if not isinstance(like, RecordType) or not isinstance(address, types.Integer):
+        return None
+
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        return builder.inttoptr(values[0], values[1].type)
+
+    return like(address, like), generate
+
+
+def _at_in_python(address: int, like: Any) -> Any:
+    return _UNPACKED[int(address)]
+
+
+_config: Any = numba.config
+# The record at an address, of the kind of the second argument.
+record_at: Any = _at_in_python if _config.DISABLE_JIT else _at

@@ -1,0 +1,58 @@
+"""What couples several ropes, as a scenario file has it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, create_model
+
+from cable_twin.scenario.fields import FromList, Section, quantity
+
+PlaceOnRope = Annotated[tuple[str, float], FromList]
+
+
+class _Rod(Section):
+    """A massless rod between two ropes, as a dropper: it pulls, and pushes only where it has a stiffness for that."""
+
+    @property
+    def ends(self) -> tuple[tuple[str, float], tuple[str, float]]:
+        """Rope and unstrained arc length (m) of both ends."""
+        return getattr(self, "from"), getattr(self, "to")  # noqa: B009 - neither is a name of this class
+
+
+# `from` is a key of the file, and no name that a class can be written with
+Connector: Any = create_model(
+    "Connector",
+    __base__=_Rod,
+    __doc__=_Rod.__doc__,
+    **{
+        "from": (PlaceOnRope, Field(description="rope and unstrained arc length (m) of its upper end")),
+        "to": (PlaceOnRope, Field(description="rope and unstrained arc length (m) of its lower end")),
+        "length": (float, quantity("m", "unstrained length", gt=0)),
+        "stiffness": (float, quantity("N/m", "stiffness when it is longer than that", gt=0)),
+        "compression": (float, quantity("N/m", "stiffness when it is shorter", 0.0, ge=0)),
+        "damping": (float, quantity("N s/m", "damping while it is longer", 0.0, ge=0)),
+    },  # type: ignore[call-overload]
+)
+
+
+class Stage(Section):
+    """One mass of a pantograph, and the spring below it."""
+
+    mass: float = quantity("kg", "mass of the stage; its weight is balanced", gt=0)
+    stiffness: float = quantity("N/m", "stiffness of the spring below it", gt=0)
+    damping: float = quantity("N s/m", "damping of that", 0.0, ge=0)
+
+
+class Pantograph(Section):
+    """Masses on springs that push a rope from below and move along the track at a given speed."""
+
+    rope: str = Field(description="the rope that it pushes")
+    position: float = quantity("m", "place along the track, x, at the start of the run")
+    speed: float = quantity("m/s", "its speed along the track from the start on", 0.0)
+    height: float = quantity("m", "height of the head, z, at which the force is `uplift_force`", 0.0)
+    uplift_force: float = quantity("N", "force on the rope at rest at that height", gt=0)
+    contact_stiffness: float = quantity("N/m", "stiffness of head and rope, which only push", 50e3, gt=0)
+    stages: Annotated[tuple[Stage, ...], FromList] = Field(
+        description="its masses from the head down; the last spring stands on the vehicle", min_length=1
+    )

@@ -1,0 +1,41 @@
+"""What every part of a scenario is made of: sections, quantities with their units, vectors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
+Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
+# along the track and upwards, or in space with what is to the left between them
+Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)]
+
+
+Tensor = Annotated[tuple[float, ...], FromList, Field(min_length=3, max_length=6)]
+
+
+def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> Any:
+    """A field that is a number or a vector.
+
+    Args:
+        unit: SI unit, "-" for a plain number.
+        description: what it is; the unit is added.
+        default: value where none is given; without it the field must be given.
+        **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
+
+    Returns:
+        The pydantic field.
+    """
+    return Field(default, description=f"{description} ({unit})", json_schema_extra={"unit": unit}, **bounds)
+
+
+def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """A vector x, z or x, y, z as one of three numbers."""
+    return vector if len(vector) == 3 else (vector[0], 0.0, vector[1])
+
+
+class Section(BaseModel):
+    """A part of a scenario: nothing unknown in it, nothing converted, every number finite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

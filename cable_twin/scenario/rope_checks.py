@@ -1,0 +1,107 @@
+"""Values of several ropes, and of what couples them, that are sound alone but not together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from cable_twin.scenario.cable_checks import cable_faults
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.vehicle_checks import vehicle_faults
+
+NAMES_SHOWN = 8
+
+
+def rope_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them: of each rope by itself, and of what is between them."""
+    yield from _whose(scenario)
+    if not scenario.ropes:
+        for key in ("connectors", "pantographs"):
+            for name in getattr(scenario, key):
+                yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
+        for key in ("mass_damping", "tension_damping"):
+            if getattr(scenario.cable, key) != 0.0:
+                yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
+        return
+    if scenario.drives or scenario.carriers:
+        yield Fault(("ropes",), "given several ropes and one that moves; allowed: ropes at rest, or one cable")
+    if scenario.solver.integrator != "generalized_alpha":
+        yield Fault(
+            ("solver", "integrator"),
+            f"given {scenario.solver.integrator!r} with several ropes; allowed: generalized_alpha",
+        )
+    for name in scenario.ropes:
+        yield from name_faults(("ropes", name))
+        alone = scenario.of_rope(name)
+        for fault in (*cable_faults(alone), *vehicle_faults(alone)):
+            path: KeyPath = ("ropes", name, *fault.path[1:]) if fault.path[0] == "cable" else fault.path
+            yield Fault(path, fault.text)
+    yield from _connectors(scenario)
+    yield from _pantographs(scenario)
+
+
+def _whose(scenario: Scenario) -> Iterator[Fault]:
+    """Towers and carriages of ropes that there are not."""
+    for key, things in (("towers", scenario.towers), ("carriages", scenario.carriages)):
+        for name, thing in things.items():
+            if thing.rope is not None and thing.rope not in scenario.ropes:
+                yield _unknown((key, name, "rope"), thing.rope, scenario)
+
+
+def _unknown(path: KeyPath, rope: str, scenario: Scenario) -> Fault:
+    names = [*scenario.ropes]
+    known = ", ".join(names[:NAMES_SHOWN]) + (", ..." if len(names) > NAMES_SHOWN else "")
+    return Fault(path, f"given the rope {show(rope)}; allowed: {known or 'null, there is one cable'}")
+
+
+def _connectors(scenario: Scenario) -> Iterator[Fault]:
+    """Ends beside the ropes, both on one rope, and rods that cross each other, which the solver cannot take."""
+    between: dict[tuple[str, str], list[tuple[float, float, str]]] = {}
+    for name, rod in scenario.connectors.items():
+        yield from name_faults(("connectors", name))
+        places = {}
+        for key, (rope, place) in zip(("from", "to"), rod.ends, strict=True):
+            if rope not in scenario.ropes:
+                yield _unknown(("connectors", name, key), rope, scenario)
+                continue
+            length = scenario.ropes[rope].unstrained_length
+            if not 0.0 < place < length:
+                yield Fault(
+                    ("connectors", name, key),
+                    f"given {show(place)} on {rope!r}; allowed: above 0 and below {length:.9g} m, between its ends",
+                )
+            places[rope] = place
+        if len(places) == 1 and rod.ends[0][0] == rod.ends[1][0]:
+            yield Fault(
+                ("connectors", name, "to"), f"given {rod.ends[1][0]!r} twice; allowed: another rope than `from`"
+            )
+        elif len(places) == 2:
+            order = [rope for rope in scenario.ropes if rope in places]
+            between.setdefault((order[0], order[1]), []).append((places[order[0]], places[order[1]], name))
+    for rods in between.values():
+        for (_, before, one), (_, after, other) in pairwise(sorted(rods)):
+            if after < before:
+                yield Fault(("connectors", other), f"given across '{one}'; allowed: the same order on both ropes")
+
+
+def _pantographs(scenario: Scenario) -> Iterator[Fault]:
+    """Pantographs of ropes that there are not, or beside them."""
+    for name, pantograph in scenario.pantographs.items():
+        yield from name_faults(("pantographs", name))
+        if pantograph.rope not in scenario.ropes:
+            yield _unknown(("pantographs", name, "rope"), pantograph.rope, scenario)
+            continue
+        rope = scenario.ropes[pantograph.rope]
+        low, high = sorted((rope.start.position[0], rope.end.position[0]))
+        if not low < pantograph.position < high:
+            yield Fault(
+                ("pantographs", name, "position"),
+                f"given {pantograph.position!r}; allowed: above {low:g} and below {high:g} m, under its rope",
+            )
+        stages = {len(one.stages) for one in scenario.pantographs.values()}
+        if len(stages) > 1:
+            yield Fault(("pantographs", name, "stages"), "given another number than others; allowed: as many in each")
+
+
+__all__ = ["rope_faults"]

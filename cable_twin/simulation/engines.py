@@ -1,0 +1,280 @@
+"""What takes solver steps: one rope, or several with what couples them, behind the same three calls."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from cable_twin.mechanics.bundle.connector import connector_forces
+from cable_twin.mechanics.bundle.generalized_alpha import advance as advance_bundle
+from cable_twin.mechanics.bundle.records import (
+    SYSTEM,
+    Bundle,
+    Wires,
+    allocate_bundle_state,
+    allocate_bundle_work,
+    clone_bundle_state,
+    order_of,
+)
+from cable_twin.mechanics.bundle.rest import settle_bundle
+from cable_twin.mechanics.drives.pull import hold_all, let_go
+from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
+from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
+from cable_twin.mechanics.solution.integrators import integrator_named
+from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.build_bundle import build_connectors, build_pantographs, build_ropes
+from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.snapshot_file import FullState
+
+SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
+
+
+class Engine(Protocol):
+    """What `Simulation` asks of it.
+
+    Attributes:
+        parts: one a rope, with what is on it.
+        connector_names: of what hangs between ropes, in the order of their forces.
+    """
+
+    parts: list[Ropeway]
+    connector_names: list[str]
+
+    def find_rest(self) -> None:
+        """Bring everything to where it starts."""
+
+    def advance(self, steps: int) -> tuple[Any, ...]:
+        """Take so many steps; the fields of `Outcome`."""
+
+    def observe(self, columns: Columns) -> None:
+        """Fill the columns of what is on no rope alone."""
+
+    def begin(self) -> None:
+        """Let this be the start, to which a reset goes back."""
+
+    def reset(self) -> None:
+        """Put what is on no rope alone back to the start."""
+
+    def between(self) -> dict[str, FloatArray]:
+        """A copy of the motion of what is on no rope alone, now and at the start, by name."""
+
+    def restore(self, full: FullState) -> None:
+        """Go to a full state that fits."""
+
+
+def restore_parts(parts: list[Ropeway], full: FullState) -> None:
+    """Go to what a full state has of each rope, and of what is commanded."""
+    for part, state, start in zip(parts, full.states, full.starts, strict=True):
+        write_state(state, part.state)
+        write_state(start, part.start)
+        part.note_stations()
+        part.carry(part.state.payload)
+        part.stopped = full.emergency_stopped
+        own = (*part.rows, *part.scenario.drives)
+        part.commands = {name: command for name, command in full.commands.items() if name in own}
+        part.loading = {name: mass for name, mass in full.loading.items() if name in own}
+
+
+class SingleRope:
+    """One rope and what is on it."""
+
+    def __init__(self, scenario: Scenario, part: Ropeway) -> None:
+        self.parts: list[Ropeway] = [part]
+        self.connector_names: list[str] = []
+        self._integrator = scenario.solver.integrator
+        self._work = allocate_workspace(part.system)
+        self._advance = integrator_named(self._integrator)
+
+    def find_rest(self) -> None:
+        """Bring the rope to rest, while another process compiles the integrator.
+
+        Raises:
+            EquilibriumError: it finds none.
+        """
+        part = self.parts[0]
+        part.lay(self._work)
+        part.take_over_rest()
+        self._packed = pack(part.state)
+        self._scratch = pack(clone_state(part.state)), pack(clone_state(part.state)), pack(self._work)
+
+    def advance(self, steps: int) -> tuple[Any, ...]:
+        """Take so many steps; the fields of `Outcome`."""
+        return self._advance(  # type: ignore[no-any-return]
+            self.parts[0].packed_system, self._packed, *self._scratch, steps
+        )
+
+    def observe(self, columns: Columns) -> None:
+        """Nothing: all is on the rope."""
+
+    def begin(self) -> None:
+        """Let this be the start, to which a reset goes back."""
+        self.parts[0].begin()
+
+    def reset(self) -> None:
+        """Nothing: all is on the rope."""
+
+    def between(self) -> dict[str, FloatArray]:
+        """Nothing: all is on the rope."""
+        return {}
+
+    def restore(self, full: FullState) -> None:
+        """Go to a full state that fits."""
+        restore_parts(self.parts, full)
+
+
+class RopeBundle:
+    """Several ropes, what hangs between them and what pushes them from below."""
+
+    def __init__(self, scenario: Scenario, parts: list[Ropeway]) -> None:
+        self.parts, self._scenario = parts, scenario
+        systems = dict(zip(scenario.ropes, (part.system for part in parts), strict=True))
+        self._works = [allocate_workspace(system) for system in systems.values()]
+        connectors, self.connector_names = build_connectors(scenario, systems)
+        pantographs = build_pantographs(scenario)
+        self._addresses = Addresses(
+            [
+                (part.system, part.state, work, clone_state(part.state), clone_state(part.state))
+                for part, work in zip(parts, self._works, strict=True)
+            ]
+        )
+        self._packed_systems = [part.packed_system for part in parts]
+        nodes = [part.state.nodes.position.shape[0] for part in parts]
+        damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.ropes.values()]
+        self.bundle = Bundle(
+            records=self._addresses.table,
+            up=np.eye(scenario.dim)[-1].copy(),
+            connectors=connectors,
+            pantographs=pantographs,
+            wires=Wires(
+                by_mass=np.array([one for one, _ in damped]),
+                by_stiffness=np.array([one for _, one in damped]),
+                tension=np.zeros(len(parts)),
+                present=bool(np.any(damped)),
+            ),
+            order=order_of(nodes, connectors.rope, connectors.node),
+        )
+        self.moving = moving = self._start = allocate_bundle_state(self.bundle)
+        self._scratch = allocate_bundle_work(self.bundle)
+        self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
+        given = scenario.pantographs.values()
+        moving.place.position[:] = [one.position for one in given]
+        self._forces = np.zeros(len(scenario.connectors))
+
+    def find_rest(self) -> None:
+        """Bring each rope to rest by itself, then all of them together.
+
+        Raises:
+            EquilibriumError: there is none.
+        """
+        for part, work in zip(self.parts, self._works, strict=True):
+            if _is_taut(part.scenario):
+                lay_taut(part.system, part.state)
+            else:
+                part.lay(work)
+        self._raise_pantographs()
+        modes = [hold_all(part.state) for part in self.parts]
+        for row, part in enumerate(self.parts):
+            self._addresses.write(row, SYSTEM, without_friction(part.system))
+        longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
+        first = self.parts[0]
+        settle_bundle(
+            (self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]),
+            SLACKEST_REST * longest,
+        )
+        for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
+            self._addresses.write(row, SYSTEM, part.system)
+            note_rest(part.system, part.state)
+            part.state.tower_load[:, 1] = part.state.tower_load[:, 0]
+            let_go(part.system, part.state, own_modes)
+            part.take_over_rest()
+            self.bundle.wires.tension[row] = _mean_tension(part)
+        self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
+
+    def _raise_pantographs(self) -> None:
+        """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
+        moving, pantographs = self.moving, self.bundle.pantographs
+        for row, one in enumerate(self._scenario.pantographs.values()):
+            part = self.parts[int(pantographs.rope[row])]
+            places = part.state.nodes.position[:, 0]
+            nearest = int(np.argmin(abs(places[:, 0] - one.position)))
+            moving.arc_length[row] = part.system.cable.node_arc_length[nearest]
+            head = places[nearest, -1] + one.uplift_force / pantographs.contact_stiffness[row]
+            yielded = np.cumsum([0.0, *(one.uplift_force / pantographs.stiffness[row, :-1])])
+            moving.stages.position[row] = head + yielded
+
+    def advance(self, steps: int) -> tuple[Any, ...]:
+        """Take so many steps; the fields of `Outcome`."""
+        for row, part in enumerate(self.parts):
+            if part.packed_system is not self._packed_systems[row]:
+                self._addresses.write(row, SYSTEM, part.system)
+                self._packed_systems[row] = part.packed_system
+        first = self.parts[0]
+        return advance_bundle(  # type: ignore[no-any-return]
+            self.bundle, self.moving, *self._spare, self._scratch, first.system, first.state, self._works[0], steps
+        )
+
+    def observe(self, columns: Columns) -> None:
+        """Fill the columns of connectors and pantographs."""
+        first, moving = self.parts[0], self.moving
+        connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
+        columns.connector_force[:] = self._forces
+        columns.pantograph_force[:] = moving.contact_force
+        columns.pantograph_speed[:] = moving.place.velocity
+        columns.pantograph_position[:, 0] = moving.place.position
+        columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
+
+    def begin(self) -> None:
+        """Let this be the start, to which a reset goes back."""
+        for part in self.parts:
+            part.begin()
+        self._start = clone_bundle_state(self.moving)
+
+    def reset(self) -> None:
+        """Put pantographs back to the start."""
+        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
+            now[...] = start
+
+    def between(self) -> dict[str, FloatArray]:
+        """A copy of the motion of the pantographs, now and at the start, by name."""
+        both = ("now", self.moving), ("start", self._start)
+        return {f"{key}/{name}": array.copy() for key, one in both for name, array in fields_of(one).items()}
+
+    def restore(self, full: FullState) -> None:
+        """Go to a full state that fits."""
+        restore_parts(self.parts, full)
+        for key, one in (("now", self.moving), ("start", self._start)):
+            for name, array in fields_of(one).items():
+                array[...] = full.between[f"{key}/{name}"]
+
+
+def engine_of(scenario: Scenario) -> Engine:
+    """What takes the steps of a scenario."""
+    if not scenario.ropes:
+        return SingleRope(scenario, Ropeway(scenario))
+    systems = build_ropes(scenario)
+    return RopeBundle(scenario, [Ropeway(scenario.of_rope(name), system) for name, system in systems.items()])
+
+
+def _is_taut(scenario: Scenario) -> bool:
+    """Whether a rope is shorter than the straight way between two ends that hold it, with nothing between them."""
+    cable = scenario.cable
+    held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
+    apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
+    return held and not scenario.towers and cable.unstrained_length < apart
+
+
+def _mean_tension(part: Ropeway) -> float:
+    """Mean tension (N) of a rope."""
+    cable, elements = part.system.cable, part.system.cable.element_count
+    places = np.linspace(0.0, cable.unstrained_length, elements + 1)
+    tensions = np.empty(places.size)
+    sample_tensions(cable, part.state, places, tensions, np.empty(groups(cable)))
+    return float(tensions.mean())
+
+
+__all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of"]
