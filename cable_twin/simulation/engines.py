@@ -39,11 +39,9 @@ class Engine(Protocol):
 
     Attributes:
         parts: one a rope, with what is on it.
-        connector_names: of what hangs between ropes, in the order of their forces.
     """
 
     parts: list[Ropeway]
-    connector_names: list[str]
 
     def find_rest(self) -> None:
         """Bring everything to where it starts."""
@@ -85,7 +83,6 @@ class SingleRope:
 
     def __init__(self, scenario: Scenario, part: Ropeway) -> None:
         self.parts: list[Ropeway] = [part]
-        self.connector_names: list[str] = []
         self._integrator = scenario.solver.integrator
         self._work = allocate_workspace(part.system)
         self._advance = integrator_named(self._integrator)
@@ -134,7 +131,8 @@ class RopeBundle:
         self.parts, self._scenario = parts, scenario
         systems = dict(zip(scenario.ropes, (part.system for part in parts), strict=True))
         self._works = [allocate_workspace(system) for system in systems.values()]
-        connectors, self.connector_names = build_connectors(scenario, systems)
+        connectors, names = build_connectors(scenario, systems)
+        self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
         pantographs = build_pantographs(scenario)
         self._addresses = Addresses(
             [
@@ -222,7 +220,7 @@ class RopeBundle:
         """Fill the columns of connectors and pantographs."""
         first, moving = self.parts[0], self.moving
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
-        columns.connector_force[:] = self._forces
+        columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
         columns.pantograph_speed[:] = moving.place.velocity
         columns.pantograph_position[:, 0] = moving.place.position

@@ -150,8 +150,8 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
     """
     waiting: dict[int, list[int]] = {}
     for rope in np.unique(ropes).tolist():
-        on_rope = [(int(nodes[c, end]), c) for c, end in zip(*np.nonzero(ropes == rope), strict=True)]
-        waiting[rope] = [c for _, c in sorted(on_rope, reverse=True)]
+        on_rope = [(nodes[c, end], nodes[c, 1 - end], c) for c, end in zip(*np.nonzero(ropes == rope), strict=True)]
+        waiting[rope] = [int(c) for _, _, c in sorted(on_rope, reverse=True)]
     sequence: list[int] = []
     while len(sequence) < len(ropes):
         ready = {w[-1] for w in waiting.values() if w and all(waiting[r][-1] == w[-1] for r in ropes[w[-1]].tolist())}

@@ -1,0 +1,237 @@
+"""Several ropes and what couples them: elimination, tangents, closed forms of strings, motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from systems import dense_matrix, difference, disturbed_state, make_system
+
+from cable_twin.mechanics.bundle.connector import add_connectors
+from cable_twin.mechanics.bundle.elimination import solve_bundle
+from cable_twin.mechanics.bundle.records import (
+    Bundle,
+    Connectors,
+    Pantographs,
+    Wires,
+    allocate_bundle_state,
+    allocate_bundle_work,
+    order_of,
+    sequence_of,
+)
+from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+ELEMENTS = (7, 5, 9)
+ROPES = np.array([[0, 1], [0, 1], [1, 2], [0, 2]])
+NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
+LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
+
+
+def make_bundle(dim, *, stiffness=50.0, compression=20.0):
+    """Three ropes with four rods between them; what keeps the records alive comes along."""
+    systems = [make_system(dim, cable={"element_count": count}) for count in ELEMENTS]
+    states, works = [allocate_state(s) for s in systems], [allocate_workspace(s) for s in systems]
+    rows = [(s, t, w, clone_state(t), clone_state(t)) for s, t, w in zip(systems, states, works, strict=True)]
+    addresses = Addresses(rows)
+    count = len(ROPES)
+    bundle = Bundle(
+        records=addresses.table,
+        up=np.eye(dim)[-1].copy(),
+        connectors=Connectors(
+            rope=ROPES,
+            node=NODES,
+            length=np.full(count, 0.5),
+            stiffness=np.full(count, stiffness),
+            compression=np.full(count, compression),
+            damping=np.full(count, 3.0),
+        ),
+        pantographs=Pantographs(np.zeros(0, np.int64), *(np.zeros((0, 1)) for _ in range(3)), np.zeros(0), np.zeros(0)),
+        wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
+        order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
+    )
+    return bundle, systems, states, works, addresses
+
+
+def places_of(dim):
+    """First row of each node's block in the matrix of all ropes."""
+    sizes = [(count + 1) * 2 * dim for count in ELEMENTS]
+    return np.cumsum([0, *sizes])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_elimination_solves_what_a_dense_solver_solves(dim):
+    bundle, systems, _, works, _kept = make_bundle(dim)
+    random, first = np.random.default_rng(dim), places_of(dim)
+    scratch = allocate_bundle_work(bundle)
+    matrix, right = np.zeros((first[-1], first[-1])), np.zeros(first[-1])
+    for rope, work in enumerate(works):
+        for array in (work.diagonal, work.upper, work.lower, work.right_side):
+            array[:] = random.normal(size=array.shape)
+        for i in range(2):
+            work.diagonal[:, i, i] += 8.0 * np.eye(dim).ravel()
+        own = slice(first[rope], first[rope + 1])
+        matrix[own, own] = dense_matrix(work.diagonal, work.upper, work.lower)
+        right[own] = work.right_side.ravel()
+    for connector, (ropes, nodes) in enumerate(zip(ROPES, NODES, strict=True)):
+        cross = random.normal(size=(dim, dim))
+        scratch.cross[connector] = (cross + cross.T).ravel()
+        a, b = (slice(p, p + dim) for p in first[ropes] + nodes * 2 * dim)
+        matrix[a, b] += cross + cross.T
+        matrix[b, a] += cross + cross.T
+    exact = np.linalg.solve(matrix, right)
+    assert solve_bundle(bundle, scratch, works[0], systems[0].cable.gravity)
+    np.testing.assert_allclose(np.concatenate([w.right_side.ravel() for w in works]), exact, rtol=0, atol=1e-12)
+
+
+def test_block_without_inverse_is_told():
+    bundle, systems, _, works, _kept = make_bundle(2)
+    assert not solve_bundle(bundle, allocate_bundle_work(bundle), works[0], systems[0].cable.gravity)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("rate_factor", [0.0, 70.0])
+def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
+    """Rates go with places by the factor of the integrator; of a damper that is exact where it stands still."""
+    bundle, systems, states, works, _kept = make_bundle(dim)
+    like, first, random = systems[0].cable.gravity, places_of(dim), np.random.default_rng(3)
+    for rope, (system, state) in enumerate(zip(systems, states, strict=True)):
+        other, _ = disturbed_state(system, seed=rope)
+        state.nodes.position[:] = other.nodes.position
+        state.nodes.position[:, 0, -1] -= 0.7 * rope
+    scratch, moving = allocate_bundle_work(bundle), allocate_bundle_state(bundle)
+    places = [state.nodes.position.copy() for state in states]
+
+    def forces(change):
+        for rope, (state, work) in enumerate(zip(states, works, strict=True)):
+            moved = change[first[rope] : first[rope + 1]].reshape(places[rope].shape)
+            state.nodes.position[:] = places[rope] + moved
+            state.nodes.velocity[:] = rate_factor * moved
+            work.right_side[:] = 0.0
+            work.diagonal[:] = 0.0
+        add_connectors(bundle, moving, scratch, states[0], works[0], rate_factor, 1.0, like)
+        return np.concatenate([work.right_side.ravel() for work in works])
+
+    numeric = -difference(forces, np.zeros(first[-1]), 1e-5)
+    assert np.abs(forces(np.zeros(first[-1]))).max() > 1.0
+    matrix = np.zeros_like(numeric)
+    for rope, work in enumerate(works):
+        own = slice(first[rope], first[rope + 1])
+        matrix[own, own] = dense_matrix(work.diagonal, np.zeros_like(work.upper), np.zeros_like(work.lower))
+    for connector, (ropes, nodes) in enumerate(zip(ROPES, NODES, strict=True)):
+        a, b = (slice(p, p + dim) for p in first[ropes] + nodes * 2 * dim)
+        matrix[a, b] += scratch.cross[connector].reshape(dim, dim)
+        matrix[b, a] += scratch.cross[connector].reshape(dim, dim)
+    change = random.normal(size=first[-1])
+    np.testing.assert_allclose(matrix @ change, numeric @ change, rtol=0, atol=1e-6 * np.abs(numeric).max())
+
+
+def test_connectors_come_in_an_order_along_all_ropes_or_not_at_all():
+    shuffled = [3, 1, 0, 2]
+    found = sequence_of(ROPES[shuffled], NODES[shuffled])
+    order_of([8, 6, 10], ROPES[shuffled][found], NODES[shuffled][found])
+    with pytest.raises(ValueError, match="cross"):
+        sequence_of(np.array([[0, 1], [0, 1]]), np.array([[1, 3], [2, 2]]))
+    with pytest.raises(ValueError, match="crosses"):
+        order_of([5, 5], np.array([[0, 1], [0, 1]]), np.array([[1, 3], [2, 2]]))
+
+
+def strings(*, rods, gravity=0.0, dim=2, **changes):
+    """Two strings of the same tension, one a metre above the other, with rods between them; heights in m."""
+
+    def place(x, z):
+        return [x, z] if dim == 2 else [x, 0.0, z]
+
+    def rope(height):
+        axial = 2e5
+        return {
+            "unstrained_length": LENGTH / (1.0 + TENSION / axial),
+            "mass_per_length": 1.0,
+            "axial_stiffness": axial,
+            "bending_stiffness": 0.0,
+            "elements": 128,
+            "start": {"position": place(0.0, height)},
+            "end": {"position": place(LENGTH, height)},
+        }
+
+    scenario = {
+        "gravity": gravity,
+        "ropes": {"upper": rope(1.0), "lower": rope(0.0)},
+        "connectors": {
+            f"rod_{k}": {"from": ["upper", s], "to": ["lower", s], "stiffness": STIFFNESS, **rod}
+            for k, (s, rod) in enumerate(rods)
+        },
+        "solver": {"step": 0.002, "spectral_radius": 1.0, "tolerance": 1e-12},
+        **changes,
+    }
+    return Simulation(load_scenario(scenario))
+
+
+MIDDLE = 0.5 * LENGTH / 1.025
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_short_rod_pulls_strings_together_as_springs_in_a_row(dim):
+    short = 0.05
+    simulation = strings(rods=[(MIDDLE, {"length": 1.0 - short})], dim=dim)
+    (pull,) = simulation.snapshot.connectors.values()
+    expected = short / (1.0 / STIFFNESS + 2.0 * LENGTH / (4.0 * TENSION))
+    assert pull == pytest.approx(expected, rel=3e-3)  # a cubic has no kink
+    upper, lower = (simulation.cable_positions([MIDDLE], rope=name)[0, 2] for name in ("upper", "lower"))
+    assert upper - lower == pytest.approx(1.0 - short + pull / STIFFNESS, abs=1e-9)
+    assert (1.0 - upper) == pytest.approx(lower, abs=1e-9)
+    assert simulation.advance_to(0.5).connectors["rod_0"] == pytest.approx(pull, rel=1e-6)
+
+
+def test_long_rod_is_slack_and_pushes_where_it_can():
+    simulation = strings(rods=[(MIDDLE, {"length": 1.05}), (0.7 * MIDDLE, {"length": 0.9})])
+    pulls = simulation.advance_to(0.1).connectors
+    assert pulls["rod_0"] == 0.0
+    assert pulls["rod_1"] > 10.0
+    pushing = strings(rods=[(MIDDLE, {"length": 1.05, "compression": STIFFNESS})]).snapshot.connectors["rod_0"]
+    assert pushing == pytest.approx(-0.05 / (1.0 / STIFFNESS + 2.0 * LENGTH / (4.0 * TENSION)), rel=3e-3)
+
+
+def test_strings_that_swing_together_keep_their_frequency_and_energy():
+    """What couples equal strings does nothing while they move alike: n/2L sqrt(T/m), per unstrained length."""
+    rods = [(share * 2.0 * MIDDLE, {"length": 1.0, "compression": STIFFNESS}) for share in (0.2, 0.5, 0.7)]
+    simulation = strings(rods=rods)
+    state = simulation.capture()
+    for own in state.states:
+        s = np.linspace(0.0, 1.0, own.nodes.position.shape[0])
+        own.nodes.velocity[:, 0, 1] = 0.02 * np.sin(np.pi * s)
+        own.nodes.velocity[:, 1, 1] = 0.02 * np.pi / (2.0 * MIDDLE) * np.cos(np.pi * s)
+    simulation.restore(state)
+    before = simulation.energy().total
+    times, heights = [], []
+    for _ in range(1500):
+        times.append(simulation.advance_to(simulation.time + 0.002).time)
+        heights.append(simulation.cable_positions([MIDDLE], rope="lower")[0, 2])
+    crossings = np.flatnonzero((np.array(heights)[:-1] < 0.0) & (np.array(heights)[1:] >= 0.0))
+    fractions = [times[k] - heights[k] * 0.002 / (heights[k + 1] - heights[k]) for k in crossings]
+    frequency = np.sqrt(TENSION / 1.0 * 1.025) / (2.0 * LENGTH)
+    assert np.diff(fractions).mean() * frequency == pytest.approx(1.0, abs=1e-3)
+    assert simulation.energy().total == pytest.approx(before, abs=1e-6 * 0.02**2 * LENGTH)
+
+
+def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
+    """Also that of a pantograph, which is on no rope alone; a reset brings it back."""
+    pantograph = {
+        "rope": "lower",
+        "position": 12.0,
+        "speed": 10.0,
+        "uplift_force": 60.0,
+        "stages": [{"mass": 7.0, "stiffness": 4e3, "damping": 10.0}, {"mass": 15.0, "stiffness": 50.0}],
+    }
+    simulation = strings(rods=[(MIDDLE, {"length": 0.99})], gravity=9.81, pantographs={"head": pantograph})
+    start = simulation.snapshot
+    assert start.pantographs["head"].contact_force == pytest.approx(60.0, abs=50.0)
+    simulation.advance_to(0.4)
+    simulation.save(tmp_path / "state.npz")
+    later = simulation.advance_to(0.8)
+    again = Simulation.load(tmp_path / "state.npz").advance_to(0.8)
+    np.testing.assert_array_equal(later.numbers, again.numbers)
+    assert later.pantographs["head"].position[0] == pytest.approx(20.0)
+    simulation.reset()
+    np.testing.assert_array_equal(simulation.snapshot.numbers[1:], start.numbers[1:])
