@@ -33,7 +33,7 @@ ALLOWED = {
     "rates": (),
     "records": (),
     "commands": (),
-    "scenario": ("mechanics.parameters", "mechanics.solution.catenary"),
+    "scenario": ("mechanics.parameters", "mechanics.solution.catenary", "mechanics.solution.bundle.records"),
     "snapshot": ("mechanics.readout", "records", "scenario"),
     "signals": ("records", "snapshot"),
     "geometry": ("mechanics.parameters", "mechanics.readout", "records", "scenario"),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.bundle.records import Connectors, Pantographs, sequence_of
 from cable_twin.mechanics.parameters import FloatArray, System
+from cable_twin.mechanics.solution.bundle.records import Connectors, Pantographs, sequence_of
 from cable_twin.scenario.build import build_system
 from cable_twin.scenario.build_vehicles import floats
 from cable_twin.scenario.schema import Scenario

@@ -35,7 +35,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         found = {
             fault.path: fault for fault in (_schema_fault(item["loc"], item["type"], data) for item in error.errors())
         }
-        if "ropes" in data:  # the cable is the first of them, which has its own
+        if data.get("ropes"):  # the cable is the first of them, which has its own
             return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]

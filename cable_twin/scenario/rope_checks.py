@@ -66,12 +66,13 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
                 yield _unknown(("connectors", name, key), rope, scenario)
                 continue
             length = scenario.ropes[rope].unstrained_length
+            places[rope] = place
             if not 0.0 < place < length:
                 yield Fault(
                     ("connectors", name, key),
                     f"given {show(place)} on {rope!r}; allowed: above 0 and below {length:.9g} m, between its ends",
                 )
-            places[rope] = place
+                places.pop(rope)
         if len(places) == 1 and rod.ends[0][0] == rod.ends[1][0]:
             yield Fault(
                 ("connectors", name, "to"), f"given {rod.ends[1][0]!r} twice; allowed: another rope than `from`"

@@ -6,9 +6,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cable_twin.mechanics.bundle.connector import connector_forces
-from cable_twin.mechanics.bundle.generalized_alpha import advance as advance_bundle
-from cable_twin.mechanics.bundle.records import (
+from cable_twin.mechanics.drives.pull import hold_all, let_go
+from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
+from cable_twin.mechanics.solution.bundle.connector import connector_forces
+from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
+from cable_twin.mechanics.solution.bundle.records import (
     SYSTEM,
     Bundle,
     Wires,
@@ -17,12 +22,7 @@ from cable_twin.mechanics.bundle.records import (
     clone_bundle_state,
     order_of,
 )
-from cable_twin.mechanics.bundle.rest import settle_bundle
-from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.addresses import Addresses
-from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
+from cable_twin.mechanics.solution.bundle.rest import settle_bundle
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from systems import dense_matrix, difference, disturbed_state, make_system
 
-from cable_twin.mechanics.bundle.connector import add_connectors
-from cable_twin.mechanics.bundle.elimination import solve_bundle
-from cable_twin.mechanics.bundle.records import (
+from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.solution.bundle.connector import add_connectors
+from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
+from cable_twin.mechanics.solution.bundle.records import (
     Bundle,
     Connectors,
     Pantographs,
@@ -18,7 +19,6 @@ from cable_twin.mechanics.bundle.records import (
     order_of,
     sequence_of,
 )
-from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.bundle.connector import add_connectors
-from cable_twin.mechanics.bundle.elimination import solve_bundle
-from cable_twin.mechanics.bundle.pantograph import add_pantographs, recover_pantographs
-from cable_twin.mechanics.bundle.records import STATE, SYSTEM, WORK
-from cable_twin.mechanics.bundle.wires import damp_wire
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.solution.bundle.connector import add_connectors
+from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
+from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, recover_pantographs
+from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
+from cable_twin.mechanics.solution.bundle.wires import damp_wire
 from cable_twin.mechanics.solution.equations_of_motion import (
     assemble_unheld,
     hold_ends,

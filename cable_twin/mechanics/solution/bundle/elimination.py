@@ -7,7 +7,11 @@ Where nothing is linked this is `block_tridiagonal` rope by rope.
 
 from __future__ import annotations
 
-from cable_twin.mechanics.bundle.node_blocks import (
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.vectors import accumulate, load, outer, scale
+from cable_twin.mechanics.solution.bundle.node_blocks import (
     apply_node,
     invert_node,
     load_node,
@@ -18,11 +22,7 @@ from cable_twin.mechanics.bundle.node_blocks import (
     store_pair,
     subtract_pair,
 )
-from cable_twin.mechanics.bundle.records import WORK
-from cable_twin.mechanics.language.addresses import record_at
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.memory import clear_array
-from cable_twin.mechanics.language.vectors import accumulate, load, outer, scale
+from cable_twin.mechanics.solution.bundle.records import WORK
 
 
 @kernel

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
-from cable_twin.mechanics.bundle.equations import solve_increments
-from cable_twin.mechanics.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
+from cable_twin.mechanics.solution.bundle.equations import solve_increments
+from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.generalized_alpha import (
     LEAST_CURVATURE,

@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from cable_twin.mechanics.bundle.equations import solve_increments
-from cable_twin.mechanics.bundle.generalized_alpha import copy_ropes
-from cable_twin.mechanics.bundle.records import GOOD, STATE, WORK
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_record
 from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.solution.bundle.equations import solve_increments
+from cable_twin.mechanics.solution.bundle.generalized_alpha import copy_ropes
+from cable_twin.mechanics.solution.bundle.records import GOOD, STATE, WORK
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import sqrt
 
-from cable_twin.mechanics.bundle.records import STATE, WORK
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, dot, full, load, scale, store, subtract, symmetric
+from cable_twin.mechanics.solution.bundle.records import STATE, WORK
 
 
 @inlined_kernel
