@@ -189,6 +189,22 @@ def _gather_numbers(numbers, first):
     return lanes
 
 
+def gather_vectors(rows: Any, first: int, like: tuple[float, ...]) -> tuple[Any, ...]:
+    """Vectors (dim,) of lanes of `WIDTH` columns of `rows` (dim, elements); past the last one, that one is repeated."""
+    return tuple(gather_numbers(rows[axis], first) for axis in range(len(like)))
+
+
+@overload(gather_vectors, jit_options=OVERLOAD)
+def _gather_vectors(rows, first, like):
+    def planar(rows, first, like):
+        return _read_numbers(rows[0], first), _read_numbers(rows[1], first)
+
+    def spatial(rows, first, like):
+        return _read_numbers(rows[0], first), _read_numbers(rows[1], first), _read_numbers(rows[2], first)
+
+    return planar if like.count == 2 else spatial
+
+
 @_intrinsic
 def _write(typingctx, lanes, row):
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
