@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from hashlib import sha256
+from itertools import pairwise
 from math import atan2, pi
 from typing import Any
 
@@ -127,7 +128,7 @@ def turbulence() -> Iterator[Result]:
                 f"{name}: variance {label}", "m²/s²", deviation**2 * every, variance, 0.05 * deviation**2 * every
             )
             edges, ratios = np.geomspace(0.02, 2.0, 7), []
-            for low, high in zip(edges[:-1], edges[1:], strict=True):
+            for low, high in pairwise(edges):
                 band = (frequencies >= low) & (frequencies < high)
                 density = deviation**2 * target(frequencies[band] / SPEED) / SPEED
                 ratios.append(float(spectra[part][band].mean() / density.mean()))
@@ -157,7 +158,7 @@ def bits() -> Iterator[Result]:
     yield Result("wind 100 m downwind, 10 s later: difference", "m/s", 0.0, late, 1e-4)
 
 
-@case("eddies", "EN 1991-1-4, annex E: St v / b, c A ρ v² / 2", needs_jit=True)
+@case("eddies", "EN 1991-1-4, annex E: St v / b, c A v² times half the density", needs_jit=True)
 def eddies() -> Iterator[Result]:
     """Side force on a cabin of 20 t that hardly moves: how often it changes its sign, and how large it becomes."""
     shedding = {"width": 2.0, "area": 5.0, "strouhal": 0.12, "force_coefficient": 1.1}
