@@ -42,7 +42,7 @@ class WindField(NamedTuple):
     way: FloatArray  # (1,) m of wind gone by, at its mean speed
     gust: FloatArray  # (6,) the last one that was commanded, as in `Wind.gusts`
     points: FloatArray  # (points, 3) m/s, turbulence in x, y, z at the points of `Wind`
-    along_rope: FloatArray  # (dim, elements) m/s, in the middle of each element
+    along_rope: FloatArray  # (dim, elements, rounded up to `WIDTH`) m/s, in the middle of each element
     at_bodies: FloatArray  # (bodies, dim) m/s, at each centre of mass
     shedding_phase: FloatArray  # (bodies,) rad, of the eddies that each sheds
     shedding_force: FloatArray  # (bodies, dim) N, of them
@@ -207,7 +207,7 @@ def _calm(system: System, dim: int) -> WindField:
         way=np.zeros(1),
         gust=np.zeros(6),
         points=np.zeros(system.air.wind.points.shape),
-        along_rope=np.zeros((dim, system.cable.element_count)),
+        along_rope=np.zeros((dim, -(-system.cable.element_count // WIDTH) * WIDTH)),
         at_bodies=np.zeros((bodies, dim)),
         shedding_phase=first_phases(bodies),
         shedding_force=np.zeros((bodies, dim)),

@@ -19,6 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from cable_twin.mechanics.language.lanes import WIDTH
 from cable_twin.mechanics.state import FIELDS, State, WindField, fields_of, first_phases, state_of, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
@@ -237,7 +238,7 @@ def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
             way=np.zeros(1),
             gust=np.zeros(6),
             points=np.zeros((1, 3)),
-            along_rope=np.tile(wind[:, None], elements),
+            along_rope=np.tile(wind[:, None], -(-elements // WIDTH) * WIDTH),
             at_bodies=np.tile(wind, (bodies, 1)),
             shedding_phase=first_phases(bodies),
             shedding_force=np.zeros((bodies, wind.size)),

@@ -23,7 +23,7 @@ from cable_twin.mechanics.state import State
 
 
 def set_wind(state: State, wind: FloatArray) -> None:
-    """Let a wind (dim,) in m/s blow, the same everywhere until the next step."""
+    """Let a wind (dim,) in m/s blow, the same everywhere; where it varies, until the next step."""
     state.wind[:] = wind
     state.wind_field.along_rope[:] = state.wind[:, None]
     state.wind_field.at_bodies[:] = wind
@@ -35,12 +35,7 @@ def blow(system, state, h):
     air, field, dim = system.air, state.wind_field, state.wind.size
     field.time[0] += h
     if not air.varies and field.gust[4] == 0.0:
-        for axis in range(dim):
-            for element in range(system.cable.element_count):
-                field.along_rope[axis, element] = state.wind[axis]
-            for body in range(field.at_bodies.shape[0]):
-                field.at_bodies[body, axis] = state.wind[axis]
-        return
+        return  # all is as `set_wind` has left it
     wind, time = air.wind, field.time[0]
     x, y, z = state.wind[0], state.wind[1] if dim == 3 else 0.0, state.wind[dim - 1]
     mean = x, y, z
