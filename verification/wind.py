@@ -179,7 +179,7 @@ def eddies() -> Iterator[Result]:
     yield Result("force along the wind", "N", 0.0, float(np.abs(side[:, 1]).max()), 0.01 * force)
 
 
-@case("drag by axes", "A diag(q) Aᵀ |w| w: tan of the roll q_y w² / (m g); oblique drag of a plate", needs_jit=True)
+@case("drag by axes", "K = A diag(q) Aᵀ: tan of the roll q_y w² / (m g); by components in oblique wind", needs_jit=True)
 def by_axes() -> Iterator[Result]:
     """A cabin that is 5 m² from the side and nothing from ahead or below, and a heavy plate in oblique wind."""
     simulation = Simulation(load_scenario(line({"drag_area": [0.0, 5.0, 0.0]})))
