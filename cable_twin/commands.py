@@ -6,6 +6,7 @@ Node, terminal, scripts, bags and replay read this table. What a kind does to th
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -33,6 +34,7 @@ class Kind:
         drives: it holds until the time-out of the node only, and is refused while an emergency stop is in force.
         halts: nothing that was told to move is under way any more.
         level: of its line in the view.
+        units: of axes that have another one.
     """
 
     name: str
@@ -49,6 +51,11 @@ class Kind:
     drives: bool = False
     halts: bool = False
     level: Literal["INFO", "WARN", "ERROR"] = "INFO"
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def unit_of(self, name: str) -> str:
+        """Unit of the number of a name or axis."""
+        return self.units.get(name, self.unit)
 
     def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:
         """The numbers `given` for axes, with 0 where one that is needed is missing."""
@@ -97,6 +104,26 @@ KINDS: Mapping[str, Kind] = {
             axes=("x", "z", "y"),
             needed=("x", "z"),
             topic="wind",
+            field="velocity",
+        ),
+        Kind(
+            "gust",
+            "let a gust of one minus cosine (CS-25.341) come, axes as of wind, and how long",
+            quantity="speed",
+            unit="m/s",
+            axes=("x", "z", "y", "duration"),
+            needed=("x", "z"),
+            units={"duration": "s"},
+            field="velocity",
+        ),
+        Kind(
+            "operating_gust",
+            "the same with the extreme operating gust of IEC 61400-1, which has a dip before and after its peak",
+            quantity="speed",
+            unit="m/s",
+            axes=("x", "z", "y", "duration"),
+            needed=("x", "z"),
+            units={"duration": "s"},
             field="velocity",
         ),
         Kind(

@@ -167,12 +167,49 @@ class HaulRopes(NamedTuple):
 
 
 @by_reference
+class Wind(NamedTuple):
+    """How the wind differs from place to place and from moment to moment; vectors are x, y, z, in a plane too."""
+
+    exponent: float  # -, of the power law of height; 0: the same at each
+    reference_height: float  # m above the ground, where the wind is as given
+    ground: FloatArray  # (n,) m, its height, evenly along x; one number where it is level
+    ground_start: float  # m, x of the first
+    ground_step: float  # m
+    gusts: FloatArray  # (gusts, 6): x, y, z in m/s, start and duration in s, shape: ONE_COSINE or OPERATING_GUST
+    intensity: float  # -, standard deviation along the wind over its mean speed; 0: no turbulence
+    turbulence: FloatArray  # (points, samples, 3): along the wind, to its left and up, for a deviation of 1 along it
+    sample_spacing: float  # m of wind gone by, from sample to sample; after the last one comes the first
+    points: FloatArray  # (points, 3) m, evenly from start to end of the cable
+    shedding: FloatArray  # (bodies, 2): eddies per metre of wind gone by, kg/m of their force; (0, 2) where none sheds
+
+
+ONE_COSINE, OPERATING_GUST = 0, 1  # shapes of a gust, see `on_rope.wind`
+GUSTS = ("one_minus_cosine", "operating_gust")  # each stands for its number
+STRONGEST_WIND = 100.0  # m/s, more than in any hurricane: 96 m/s in Patricia, 2015, a mean of a minute
+STEADY = Wind(
+    exponent=0.0,
+    reference_height=10.0,
+    ground=np.zeros(1),
+    ground_start=0.0,
+    ground_step=1.0,
+    gusts=np.zeros((0, 6)),
+    intensity=0.0,
+    turbulence=np.zeros((1, 1, 3)),
+    sample_spacing=1.0,
+    points=np.zeros((1, 3)),
+    shedding=np.zeros((0, 2)),
+)
+
+
+@by_reference
 class Air(NamedTuple):
-    """What the air does: quadratic drag on rope and bodies."""
+    """What the air does: quadratic drag on rope and bodies, and what of its wind is not steady and even."""
 
     rope_drag: float  # kg/m^2, half of density, drag coefficient and diameter multiplied; 0 for none
-    body_drag: FloatArray  # (bodies,) kg/m, half of density and drag area multiplied; 0 for none
-    present: bool  # whether any of them is not 0
+    body_drag: FloatArray  # (bodies, dim²) kg/m, half of density and drag areas, a diagonal matrix in the axes of each
+    present: bool  # whether there is any force
+    varies: bool = False  # whether the wind may differ from place to place or from moment to moment
+    wind: Wind = STEADY
 
 
 @by_reference

@@ -35,6 +35,20 @@ class Course(NamedTuple):
 
 
 @by_reference
+class WindField(NamedTuple):
+    """The wind where it acts, in this step, and what it goes on from."""
+
+    time: FloatArray  # (1,) s, since the start or the last reset
+    way: FloatArray  # (1,) m of wind gone by, at its mean speed
+    gust: FloatArray  # (6,) the last one that was commanded, as in `Wind.gusts`
+    points: FloatArray  # (points, 3) m/s, turbulence in x, y, z at the points of `Wind`
+    along_rope: FloatArray  # (dim, elements, rounded up to `WIDTH`) m/s, in the middle of each element
+    at_bodies: FloatArray  # (bodies, dim) m/s, at each centre of mass
+    shedding_phase: FloatArray  # (bodies,) rad, of the eddies that each sheds
+    shedding_force: FloatArray  # (bodies, dim) N, of them
+
+
+@by_reference
 class State(NamedTuple):
     """Motion of the whole system at one time, and what its drives were told."""
 
@@ -66,14 +80,15 @@ class State(NamedTuple):
     contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
     contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
-    wind: FloatArray  # (dim,) m/s
+    wind: FloatArray  # (dim,) m/s, its mean at the reference height
+    wind_field: WindField
     newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
     clock: NDArray[np.int64]  # (1,) whole solver steps since the start
 
 
 RECORDS: dict[str, Any] = {"nodes": Motion, "bodies": Motion, "joints": Motion, "sheaves": Motion}
 RECORDS |= {"hauled": Motion}
-RECORDS |= {"reference": Course, "rope": Course}
+RECORDS |= {"reference": Course, "rope": Course, "wind_field": WindField}
 FIELDS = tuple(  # as `fields_of` names them
     name if name not in RECORDS else f"{name}.{field}"
     for name in State._fields
@@ -125,8 +140,9 @@ class Workspace(NamedTuple):
     haul_increment: FloatArray  # (carriages,)
     sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of the way, right side
     sheave_increment: FloatArray  # (carriages,)
-    body_drag: FloatArray  # (bodies, dim) N
+    body_drag: FloatArray  # (bodies, dim) N, of the air
     body_drag_tangent: FloatArray  # (bodies, dim²) N/m, minus its derivative by the place
+    body_drag_turning: FloatArray  # (bodies, dim turns) N/rad, minus its derivative by the turn
 
 
 def allocate_state(system: System) -> State:
@@ -165,6 +181,7 @@ def allocate_state(system: System) -> State:
         contact_origin=np.zeros(contacts),
         tower_load=np.zeros((system.towers.top.shape[0], 2)),
         wind=np.zeros(dim),
+        wind_field=_calm(system, dim),
         newton_curvature=np.zeros(1),
         clock=np.zeros(1, dtype=np.int64),
     )
@@ -181,6 +198,25 @@ def _bodies_at_rest(bodies: int, dim: int) -> Motion:
     upright = np.zeros((bodies, 7))
     upright[:, 6] = 1.0
     return motion._replace(position=upright)
+
+
+def _calm(system: System, dim: int) -> WindField:
+    bodies = system.carriages.mass.size
+    return WindField(
+        time=np.zeros(1),
+        way=np.zeros(1),
+        gust=np.zeros(6),
+        points=np.zeros(system.air.wind.points.shape),
+        along_rope=np.zeros((dim, -(-system.cable.element_count // WIDTH) * WIDTH)),
+        at_bodies=np.zeros((bodies, dim)),
+        shedding_phase=first_phases(bodies),
+        shedding_force=np.zeros((bodies, dim)),
+    )
+
+
+def first_phases(bodies: int) -> FloatArray:
+    """Phases (bodies,) in rad of the eddies at the start: those of neighbours are far from each other."""
+    return 2.0 * np.pi * (0.6180339887498949 * np.arange(bodies, dtype=np.float64) % 1.0)
 
 
 def turns_of(dim: int) -> int:
@@ -236,6 +272,7 @@ def allocate_workspace(system: System) -> Workspace:
         sheave_increment=np.zeros(carriages),
         body_drag=np.zeros((bodies, dim)),
         body_drag_tangent=np.zeros((bodies, dim * dim)),
+        body_drag_turning=np.zeros((bodies, dim * turns)),
     )
 
 

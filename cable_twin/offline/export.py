@@ -128,7 +128,7 @@ class Export:
         self._write_rows(file, columns, ((table, [row.get(column) for column in columns]) for table, row in rows))
 
     def _write_figures(self, file: TextIO) -> None:
-        rows = ((table, [*_figure(figure).values()]) for table in self._tables for figure in table.figures)
+        rows = ((table, [*figure_columns(figure).values()]) for table in self._tables for figure in table.figures)
         self._write_rows(file, FIGURE_COLUMNS, rows)
 
     def _write_rows(self, file: TextIO, columns: Sequence[str], rows: Iterable[tuple[RunTable, list[Any]]]) -> None:
@@ -142,7 +142,7 @@ class Export:
         """Write one object, a line each frame."""
         file.write('{"runs": [')
         for number, table in enumerate(self._tables):
-            figures = [_figure(figure) for figure in table.figures]
+            figures = [figure_columns(figure) for figure in table.figures]
             head = {"run": table.name, "scenario": table.scenario, "key_figures": figures}
             file.write(f"{',' if number else ''}\n{json.dumps(head, allow_nan=False)[:-1]}, ")
             file.write(f'"signals": {{"columns": {json.dumps(table.columns)}, "rows": [')
@@ -166,7 +166,7 @@ def export_fault(options: argparse.Namespace) -> str | None:
     return "--csv - and --json - are given; the output has room for one" if both else None
 
 
-def _figure(figure: KeyFigure) -> dict[str, Any]:
+def figure_columns(figure: KeyFigure) -> dict[str, Any]:
     """A key figure by the names of `FIGURE_COLUMNS`."""
     numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
     bound = figure.bound if figure.limit is not None else None
@@ -175,4 +175,4 @@ def _figure(figure: KeyFigure) -> dict[str, Any]:
     return dict(zip(FIGURE_COLUMNS, (*values, figure.band), strict=True))
 
 
-__all__ = ["Export", "RunTable", "add_export", "export_fault"]
+__all__ = ["STDOUT", "Export", "RunTable", "add_export", "export_fault", "figure_columns"]

@@ -12,7 +12,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cable_twin.commands import KINDS, Kind
+from cable_twin.commands import KINDS
 from cable_twin.offline.script_places import Place, check_place, place_of
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError
@@ -204,19 +204,23 @@ def _meant(row: Mapping[str, Any], place: str) -> Command:
         for name, kind in BY_AXIS.items():
             if name in row and set(given) <= set(kind.keys.values()):
                 speeds = kind.by_axis(
-                    {axis: _finite(row[key], key, kind, place) for axis, key in kind.keys.items() if key in row}
+                    {
+                        axis: _finite(row[key], key, kind.unit_of(axis), place)
+                        for axis, key in kind.keys.items()
+                        if key in row
+                    }
                 )
                 return Command(name, speeds)
     if len(given) != 1 or given[0] not in BY_NAME or not isinstance(row.get("name"), str):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
         raise ScriptError(f"{place}: {what} given; {ALLOWED}")
     kind = BY_NAME[given[0]]
-    return Command(kind.name, {row["name"]: _finite(row[kind.name], kind.name, kind, place)})
+    return Command(kind.name, {row["name"]: _finite(row[kind.name], kind.name, kind.unit, place)})
 
 
-def _finite(value: Any, key: str, kind: Kind, place: str) -> float:
+def _finite(value: Any, key: str, unit: str, place: str) -> float:
     if not _is_finite(value):
-        raise ScriptError(f"{place}: {key} {value!r} given; allowed: a finite number, in {kind.unit}")
+        raise ScriptError(f"{place}: {key} {value!r} given; allowed: a finite number, in {unit}")
     return float(value)
 
 

@@ -35,6 +35,7 @@ from cable_twin.offline.script import (
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, parser, rates_of
 from cable_twin.offline.start import start_of
+from cable_twin.offline.sweep import plot_fault, sweep
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
@@ -69,8 +70,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     options.scenario = arguments.given_scenario(options)
-    if fault := export_fault(options):
+    if fault := export_fault(options) or plot_fault(options):
         arguments.error(fault)
+    if options.sweep is not None:
+        return sweep(options)
     console = Console(stderr=True)
     try:
         if options.explain is not None:
@@ -78,8 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return DONE
         plan = _plan(options, console)
     except UNUSABLE_INPUT as error:
-        for line in str(error).splitlines():
-            print(f"simulate: {line}", file=sys.stderr)
+        print("\n".join(f"simulate: {line}" for line in str(error).splitlines()), file=sys.stderr)
         return UNUSABLE
     with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
         try:

@@ -13,6 +13,7 @@ from ruamel.yaml.error import YAMLError
 
 from cable_twin.command_line import OneLineParser
 from cable_twin.offline.export import add_export
+from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.rates import EVERY_FRAME, LOGGED
 from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
@@ -46,8 +47,9 @@ A script is YAML or CSV, times in seconds of simulated time:
   - {time: 90, name: cabin, payload: 3200}       51,cabin,,30000,,,
 
 Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
-payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards; events:
-emergency_stop, release, reset. With a place, where it is given, a time says from when on, 0 without one:
+payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards, wind_y
+to the left in space; gust or operating_gust with _z, _y and _duration (s) alike; events: emergency_stop, release,
+reset. With a place, where it is given, a time says from when on, 0 without one:
 
   - {at: {name: cabin, position: 1200}, event: emergency_stop}       in CSV: at_name,at_position
 
@@ -60,6 +62,7 @@ examples:
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
   simulate chairlift --duration 30 --record off --json - | jq '.runs[0].key_figures[] | select(.kept == false)'
+  simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   at which side wind has it to stop?
   simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
 """
@@ -100,6 +103,19 @@ def parser() -> OneLineParser:
         type=_number(0.0, math.inf, "s"),
         metavar="S",
         help=f"simulated seconds; default: that of the bag, else {DURATION:g} s after the last command",
+    )
+    result.add_argument(
+        "--sweep",
+        type=sweep_of,
+        metavar="KEY=START:STOP:STEP",
+        help="run once for each value of a number of the scenario, on all cores and without logs, and say at which one "
+        "the first limit is passed; wind.y is that of air.wind, --csv and --json have the key figures of all runs",
+    )
+    result.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="of a sweep, draw the figures nearest to their limits: .png, .pdf, .svg",
     )
     source = result.add_mutually_exclusive_group()
     source.add_argument("--script", type=Path, metavar="FILE", help="commands, .yaml or .csv, see below")

@@ -44,7 +44,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
 def describe_command(applied: AppliedCommand) -> str:
     """Return a command in one line: what, for whom, with unit, from where."""
     command = applied.command
-    unit = KINDS[command.kind].unit
-    values = ", ".join(f"{name} {value:g} {unit}" for name, value in command.values.items())
+    unit_of = KINDS[command.kind].unit_of
+    values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())
     kind = command.kind.replace("_", " ")
     return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"

@@ -24,6 +24,7 @@ ACTIONS: dict[str, tuple[str, bool | None, str]] = {
     "resume": ("pause", False, "let simulated time go on"),
     "snapshot": ("save_snapshot", None, "write the full state to a file, whose path is printed"),
 }
+TOLD = {name: kind for name, kind in KINDS.items() if kind.topic or kind.service}  # gusts come by scripts
 EPILOG = """\
 Speeds and forces are repeated until Ctrl-C or the end of --duration; the twin is then told to stop, and after silence
 it stops by itself. --to ends at rest within 0.1 m of the place. All else is given once, and its outcome is printed.
@@ -51,7 +52,7 @@ def parser() -> OneLineParser:
     result = OneLineParser("drive", "Tell a running twin what to do, from the terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     what = result.add_mutually_exclusive_group(required=True)
-    for kind in KINDS.values():
+    for kind in TOLD.values():
         option, unit = _option(kind), kind.unit.upper()
         if kind.axes:
             what.add_argument(option, type=_number, nargs="+", help=f"{kind.unit}: {kind.help}", metavar=unit)
@@ -87,8 +88,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     arguments = parser()
     options = arguments.parse_args(own)
-    given = {kind.name: getattr(options, kind.name) for kind in KINDS.values()}
-    kind = next((KINDS[name] for name, value in given.items() if value is not None and value is not False), None)
+    given = {kind.name: getattr(options, kind.name) for kind in TOLD.values()}
+    kind = next((TOLD[name] for name, value in given.items() if value is not None and value is not False), None)
     if fault := _fault(options, kind):
         arguments.error(fault)
     ending = Ending("drive")
@@ -148,7 +149,7 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
 
 
 def _options(wanted: Callable[[Kind], object]) -> str:
-    return ", ".join(_option(kind) for kind in KINDS.values() if wanted(kind))
+    return ", ".join(_option(kind) for kind in TOLD.values() if wanted(kind))
 
 
 def _option(kind: Kind) -> str:

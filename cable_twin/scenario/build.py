@@ -9,6 +9,7 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.scenario.build_vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
+from cable_twin.scenario.build_wind import build_wind
 from cable_twin.scenario.mesh import even_nodes, nodes_of, with_marks
 from cable_twin.scenario.schema import Cable, Scenario, Support, Tower
 
@@ -194,6 +195,11 @@ def _build_air(scenario: Scenario) -> parameters.Air:
     if cable.diameter is not None:
         diameter = sqrt(cable.diameter**2 + 4.0 * cable.ice / (pi * cable.ice_density))
         rope_drag = 0.5 * density * cable.drag_coefficient * diameter
-    areas = [body.drag_area for carriage in scenario.vehicles.values() for body in carriage.bodies.values()]
-    body_drag = 0.5 * density * floats(areas)
-    return parameters.Air(rope_drag=rope_drag, body_drag=body_drag, present=bool(rope_drag > 0.0 or body_drag.any()))
+    bodies = [body for carriage in scenario.vehicles.values() for body in carriage.bodies.values()]
+    areas = [scenario.vector(body.drag_areas) for body in bodies]
+    body_drag = 0.5 * density * floats([np.diag(area) for area in areas], scenario.dim**2)
+    wind = build_wind(scenario)
+    forces = rope_drag > 0.0 or body_drag.any() or wind.shedding.any()
+    return parameters.Air(
+        rope_drag=rope_drag, body_drag=body_drag, present=bool(forces), varies=wind is not parameters.STEADY, wind=wind
+    )

@@ -39,7 +39,7 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
     places[("air", "wind")] = scenario.air.wind
     for path, given in places.items():
         if given is not None and len(given) > dim:
-            yield Fault(path, f"given {show(list(given))} in a plane; allowed: x, z, or positions x, y, z throughout")
+            yield Fault(path, f"given {show(list(given))} in a plane; allowed: x, z, or space: 3 or positions x, y, z")
     if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
         yield Fault(("cable", "loads"), "given a moment in space; allowed: moments on a cable in a plane, in N m")
 

@@ -17,6 +17,7 @@ from cable_twin.scenario.rope_checks import rope_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_checks import sensor_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
+from cable_twin.scenario.wind_checks import wind_faults
 
 
 def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
@@ -203,3 +204,4 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
         yield from cable_faults(scenario)
         yield from vehicle_faults(scenario)
     yield from sensor_faults(scenario)
+    yield from wind_faults(scenario)

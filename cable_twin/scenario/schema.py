@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from cable_twin.mechanics.parameters import ELASTIC_MODELS, INTEGRATORS
+from cable_twin.mechanics.parameters import ELASTIC_MODELS, GUSTS, INTEGRATORS, STRONGEST_WIND
 from cable_twin.scenario.as_yaml import as_yaml
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.fields import FromList, Place, Section, Tensor, Vector, in_space, quantity
@@ -19,6 +19,7 @@ MOST_ELEMENTS = 100_000
 # whatever the mechanics have; without a stub's idea of a literal
 ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
+GustShape: Any = Literal[GUSTS]  # type: ignore[valid-type]
 
 
 class Support(Section):
@@ -61,6 +62,17 @@ class Grading(Section):
 
 def _form(elements: Any) -> str:
     return "#graded" if isinstance(elements, dict | Grading) else "#number"
+
+
+def _shape(area: Any) -> str:
+    return "#axes" if isinstance(area, list | tuple) else "#number"
+
+
+Area = Annotated[float, Field(ge=0)]
+Areas = Annotated[
+    Annotated[Area, Tag("#number")] | Annotated[tuple[Area, Area, Area], FromList, Tag("#axes")],
+    Discriminator(_shape),
+]
 
 
 # the tags stand in the places that pydantic reports
@@ -202,6 +214,19 @@ class EndStop(Section):
     )
 
 
+class Shedding(Section):
+    """Eddies behind a body, left and right in turn, v strouhal / width a second, that push it across the wind v."""
+
+    width: float = quantity("m", "width of the body across the wind", gt=0)
+    area: float = quantity("m^2", "area to which the side force refers, width times height", gt=0)
+    strouhal: float = quantity(
+        "-", "Strouhal number; EN 1991-1-4, table E.1: 0.12 for a square, 0.18 round", 0.12, gt=0
+    )
+    force_coefficient: float = quantity(
+        "-", "lateral force coefficient; EN 1991-1-4, table E.2: 1.1 if edged", 1.1, ge=0
+    )
+
+
 class Body(Section):
     """One rigid body of a carriage; pivots are seen from its centre of mass, in its own axes x, z."""
 
@@ -221,7 +246,20 @@ class Body(Section):
     )
     roll_damping: float = quantity("N m s/rad", "in space, of a damper of its roll against what is above", 0.0, ge=0)
     size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
-    drag_area: float = quantity("m^2", "drag coefficient times area against wind along the track", 0.0, ge=0)
+    drag_area: Areas = Field(
+        default=0.0,
+        description="drag coefficient times area: of any side, or against wind along its own x, y, z (m^2)",
+        json_schema_extra={
+            "unit": "m^2",
+            "allowed": "a finite number at least 0, or a list of 3, along x, y, z, in m^2",
+        },
+    )
+    shedding: Shedding | None = Field(default=None, description="in space, eddies that it sheds; null for none")
+
+    @property
+    def drag_areas(self) -> tuple[float, float, float]:
+        """Drag areas (3,) in m² against wind along its axes."""
+        return self.drag_area if isinstance(self.drag_area, tuple) else (self.drag_area,) * 3
 
 
 class Payload(Section):
@@ -260,11 +298,53 @@ class Carriage(Section):
     payload: Payload | None = Field(default=None, description="what it can carry")
 
 
+class Profile(Section):
+    """Growth of the wind with the height above the ground, h: wind (h / reference_height)^exponent."""
+
+    exponent: float = quantity("-", "of the power law; 0.14 open land, 0.2 as IEC 61400-1 has it", 0.14, gt=0, le=1)
+    reference_height: float = quantity("m", "height above the ground where the wind is as given", 10.0, gt=0)
+    ground: float = quantity("m", "z of the ground where there is no terrain", 0.0)
+
+
+class Gust(Section):
+    """A gust of a standard, everywhere at once, that is added to the wind."""
+
+    time: float = quantity("s", "when it begins, since the start or the last reset", ge=0)
+    amplitude: Place = quantity("m/s", "how strong it is, as x, z, in space x, y, z")
+    duration: float = quantity("s", "how long it lasts; 10.5 in IEC 61400-1", 10.5, gt=0)
+    shape: GustShape = Field(
+        default="one_minus_cosine",
+        description="of CS-25.341, up to the amplitude and back; or the extreme operating gust of IEC 61400-1, 6.3.2.2",
+    )
+
+
+class Turbulence(Section):
+    """Turbulence with a spectrum, from a seed; frozen as it goes by with the wind, partly coherent along the line."""
+
+    spectrum: Literal["kaimal", "von_karman"] = Field(
+        default="kaimal", description="that of Kaimal, or the isotropic one of von Karman, both as IEC 61400-1 has them"
+    )
+    intensity: float = quantity("-", "standard deviation along the wind over its mean speed", 0.16, ge=0, le=1)
+    length_scale: float = quantity(
+        "m", "integral scale along the wind; IEC 61400-1: 5.67 times the height up to 60 m", 170.0, gt=0
+    )
+    decay: float = quantity("-", "of coherence with the distance across the wind; 12 in IEC 61400-1", 12.0, ge=0)
+    points: int = quantity("-", "points along the line at which it is made", 32, ge=1, le=200)
+    seed: int = quantity("-", "seed of its phases", 0, ge=0, le=2**63 - 1)
+
+
 class Air(Section):
     """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
 
     density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
-    wind: Place = quantity("m/s", "wind along the track and upwards until another comes; in space x, y, z", (0.0, 0.0))
+    wind: Place = quantity(
+        "m/s",
+        f"mean wind along the track and upwards until another comes; in space x, y, z; at most {STRONGEST_WIND:g}",
+        (0.0, 0.0),
+    )
+    profile: Profile | None = Field(default=None, description="how the wind grows with height; null: the same at each")
+    gusts: Annotated[tuple[Gust, ...], FromList] = Field(default=(), description="gusts at given times")
+    turbulence: Turbulence | None = Field(default=None, description="turbulence of the wind; null for none")
 
 
 class RopeDrive(Section):

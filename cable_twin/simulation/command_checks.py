@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from cable_twin.commands import KINDS
-from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Carriage, Limits
 
-STRONGEST_WIND = 100.0  # m/s
+LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
 
 def check_drive(command: Command, scenario: Scenario) -> None:
@@ -94,16 +95,50 @@ def check_wind(command: Command, scenario: Scenario) -> None:
     Raises:
         CommandError: other axes than x and z, and y in space, not finite, too strong.
     """
-    if not {"x", "z"} <= {*command.values} <= {"x", "y", "z"}:
-        raise CommandError(f"wind with {', '.join(command.values) or 'nothing'}; needed are x and z, in m/s")
-    for axis, speed in command.values.items():
+    _check_speeds(command.kind, command.values, scenario)
+
+
+def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) -> None:
+    """Refuse speeds by axis that no wind has."""
+    if not {"x", "z"} <= {*values} <= {"x", "y", "z"}:
+        raise CommandError(f"{kind} with {', '.join(values) or 'nothing'}; needed are x and z, in m/s")
+    for axis, speed in values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
-                f"wind {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
+                f"{kind} {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
             )
-    across = command.values.get("y", 0.0)
+    across = values.get("y", 0.0)
     if across != 0.0 and scenario.dim == 2:
-        raise CommandError(f"wind y is {across:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z")
+        raise CommandError(
+            f"{kind} y is {across:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
+        )
+
+
+def check_gust(command: Command, scenario: Scenario) -> None:
+    """Refuse a gust that none is: axes, m/s and s.
+
+    Raises:
+        CommandError: as a wind, or with a duration that is none.
+    """
+    kind = command.kind.replace("_", " ")
+    speeds = {axis: value for axis, value in command.values.items() if axis != "duration"}
+    _check_speeds(kind, speeds, scenario)
+    duration = command.values.get("duration", 1.0)
+    if not 0.0 < duration <= LONGEST_GUST:
+        raise CommandError(f"{kind} duration is {duration:g} s; allowed are more than 0 to {LONGEST_GUST:g} s")
+
+
+def check_no_gust(command: Command, scenario: Scenario, system: System, state: State) -> None:
+    """Refuse a gust while one is under way.
+
+    Raises:
+        CommandError: with how long it still lasts.
+    """
+    start, duration = float(state.wind_field.gust[3]), float(state.wind_field.gust[4])
+    left = start + duration - float(state.wind_field.time[0])
+    if duration > 0.0 and left > 0.5 * system.solver.step:
+        kind = command.kind.replace("_", " ")
+        raise CommandError(f"{kind} while another one is under way; allowed: {left:.3g} s later, when that is over")
 
 
 def _known(name: str, scenario: Scenario) -> Carriage:

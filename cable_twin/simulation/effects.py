@@ -8,15 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.commands import KINDS
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.command_checks import check_drive, check_room, check_station, check_wind
+from cable_twin.simulation.command_checks import (
+    check_drive,
+    check_gust,
+    check_no_gust,
+    check_room,
+    check_station,
+    check_wind,
+)
 from cable_twin.simulation.driving import brake, drive, drive_mode
 from cable_twin.simulation.engines import Engine
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
+
+GUST_KINDS = ("gust", "operating_gust")  # in the order of `parameters.GUSTS`
+GUST_DURATION = 10.5  # s, in IEC 61400-1
 
 
 class Effect(NamedTuple):
@@ -80,7 +91,18 @@ def _load(ropeway: Ropeway, command: Command) -> None:
 
 def _blow(ropeway: Ropeway, command: Command) -> None:
     values = command.values
-    ropeway.state.wind[:] = ropeway.scenario.vector((values["x"], values.get("y", 0.0), values["z"]))
+    wind = np.array(ropeway.scenario.vector((values["x"], values.get("y", 0.0), values["z"])))
+    if ropeway.system.air.varies:  # it is elsewhere another one, as the next step finds out
+        ropeway.state.wind[:] = wind
+    else:
+        set_wind(ropeway.state, wind)
+
+
+def _gust(ropeway: Ropeway, command: Command) -> None:
+    values, field = command.values, ropeway.state.wind_field
+    duration = values.get("duration", GUST_DURATION)
+    amplitude = values["x"], values.get("y", 0.0), values["z"]
+    field.gust[:] = *amplitude, field.time[0], duration, GUST_KINDS.index(command.kind)
 
 
 def _stop(ropeway: Ropeway, _: Command) -> None:
@@ -115,6 +137,7 @@ EFFECTS: Mapping[str, Effect] = {
     "force": Effect(_drive, check_drive),
     "payload": Effect(_load, check_room, check_station),
     "wind": Effect(_blow, check_wind),
+    **dict.fromkeys(GUST_KINDS, Effect(_gust, check_gust, check_no_gust)),
     "emergency_stop": Effect(_stop),
     "release": Effect(_release),
     "reset": Effect(_reset),

@@ -9,6 +9,7 @@ from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.payload import load_bodies
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
@@ -46,7 +47,7 @@ class Ropeway:
         self.stopped = False
         self.commands: dict[str, Command] = {}
         self.loading: dict[str, float] = {}
-        self.state.wind[:] = scenario.vector(scenario.air.wind)
+        set_wind(self.state, np.array(scenario.vector(scenario.air.wind)))
         carriers = scenario.carriers
         rooms = {} if carriers is None else {n: carriers.kind(n).payload for n in range(carriers.count)}
         self.rooms = {f"{carriers.name}_{n + 1}": room for n, room in rooms.items() if carriers and room is not None}

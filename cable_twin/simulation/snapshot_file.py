@@ -19,12 +19,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of
+from cable_twin.mechanics.language.lanes import WIDTH
+from cable_twin.mechanics.state import FIELDS, State, WindField, fields_of, first_phases, state_of
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 VERSION_1 = {  # what its fields are now, one by one or by their columns
     "nodal_coordinates": "nodes.position",
     "nodal_velocities": "nodes.velocity",
@@ -212,6 +213,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
                 arrays = _from_version_1(arrays)
             if header["format_version"] < 4:
                 arrays |= _planar_moments(arrays)
+            if header["format_version"] < 5:
+                arrays |= _even_wind(arrays)
             if header["format_version"] < 3:  # what is hauled was counted by its arc length
                 joints = {key: array for key, array in arrays.items() if "/joints." in key}
                 arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
@@ -252,6 +255,26 @@ def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
 def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """What version 4 added: the moments of joints that hold a body, of which there are none in a plane."""
     return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
+
+
+def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 5 added: the wind where it acts, which was the same everywhere."""
+    found: dict[str, Any] = {}
+    for part in PARTS:
+        wind = arrays[f"{part}/wind"]
+        elements, bodies = len(arrays[f"{part}/nodes.position"]) - 1, len(arrays[f"{part}/multipliers"])
+        field = WindField(
+            time=np.zeros(1),
+            way=np.zeros(1),
+            gust=np.zeros(6),
+            points=np.zeros((1, 3)),
+            along_rope=np.tile(wind[:, None], -(-elements // WIDTH) * WIDTH),
+            at_bodies=np.tile(wind, (bodies, 1)),
+            shedding_phase=first_phases(bodies),
+            shedding_force=np.zeros((bodies, wind.size)),
+        )
+        found |= {f"{part}/wind_field.{name}": array for name, array in field._asdict().items()}
+    return found
 
 
 def _check_header(header: Any, name: str) -> None:

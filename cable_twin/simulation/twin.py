@@ -213,6 +213,14 @@ class Simulation(Readings):
         """
         return self.apply(Command("wind", {"x": x, "z": z} | ({"y": y} if y != 0.0 else {})))
 
+    def gust(self, x: float, z: float = 0.0, y: float = 0.0, *, duration: float = 10.5) -> AppliedCommand:
+        """Let a gust of one minus cosine come on top of the wind, `x`, `z` and `y` (m/s) as there, for `duration` (s).
+
+        Raises:
+            CommandError: when it is refused: not finite, stronger than any, or another one is under way.
+        """
+        return self.apply(Command("gust", {"x": x, "z": z, "y": y, "duration": duration}))
+
     def reset(self) -> AppliedCommand:
         """Put the state back to the start; time runs on, drives are as the scenario has them."""
         return self.apply(Command("reset", {}))

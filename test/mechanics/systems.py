@@ -157,7 +157,7 @@ def make_system(
         towers=make_towers(dim, **(towers or {})),
         counterweights=make_counterweights(dim, **(counterweights or {})),
         haul_ropes=make_haul_ropes(len(chains), **(haul_ropes or {})),
-        air=Air(rope_drag=0.0, body_drag=np.zeros(bodies), present=False) if air is None else air,
+        air=Air(rope_drag=0.0, body_drag=np.zeros((bodies, dim * dim)), present=False) if air is None else air,
         solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
     )
 

@@ -6,8 +6,10 @@ from systems import disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, rows
 from test_haul_rope import check_newton_step
 
+from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.on_rope.air import drag_bodies
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
 from cable_twin.mechanics.rope.drag import POINTS
 from cable_twin.mechanics.rope.element import add_cable
@@ -17,13 +19,14 @@ ROPE_DRAG = 2.5  # kg/m^2
 WIND = np.array([4.0, -1.5])
 
 
-def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=3.0, modes=FREE):
-    air = Air(rope_drag=rope, body_drag=np.full(sum(chains), body), present=True)
+def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=(3.0, 3.0, 3.0), modes=FREE):
+    areas = np.diag([*body[: dim - 1], body[-1]]).ravel()
+    air = Air(rope_drag=rope, body_drag=np.tile(areas, (sum(chains), 1)), present=True)
     system = make_system(dim, chains=chains, cable=ELASTIC, air=air)
     state, work = disturbed_state(system)
     state.drive_mode[:] = modes
     state.reference.position[:] = state.joints.position + 0.01
-    state.wind[0], state.wind[-1] = WIND
+    set_wind(state, np.array([WIND[0], 2.5, WIND[1]])[: 3 if dim == 3 else None : 1 if dim == 3 else 2])
     for carriage in range(len(chains)):
         place_joint(system.cable, state, carriage)
     return system, state, work
@@ -58,10 +61,13 @@ def drag_on_cable(system, state):
 
 
 def drag_on_bodies(system, state):
-    """Forces and moments (bodies, 3)."""
-    relative = state.wind - state.bodies.velocity[:, :2]
-    forces = system.air.body_drag[:, None] * np.linalg.norm(relative, axis=1, keepdims=True) * relative
-    return np.column_stack([forces, np.zeros(len(forces))])
+    """Forces and moments (bodies, 3) in a plane."""
+    rows = []
+    for body, drag in enumerate(system.air.body_drag):
+        axes = np.reshape(orientation(state.bodies.position[body], (0.0, 0.0)), (2, 2))
+        relative = state.wind - state.bodies.velocity[body, :2]
+        rows.append([*axes @ drag.reshape(2, 2) @ axes.T @ relative * np.linalg.norm(relative), 0.0])
+    return np.array(rows)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -72,9 +78,11 @@ def test_force_on_the_rope(dim):
 
 
 @pytest.mark.parametrize("modes", [FREE, SPEED], ids=["free", "driven"])
-@pytest.mark.parametrize(("rope", "body"), [(ROPE_DRAG, 0.0), (0.0, 3.0), (ROPE_DRAG, 3.0)])
+@pytest.mark.parametrize(
+    ("rope", "body"), [(ROPE_DRAG, (0.0, 0.0)), (0.0, (3.0, 3.0)), (ROPE_DRAG, (3.0, 3.0)), (0.0, (1.0, 6.0))]
+)
 def test_newton_step(rope, body, modes):
-    """Drag on the rope, on bodies, on both: the tangent is exact, to 1e-8."""
+    """Drag on the rope, on bodies, on both, by the axes of bodies, which turn: the tangent is exact, to 1e-8."""
     system, state, work = setup(rope=rope, body=body, modes=modes)
 
     def residual(moved):
@@ -95,10 +103,11 @@ def test_newton_step(rope, body, modes):
 def test_no_wind_and_no_motion_is_no_force():
     """Also where the relative wind, by whose size the tangent divides, is zero."""
     system, state, work = setup()
-    for array in (state.nodes.velocity, state.bodies.velocity, state.wind):
+    for array in (state.nodes.velocity, state.bodies.velocity):
         array[:] = 0.0
+    set_wind(state, np.zeros(2))
     force, tangent = drag_on_rope(system, state, work)
-    drag_bodies(system.air.body_drag, state.wind, state.bodies.velocity, system.cable.gravity, 25.0, work)
+    drag_bodies(system.air, state, system.cable.gravity, 25.0, 1.0, work)
     assert not force.any()
     assert not tangent.any()
     assert not work.body_drag.any()
@@ -111,5 +120,5 @@ def test_a_rope_that_runs_along_itself_feels_nothing():
     state.nodes.position[:, 1] = 0.8, 0.6
     state.nodes.velocity[:] = 0.0
     state.nodes.velocity[:, 0] = 9.0 * np.array([0.8, 0.6])
-    state.wind[:] = 0.0
+    set_wind(state, np.zeros(2))
     np.testing.assert_allclose(drag_on_rope(system, state, work)[0], 0.0, atol=1e-12)

@@ -5,8 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import difference, disturbed_state, make_system
 
+from cable_twin.mechanics.on_rope.air import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.hinge import Above
+from cable_twin.mechanics.on_rope.wind import set_wind
+from cable_twin.mechanics.parameters import Air
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 PLACE = np.array([0.2, 0.4, -0.1])
@@ -20,6 +23,10 @@ def aligned(vector, goal):
     return Rotation.from_rotvec(axis * (np.arctan2(size, vector @ goal) / size if size > 0.0 else 0.0))
 
 
+WIND = np.array([4.0, -9.0, 1.5])
+DRAG = np.array([0.3, 2.5, 1.1])  # kg/m, along the axes of each body
+
+
 def hanging(count, held, damped):
     """A chain that hangs in general position from a cable, its joints nearly closed, and how the cable is turned."""
     springs = {
@@ -29,7 +36,8 @@ def hanging(count, held, damped):
     }
     system = make_system(3, chains=(count,), carriages=springs if damped else {})
     holds = np.array([1, *[held] * (count - 1)])
-    system = system._replace(carriages=system.carriages._replace(held=holds))
+    air = Air(rope_drag=0.0, body_drag=np.tile(damped * np.diag(DRAG).ravel(), (count, 1)), present=damped)
+    system = system._replace(carriages=system.carriages._replace(held=holds), air=air)
     state, work = disturbed_state(system)
     tangent = np.array([0.9, 0.3, -0.2])
     tangent /= np.linalg.norm(tangent)
@@ -52,7 +60,8 @@ class Moved:
 
     def __init__(self, system, state, delta, tangent, spin, turn):
         carriages, rates = system.carriages, state.bodies.velocity
-        self.carriages = carriages
+        self.carriages, self.drag = carriages, system.air.body_drag
+        self.velocity = rates[:, :3] + RATE_FACTOR * delta[:, :3]
         rotations = [
             Rotation.from_rotvec(row[3:]) * Rotation.from_quat(q[3:])
             for row, q in zip(delta, state.bodies.position, strict=True)
@@ -109,6 +118,8 @@ class Moved:
         for body, axes in enumerate(self.axes):
             below, turning = (forces[body + 1], moments[body + 1]) if body < last else (np.zeros(3), np.zeros(3))
             row = carriages.mass[body] * (self.acceleration[body, :3] - GRAVITY) - forces[body] + below
+            relative = WIND - self.velocity[body]
+            row -= axes @ self.drag[body].reshape(3, 3) @ axes.T @ relative * np.linalg.norm(relative)
             inertia = axes @ carriages.inertia[body].reshape(3, 3) @ axes.T
             total = inertia @ self.acceleration[body, 3:] + np.cross(self.spin[body], inertia @ self.spin[body])
             up, low = axes @ carriages.upper_pivot[body], axes @ carriages.lower_pivot[body]
@@ -131,7 +142,10 @@ def stored_holding(moved, state):
 @pytest.mark.parametrize("damped", [False, True], ids=["bare", "damped"])
 @pytest.mark.parametrize(("count", "held"), [(1, 1), (2, 1), (2, 2), (3, 1), (3, 2)])
 def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
-    """Increments and forces against a Newton step on all equations of the chain, by differences: to 1e-7."""
+    """Increments and forces against a Newton step on all equations of the chain, by differences: to 1e-7.
+
+    What is damped has drag as well, by the axes of each body.
+    """
     system, state, work, tangent, spin = hanging(count, held, damped)
     carriages = system.carriages
     displaced, turned = np.array([0.03, 0.02, -0.05]), 0.04 * np.cross(tangent, [0.3, -0.5, 0.8])
@@ -155,6 +169,8 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
     above = Above(tuple(tangent), tuple(spin))
     close_joints(carriages, state, 0, tuple(PLACE), above, work)
     np.testing.assert_allclose(work.joint_gap, start.gaps()[:forces].reshape(count, 3), atol=1e-14)
+    set_wind(state, WIND)
+    drag_bodies(system.air, state, tuple(GRAVITY), RATE_FACTOR, 1.0, work)
     condense_chain(carriages, tuple(GRAVITY), state, 0, above, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix = np.block(
         [

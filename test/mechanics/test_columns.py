@@ -8,6 +8,7 @@ from systems import disturbed_state, make_system, put
 
 from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.element import add_cable
@@ -73,12 +74,16 @@ def in_motion(elements, dim=2, **options):
             "end_moment": np.array([3.0, -2.0]) if dim == 2 else np.zeros(2),
         },
         towers={"contacts": count},
-        air=Air(rope_drag=2.5, body_drag=np.ones(sum(1 + k % 2 for k in range(len(cars)))), present=True),
+        air=Air(
+            rope_drag=2.5,
+            body_drag=np.tile(np.eye(dim).ravel(), (sum(1 + k % 2 for k in range(len(cars))), 1)),
+            present=True,
+        ),
     )
     system = system._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
     put(state.rope, 0.3, 1.7, 0.6)
-    state.wind[:] = rng.standard_normal(dim) * 4.0
+    set_wind(state, rng.standard_normal(dim) * 4.0)
     state.joints.position[:] = cars
     for contact, place in enumerate(loads["towers"]):
         state.contact_arc_length[contact] = place

@@ -84,6 +84,8 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
         ("{time: 1, wind: .inf}", "wind inf given; allowed: a finite number, in m/s"),
         ("{time: 1, wind: 3, wind_z: up}", "wind_z 'up' given; allowed: a finite number, in m/s"),
         ("{time: 1, wind_z: 3}", "wind_z 3 given; allowed: time (s) and either name"),
+        ("{time: 1, gust: 3, gust_duration: long}", "gust_duration 'long' given; allowed: a finite number, in s"),
+        ("{time: 1, gust: 3, wind: 3}", "wind 3, gust 3 given; allowed: time (s) and either name"),
         ("{time: 1, wind: 3, name: cabin}", "name 'cabin', wind 3 given; allowed: time (s) and either name"),
         ("{time: 1, wind: 3, event: reset}", "event 'reset' with wind given"),
         ("{time: 1, event: brake}", "event 'brake' given; allowed: emergency_stop, release, reset, alone"),

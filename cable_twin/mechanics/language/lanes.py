@@ -190,6 +190,35 @@ def _gather_numbers(numbers, first):
 
 
 @_intrinsic
+def _read_row(typingctx, rows, row, first):
+    """Lanes of rows[row, first + lane]."""
+
+    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        array = context.make_array(kinds.args[0])(context, builder, values[0])
+        _, columns = cgutils.unpack_tuple(builder, array.shape, 2)
+        place = builder.gep(array.data, [builder.add(builder.mul(values[1], columns), values[2])])
+        return builder.load(builder.bitcast(place, _VECTOR.as_pointer()), align=8)
+
+    return LANES(rows, types.intp, types.intp), generate
+
+
+def gather_vectors(rows: Any, first: int, like: tuple[float, ...]) -> tuple[Any, ...]:
+    """Vectors (dim,) of lanes of `WIDTH` columns of `rows` (dim, n) from `first` on, which are all there."""
+    return tuple(rows[axis, first : first + WIDTH] for axis in range(len(like)))
+
+
+@overload(gather_vectors, jit_options=OVERLOAD)
+def _gather_vectors(rows, first, like):
+    def planar(rows, first, like):
+        return _read_row(rows, 0, first), _read_row(rows, 1, first)
+
+    def spatial(rows, first, like):
+        return _read_row(rows, 0, first), _read_row(rows, 1, first), _read_row(rows, 2, first)
+
+    return planar if like.count == 2 else spatial
+
+
+@_intrinsic
 def _write(typingctx, lanes, row):
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
         array = context.make_array(kinds.args[1])(context, builder, values[1])

@@ -187,7 +187,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
         on = add_scaled(1.0, residual, product(m, gap, like))
         b = add_scaled(1.0, product(pp, gap, like), b)
         b_turn = add_scaled(1.0, product(tp, gap, like), b_turn)
-        m_up = product(m, by_up, like)
+        m_up = add_scaled(1.0, load(work.body_drag_turning[body], pt), product(m, by_up, like))
         carried = add_scaled(1.0, product(pp, down, like), pt)  # the turn takes along what is below
         column = add_scaled(1.0, m_up, carried)  # force by the turn
         row = add_scaled(1.0, product(row_up, m, like), add_scaled(1.0, product(row_down, pp, like), tp))

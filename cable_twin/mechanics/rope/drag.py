@@ -1,7 +1,7 @@
 """Air drag on the rope, quadratic in the relative wind across it; along itself it feels nothing.
 
 A rope of the velocity ṙ and tangent t has the force q |w_n| w_n per unstrained length, w_n = P (w - ṙ), P = 1 - t tᵀ,
-with the uniform wind w and q = density drag_coefficient diameter / 2.
+with the wind w of its element and q = density drag_coefficient diameter / 2.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_facto
 
     Args:
         rope_drag: q in kg/m².
-        wind: (dim,) m/s.
+        wind: of the elements (dim,), m/s.
         length: of the elements, m.
         shape: d, A, B (dim,) in m.
         rates: of the four nodal coordinates (dim,), m/s and 1/s.
@@ -95,7 +95,7 @@ def wind_across(number, length, shape, rates, wind):
 def drag_on_end(cable, rope_drag, state, end):
     """Share (dim,) in N of the drag on the first or last element that the node at that end takes."""
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    length, wind = cable.element_length[element], load(state.wind, cable.gravity)
+    length, wind = cable.element_length[element], load(state.wind_field.along_rope[:, element], cable.gravity)
     shape = chord_and_slopes(state.nodes.position, element, cable)
     velocity = state.nodes.velocity
     rates = (

@@ -6,7 +6,7 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
+from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, gather_vectors, spread
 from cable_twin.mechanics.language.memory import clear_array
 from cable_twin.mechanics.language.vectors import (
     accumulate,
@@ -68,8 +68,8 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         if flowing[0] != 0.0 or flowing[1] != 0.0:
             add_flow(length, shape, shape_rates, flowing, rate_factor, stiffness_factor, group)
         if system.air.present:
-            drag, wind = system.air.rope_drag, load(state.wind, like)
-            add_drag(drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
+            wind = gather_vectors(state.wind_field.along_rope, first, like)
+            add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
             add_element(group, lane, first + lane, like, work)
 

@@ -14,18 +14,20 @@ from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force
 from cable_twin.mechanics.on_rope.tower import settle_towers
+from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import point_at, slope, value
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
-from cable_twin.mechanics.state import State, Workspace, clone_state, copy_state, fields_of
+from cable_twin.mechanics.state import State, WindField, Workspace, clone_state, copy_state, fields_of
 
 MAX_RELAXATIONS = 5000
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
-GIVEN = ("joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock")  # what a start is asked to have
+GIVEN = {"joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock"}  # what a start is asked to have
+GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 
 
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -91,6 +93,8 @@ def relax(system, state, good, work, max_relaxations, tolerance):
     increment = 0.0
     for iteration in range(max_relaxations):
         copy_state(state, good)
+        if system.air.varies:
+            blow(system, state, 0.0)
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, 0.0, 1.0, work)
         solvable = solve(system, state, work)

@@ -10,6 +10,7 @@ from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import settle_towers
+from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
 
 
@@ -32,8 +33,10 @@ class Outcome(NamedTuple):
 
 @kernel_part
 def begin_step(system, state, h):
-    """Let all that is driven know where it is to be after `h` (s)."""
+    """Let all that is driven know where it is to be after `h` (s), and the wind blow as it does then."""
     move_drives(system, state, h)
+    if system.air.present:
+        blow(system, state, h)
 
 
 @kernel_part

@@ -1,0 +1,162 @@
+"""The wind where it acts: a power law of height, gusts, and turbulence that goes by with it.
+
+Power law and gusts are those of IEC 61400-1 (2005), 6.3.1.2 and 6.3.2.2, and of CS-25.341: a gust has the amplitude a,
+the duration T and, t after its start, the speed
+
+    -0.37 a sin(3 π t / T) (1 - cos(2 π t / T))   extreme operating gust, with a dip before and after its peak,
+    a / 2 (1 - cos(2 π t / T))                    one minus cosine,
+
+everywhere at once, and as the mean with height. Turbulence is a table of what goes by with the mean wind unchanged
+(Taylor 1938), at points along the line, between which it is interpolated.
+
+Eddies leave a body of the width b f = St v / b times a second, left and right in turn; they push it across the
+horizontal relative wind v with c A ρ v² / 2 sin(2 π ∫ f dt) (EN 1991-1-4, annex E).
+"""
+
+from __future__ import annotations
+
+from math import cos, floor, hypot, pi, sin, sqrt
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.parameters import OPERATING_GUST, FloatArray
+from cable_twin.mechanics.state import State
+
+
+def set_wind(state: State, wind: FloatArray) -> None:
+    """Let a wind (dim,) in m/s blow, the same everywhere; where it varies, until the next step."""
+    state.wind[:] = wind
+    state.wind_field.along_rope[:] = state.wind[:, None]
+    state.wind_field.at_bodies[:] = wind
+
+
+@kernel
+def blow(system, state, h):
+    """Let the wind blow for `h` (s), and write what it then is where it acts."""
+    air, field, dim = system.air, state.wind_field, state.wind.size
+    field.time[0] += h
+    if not air.varies and field.gust[4] == 0.0:
+        return  # all is as `set_wind` has left it
+    wind, time = air.wind, field.time[0]
+    x, y, z = state.wind[0], state.wind[1] if dim == 3 else 0.0, state.wind[dim - 1]
+    mean = x, y, z
+    field.way[0] += h * sqrt(x * x + y * y + z * z)
+    if wind.intensity > 0.0:
+        stir(wind, field, mean)
+    for number in range(wind.gusts.shape[0] + 1):
+        gust = field.gust if number == wind.gusts.shape[0] else wind.gusts[number]
+        share = share_of_gust(gust, time)
+        x, y, z = x + share * gust[0], y + share * gust[1], z + share * gust[2]
+    nodes, bodies = state.nodes.position, state.bodies.position
+    for element in range(system.cable.element_count):
+        start, end = nodes[element, 0], nodes[element + 1, 0]
+        across = 0.5 * (start[1] + end[1]) if dim == 3 else 0.0
+        place = 0.5 * (start[0] + end[0]), across, 0.5 * (start[dim - 1] + end[dim - 1])
+        here = wind_at(wind, field, place, (x, y, z))
+        field.along_rope[0, element], field.along_rope[dim - 1, element] = here[0], here[2]
+        if dim == 3:
+            field.along_rope[1, element] = here[1]
+    for body in range(field.at_bodies.shape[0]):
+        place = bodies[body, 0], bodies[body, 1] if dim == 3 else 0.0, bodies[body, dim - 1]
+        here = wind_at(wind, field, place, (x, y, z))
+        field.at_bodies[body, 0], field.at_bodies[body, dim - 1] = here[0], here[2]
+        if dim == 3:
+            field.at_bodies[body, 1] = here[1]
+    for body in range(wind.shedding.shape[0]):
+        shed(wind, state, body, h)
+
+
+@kernel
+def share_of_gust(gust, time):
+    """How much of its amplitude a gust (6,) has at a time (s)."""
+    duration, passed = gust[4], time - gust[3]
+    if not 0.0 < passed < duration:
+        return 0.0
+    turn = 2.0 * pi * passed / duration
+    if gust[5] == OPERATING_GUST:
+        return -0.37 * sin(1.5 * turn) * (1.0 - cos(turn))
+    return 0.5 * (1.0 - cos(turn))
+
+
+@kernel
+def wind_at(wind, field, place, even):
+    """Wind x, y, z in m/s at a place (3,) in m: `even` (3,) at its height, and turbulence."""
+    factor = 1.0
+    if wind.exponent > 0.0:
+        height = place[2] - ground_at(wind, place[0])
+        factor = (height / wind.reference_height) ** wind.exponent if height > 0.0 else 0.0
+    x, y, z = factor * even[0], factor * even[1], factor * even[2]
+    if wind.intensity > 0.0:
+        last = wind.points.shape[0] - 1
+        share = share_of_line(wind, place) * last
+        first = min(int(share), last - 1) if last > 0 else 0
+        share, after = share - first, min(first + 1, last)
+        here, there = field.points[first], field.points[after]
+        x += here[0] + share * (there[0] - here[0])
+        y += here[1] + share * (there[1] - here[1])
+        z += here[2] + share * (there[2] - here[2])
+    return x, y, z
+
+
+@kernel
+def ground_at(wind, x):
+    """Height (m) of the ground at `x` (m)."""
+    last = wind.ground.size - 1
+    share = min(max((x - wind.ground_start) / wind.ground_step, 0.0), 1.0 * last)
+    first = min(int(share), max(last - 1, 0))
+    return wind.ground[first] + (share - first) * (wind.ground[min(first + 1, last)] - wind.ground[first])
+
+
+@inlined_kernel
+def share_of_line(wind, place):
+    """How far along the line from its start to its end a place (3,) is, from 0 to 1."""
+    start, end = wind.points[0], wind.points[wind.points.shape[0] - 1]
+    along, length = 0.0, 0.0
+    for axis in range(3):
+        along += (place[axis] - start[axis]) * (end[axis] - start[axis])
+        length += (end[axis] - start[axis]) ** 2
+    return min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+
+
+@kernel
+def stir(wind, field, mean):
+    """Write the turbulence at all points in a mean wind (3,) in m/s; what is downwind of the first one comes later."""
+    flat = hypot(mean[0], mean[1])
+    speed = hypot(flat, mean[2])
+    ahead = (mean[0] / flat, mean[1] / flat) if flat > 0.0 else (1.0, 0.0)
+    deviation, samples = wind.intensity * speed, wind.turbulence.shape[1]
+    for point in range(wind.points.shape[0]):
+        behind = 0.0
+        for axis in range(3):
+            if speed > 0.0:
+                behind += (wind.points[point, axis] - wind.points[0, axis]) * mean[axis] / speed
+        place = (field.way[0] - behind) / wind.sample_spacing
+        whole = floor(place)
+        t = place - whole
+        # four samples, by the cubic of Catmull and Rom
+        weights = (
+            0.5 * t * (t * (2.0 - t) - 1.0),
+            0.5 * (t * t * (3.0 * t - 5.0) + 2.0),
+            0.5 * t * (t * (4.0 - 3.0 * t) + 1.0),
+            0.5 * t * t * (t - 1.0),
+        )
+        first = int(whole) - 1
+        u, v, w = 0.0, 0.0, 0.0
+        for number in range(4):
+            sample = wind.turbulence[point, (first + number) % samples]
+            u, v, w = u + weights[number] * sample[0], v + weights[number] * sample[1], w + weights[number] * sample[2]
+        field.points[point, 0] = deviation * (u * ahead[0] - v * ahead[1])
+        field.points[point, 1] = deviation * (u * ahead[1] + v * ahead[0])
+        field.points[point, 2] = deviation * w
+
+
+@kernel
+def shed(wind, state, body, h):
+    """Let the eddies behind a body go on for `h` (s), and write how they push it."""
+    field = state.wind_field
+    x = field.at_bodies[body, 0] - state.bodies.velocity[body, 0]
+    y = field.at_bodies[body, 1] - state.bodies.velocity[body, 1]
+    speed = hypot(x, y)
+    phase = field.shedding_phase[body] + 2.0 * pi * wind.shedding[body, 0] * speed * h
+    field.shedding_phase[body] = phase % (2.0 * pi)
+    side = wind.shedding[body, 1] * speed * sin(phase)
+    field.shedding_force[body, 0], field.shedding_force[body, 1] = -side * y, side * x

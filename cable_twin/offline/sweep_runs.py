@@ -1,0 +1,193 @@
+"""What a sweep is: a key of a scenario and its values; and its runs, side by side on all cores."""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation
+
+MOST = 1000  # runs
+AXES = {"x": 0, "y": 1, "z": 2}
+FORM = "KEY=START:STOP:STEP is needed, as in wind.y=0:30:2.5"
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A dotted key of a scenario and the values that it takes."""
+
+    key: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SweptRun:
+    """What came of the run at one value."""
+
+    value: float
+    figures: Sequence[KeyFigure]
+    fault: str = ""  # why it ended early, or could not start
+    refused: Sequence[str] = ()  # commands, a line each
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One run to do."""
+
+    value: float
+    scenario: Scenario
+    script: Sequence[ScriptedCommand]
+    duration: float  # s
+    frame_steps: int
+
+
+def sweep_of(text: str) -> Sweep:
+    """Understand KEY=START:STOP:STEP; the values are whole numbers where all three are.
+
+    Raises:
+        argparse.ArgumentTypeError: one line with what was given and what is allowed.
+    """
+    key, equals, span = text.partition("=")
+    parts = span.split(":")
+    if not equals or not key.strip() or len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}")
+    try:
+        start, stop, step = (_number(part) for part in parts)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {error} is no finite number; {FORM}") from None
+    if step == 0.0 or (stop - start) * step < 0.0:
+        way = "0, which leads nowhere" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
+        raise argparse.ArgumentTypeError(f"{text!r} given with a step of {way}; allowed: one from START towards STOP")
+    count = math.floor((stop - start) / step + 1e-9) + 1
+    if count > MOST:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {count} runs; allowed: at most {MOST}")
+    values = (start + number * step for number in range(count))
+    whole = all(isinstance(number, int) for number in (start, stop, step))
+    return Sweep(_full_key(key.strip()), tuple(value if whole else round(value, 12) for value in values))
+
+
+def _number(text: str) -> float:
+    try:
+        value = int(text)
+    except ValueError:
+        try:
+            value = float(text)  # type: ignore[assignment]
+        except ValueError:
+            raise ValueError(repr(text)) from None
+    if not math.isfinite(value):
+        raise ValueError(repr(text))
+    return value
+
+
+def _full_key(key: str) -> str:
+    """The key in the file: `wind.y` stands for the y of `air.wind`, `wind.turbulence` for that of `air`."""
+    first, _, rest = key.partition(".")
+    if first != "wind" or not rest:
+        return key
+    return f"air.wind.{rest}" if rest in AXES else f"air.{rest}"
+
+
+def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
+    """The scenario at each value.
+
+    Args:
+        sweep: key and values; a part of the key may be an axis, or a number in a list.
+        source: as `load_scenario` takes it.
+        changes: of other values, by dotted key.
+
+    Raises:
+        ScenarioError: one line a fault, of the first value that has any.
+    """
+    base = load_scenario(source, changes).resolved()
+    return [load_scenario(source, {**changes, **_override(base, sweep.key, value)}) for value in sweep.values]
+
+
+def _override(base: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
+    """The value by its key, or the whole list in which it stands."""
+    parts = key.split(".")
+    node: Any = base
+    for depth, part in enumerate(parts):
+        if not isinstance(node, Mapping) or part not in node:
+            break
+        node = node[part]
+        rest = parts[depth + 1 :]
+        if isinstance(node, list) and rest:
+            changed = _within(copy.deepcopy(node), rest, value)
+            return {key: value} if changed is None else {".".join(parts[: depth + 1]): changed}
+    return {key: value}
+
+
+def _within(node: Any, parts: Sequence[str], value: float) -> Any:
+    """A list or mapping with the value put into it, none where it has no such place."""
+    if not parts:
+        return value
+    place: Any = parts[0]
+    if isinstance(node, list):
+        if place in AXES and 2 <= len(node) <= 3:
+            node = [node[0], 0.0, node[1]] if len(node) == 2 and place == "y" else node
+            place = min(AXES[place], len(node) - 1)
+        elif place.isdecimal() and int(place) < len(node):
+            place = int(place)
+        else:
+            return None
+    elif not isinstance(node, dict) or place not in node:
+        return None
+    inner = _within(node[place], parts[1:], value)
+    if inner is None:
+        return None
+    node[place] = inner
+    return node
+
+
+def run_all(jobs: Sequence[Job], on_run: Callable[[SweptRun], object]) -> list[SweptRun]:
+    """Do all runs, as many at a time as there are cores, and give them in the order of their values."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
+    pool = ProcessPoolExecutor(min(cores, len(jobs)), context, _leave_ctrl_c)
+    try:
+        return list(_in_order(pool, jobs, on_run))
+    finally:
+        processes = list((pool._processes or {}).values())
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:  # after Ctrl-C nobody waits for a run
+            process.terminate()
+
+
+def _in_order(
+    pool: ProcessPoolExecutor, jobs: Sequence[Job], on_run: Callable[[SweptRun], object]
+) -> Iterator[SweptRun]:
+    for run in pool.map(run_job, jobs):
+        on_run(run)
+        yield run
+
+
+def _leave_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def run_job(job: Job) -> SweptRun:
+    """Do one run."""
+    try:
+        simulation = Simulation(job.scenario)
+    except EquilibriumError as error:
+        return SweptRun(job.value, (), str(error))
+    figures = KeyFigures(job.scenario)
+    outcome = simulate(
+        simulation, job.script, duration=job.duration, frame_steps=job.frame_steps, epoch_ns=0, figures=figures
+    )
+    return SweptRun(job.value, figures.figures(), outcome.fault, outcome.refused)
+
+
+__all__ = ["Job", "Sweep", "SweptRun", "run_all", "run_job", "sweep_of", "swept_scenarios"]

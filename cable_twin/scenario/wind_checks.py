@@ -1,0 +1,53 @@
+"""Values of the wind that are sound alone but not together, or that no wind has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+
+from cable_twin.mechanics.parameters import STRONGEST_WIND
+from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.schema import Body, Scenario, in_space
+
+
+def wind_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them."""
+    air = scenario.air
+    yield from _speed(("air", "wind"), air.wind)
+    for number, gust in enumerate(air.gusts):
+        path: KeyPath = ("air", "gusts", number, "amplitude")
+        if len(gust.amplitude) > scenario.dim:
+            yield Fault(path, f"given {show(list(gust.amplitude))} in a plane; allowed: x, z in m/s")
+        else:
+            yield from _speed(path, gust.amplitude)
+    if scenario.dim == 2:
+        for place, body in _bodies(scenario):
+            if body.shedding is not None:
+                yield Fault(
+                    (*place, "shedding"), "given in a plane, to which its force is across; allowed: space: 3, or null"
+                )
+
+
+def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
+    """A wind of a speed that there is none of."""
+    speed = hypot(*in_space(wind))
+    if speed > STRONGEST_WIND:
+        yield Fault(
+            path,
+            f"given {show(list(wind))}, {speed:.4g} m/s; allowed: at most {STRONGEST_WIND:g} m/s, "
+            "more than any hurricane has",
+        )
+
+
+def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
+    """All bodies that are written down, and where."""
+    for name, carriage in scenario.carriages.items():
+        yield from ((("carriages", name, "bodies", body), value) for body, value in carriage.bodies.items())
+    carriers = scenario.carriers
+    if carriers is not None:
+        yield from ((("carriers", "bodies", body), value) for body, value in carriers.bodies.items())
+        for name, kind in carriers.kinds.items():
+            yield from ((("carriers", "kinds", name, "bodies", body), value) for body, value in kind.bodies.items())
+
+
+__all__ = ["wind_faults"]

@@ -1,0 +1,156 @@
+"""`simulate --sweep`: the limit lies where closed forms and straight lines between the runs have it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from math import atan2
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from cable_twin.offline.simulate import main
+from cable_twin.offline.sweep_limits import limited_figures, operating_limit
+from cable_twin.offline.sweep_runs import SweptRun, sweep_of
+from verification import JIT
+
+LIMIT = 0.2  # rad
+FORCE_PER_SPEED = 0.5 * 1.225 * 5.0  # N s²/m²
+CABIN = {"mass": 200.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0], "drag_area": 5.0}
+HANGING = {
+    "cable": {
+        "unstrained_length": 99.9,
+        "mass_per_length": 2.0,
+        "axial_stiffness": 1e9,
+        "bending_stiffness": 1.0,
+        "elements": 6,
+        "start": {"position": [0.0, 0.0]},
+        "end": {"position": [100.0, 0.0]},
+    },
+    "carriages": {"car": {"arc_length": 49.95, "joint": "fixed", "bodies": {"cabin": CABIN}}},
+    "limits": {"swing": LIMIT},
+    "solver": {"step": 0.01},
+}
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "hanging.yaml"
+    with path.open("w") as file:
+        YAML(typ="safe").dump(HANGING, file)
+    return str(path)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_the_operating_limit_is_between_the_runs_around_it(scenario, tmp_path, capsys):
+    files = [str(tmp_path / name) for name in ("sweep.csv", "sweep.json", "sweep.png")]
+    arguments = (scenario, "--sweep", "wind.x=0:20:5", "--duration", "0.1")
+    assert main([*arguments, "--csv", files[0], "--json", files[1], "--plot", files[2]]) == 0
+    output = capsys.readouterr().out
+    swing = {wind: atan2(FORCE_PER_SPEED * wind**2, 200.0 * 9.81) for wind in (0.0, 5.0, 10.0, 15.0, 20.0)}
+    at = 10.0 + 5.0 * (LIMIT - swing[10.0]) / (swing[15.0] - swing[10.0])
+    told = f"hanging: operating limit of air.wind.x: {at:.4g} m/s: car: swing along the track, at most 11.46 deg"
+    assert output.splitlines()[-1] == told
+    assert f"{np.rad2deg(swing[15.0]):.4g} *" in output  # the limit is not kept
+    found = json.loads((tmp_path / "sweep.json").read_text())
+    assert found["sweep"] == {
+        "scenario": "hanging",
+        "key": "air.wind.x",
+        "unit": "m/s",
+        "values": [0.0, 5.0, 10.0, 15.0, 20.0],
+    }
+    assert found["operating_limit"]["key_figure"] == "car: swing along the track"
+    assert found["operating_limit"]["value"] == pytest.approx(at, abs=1e-3)
+    with (tmp_path / "sweep.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["key_figure"] == "car: swing along the track"]
+    got = {float(row["air.wind.x"]): float(row["value"]) for row in rows}
+    assert got == pytest.approx(swing, abs=1e-5)
+    assert (tmp_path / "sweep.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, capsys):
+    """A cable on one pin, which without gravity is at rest in any direction."""
+    free = ("--set", "cable.end.support=free")
+    code = main([scenario, "--sweep", "gravity=9.81:0:-9.81", *free, "--duration", "0.1"])
+    output = capsys.readouterr()
+    assert code == 1
+    assert output.err == (
+        "simulate: gravity 0: without gravity, a cable on one pin is at rest in any direction: it has to be given\n"
+    )
+    assert any(line.strip().startswith("9.81 ") for line in output.out.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("wind.x", "'wind.x' given, KEY=START:STOP:STEP is needed"),
+        ("wind.x=0:10", "'wind.x=0:10' given, KEY=START:STOP:STEP is needed"),
+        ("wind.x=0:gale:1", "'wind.x=0:gale:1' given, 'gale' is no finite number"),
+        ("wind.x=0:inf:1", "'inf' is no finite number"),
+        ("wind.x=0:10:0", "given with a step of 0, which leads nowhere"),
+        ("wind.x=0:10:-1", "given with a step of -1, which leads away from 10"),
+        ("wind.x=0:1:1e-6", "1000001 runs; allowed: at most 1000"),
+        ("wund.x=0:10:1", "wund: this key does not exist; allowed: name"),
+        ("air.wind.q=0:10:1", "air.wind.q: this key does not exist; nothing can be set below this"),
+        ("wind.y=1:10:1", "air.wind: given [0.0, 1.0, 0.0] in a plane; allowed: x, z, or space: 3"),
+        ("cable=0:10:1", "cable: given 0; allowed: a mapping"),
+        ("cable.elements=6:7:0.5", "cable.elements: given 6.0; allowed: a whole number"),
+        ("wind.x=50:150:50", "air.wind: given [150.0, 0.0], 150 m/s; allowed: at most 100 m/s"),
+    ],
+)
+def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):
+    try:
+        code = main([scenario, "--sweep", given, "--duration", "0.1"])
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("simulate: ")
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--plot", "a.png"), "--plot a.png without --sweep"),
+        (("--sweep", "wind.x=0:1:1", "--plot", "a.txt"), "--plot a.txt: allowed: a name that ends with .png, .pdf"),
+        (("--sweep", "wind.x=0:1:1", "--check"), "--sweep with --check; allowed: runs from the start of a scenario"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line(capsys, options, said):
+    try:
+        code = main(list(options))
+    except SystemExit as ended:
+        code = ended.code
+    assert code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+def test_values_and_short_keys():
+    assert sweep_of("wind.y=0:30:2.5").values == tuple(2.5 * k for k in range(13))
+    assert sweep_of("wind.y=0:1:0.1").values[-1] == 1.0
+    assert sweep_of("cable.elements=20:60:20").values == (20, 40, 60)
+    assert sweep_of("x=3:-3:-3").values == (3, 0, -3)
+    assert sweep_of("wind.turbulence.intensity=0:1:1").key == "air.turbulence.intensity"
+
+
+def test_limits_that_are_passed_from_the_start_and_those_of_runs_that_have_no_figures():
+    from cable_twin.key_figures import KeyFigure  # noqa: PLC0415
+
+    def run(value, swing, clearance=None):
+        figures = [KeyFigure("swing", swing, "rad", 0.0, limit=1.0)]
+        if clearance is not None:
+            figures.append(KeyFigure("clearance", clearance, "m", 0.0, limit=0.0, bound="at least"))
+        return SweptRun(value, figures)
+
+    runs = [run(0.0, 0.5, 2.0), run(10.0, 0.8, 1.0), SweptRun(20.0, (), "failed"), run(30.0, 0.9, -1.0)]
+    found = {figure.name: figure.passed_at for figure in limited_figures(runs)}
+    assert found == {"swing": None, "clearance": 30.0}  # there is no run just before it
+    assert operating_limit(limited_figures(runs[:2]), rising=True) is None
+    runs = [run(3.0, 2.0), run(2.0, 1.5), run(1.0, 0.5)]
+    limit = operating_limit(limited_figures(runs), rising=False)
+    assert limit is not None
+    assert limit.value == 3.0

@@ -1,0 +1,138 @@
+"""Wind that is neither even nor steady: what may be asked for, the same bits however a run goes on, and its log."""
+
+import numpy as np
+import pytest
+from small_tramway import TRAMWAY
+
+from cable_twin.offline import replay
+from cable_twin.offline.simulate import main
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import ScenarioError, build_system, load_scenario
+from cable_twin.simulation import Simulation
+from verification import JIT
+
+TURBULENT = {"intensity": 0.2, "length_scale": 40.0, "seed": 3, "points": 8}
+WINDY = {
+    "space": 3,
+    "air.wind": [2.0, 9.0, 0.0],
+    "air.profile": {"exponent": 0.2},
+    "air.turbulence": TURBULENT,
+    "air.gusts": [{"time": 0.4, "amplitude": [0.0, 6.0, 0.0], "duration": 1.5}],
+    "carriages.cabin.bodies.cabin.drag_area": [2.0, 5.0, 1.0],
+    "carriages.cabin.bodies.cabin.shedding": {"width": 2.0, "area": 6.0},
+}
+
+
+def windy(**changes):
+    return load_scenario(TRAMWAY, WINDY | changes)
+
+
+def ride(simulation, *times):
+    """Two seconds with a wind and a gust that come as commands, seen at these times as well."""
+    for time in sorted({*times, 0.8, 1.9}):
+        simulation.advance_to(time)
+        if time == 0.8:
+            simulation.wind(1.0, 0.5, 12.0)
+        if time == 1.9:
+            simulation.apply(Command("operating_gust", {"x": 0.0, "z": 0.0, "y": 4.0, "duration": 2.0}))
+    return simulation.advance_to(2.5)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_the_same_bits_whatever_the_pacing_after_a_reset_and_from_a_file(tmp_path):
+    whole = Simulation(windy())
+    expected = ride(whole)
+    assert ride(Simulation(windy()), 0.105, 0.3, 1.0, 2.0).numbers.tobytes() == expected.numbers.tobytes()
+    assert np.abs(whole.state.wind_field.points).max() > 0.5
+    halted = Simulation(windy())
+    halted.advance_to(0.8)
+    halted.wind(1.0, 0.5, 12.0)
+    halted.advance_to(1.5)
+    halted.save(tmp_path / "state.npz")
+    loaded = Simulation.load(tmp_path / "state.npz")
+    loaded.advance_to(1.9)
+    loaded.apply(Command("operating_gust", {"x": 0.0, "z": 0.0, "y": 4.0, "duration": 2.0}))
+    assert loaded.advance_to(2.5).numbers.tobytes() == expected.numbers.tobytes()
+    whole.reset()  # the wind begins anew, too
+    start = whole.time
+    again = whole.advance_to(start + 0.5).carriages["cabin"].bodies["cabin"]
+    first = Simulation(windy()).advance_to(0.5).carriages["cabin"].bodies["cabin"]
+    np.testing.assert_array_equal(again.position, first.position)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.parametrize("space", [2, 3])
+def test_a_log_of_it_replays_to_the_last_bit(tmp_path, capsys, space):
+    scenario = windy() if space == 3 else load_scenario(TRAMWAY, {"air.wind": [9.0, 0.0], "air.turbulence": TURBULENT})
+    (tmp_path / "windy.yaml").write_text(scenario.to_yaml())
+    (tmp_path / "script.yaml").write_text("- {time: 0.3, wind: 11}\n- {time: 0.5, gust: 4, gust_duration: 0.7}\n")
+    arguments = ("--script", str(tmp_path / "script.yaml"), "--duration", "1.5", "--record", "bag")
+    assert main([str(tmp_path / "windy.yaml"), *arguments, "--output", str(tmp_path / "logs")]) == 0
+    (run,) = (tmp_path / "logs").iterdir()
+    assert replay.main([str(run)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+
+
+def test_turbulence_comes_from_its_seed():
+    tables = [build_system(windy(**{"air.turbulence.seed": seed})).air.wind.turbulence for seed in (3, 3, 4)]
+    np.testing.assert_array_equal(tables[0], tables[1])
+    assert np.abs(tables[0] - tables[2]).max() > 1.0
+    assert not build_system(load_scenario(TRAMWAY)).air.varies
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"air.wind": [80.0, 70.0, 0.0]}, "air.wind: given [80.0, 70.0, 0.0], 106.3 m/s; allowed: at most 100 m/s"),
+        ({"space": 2}, "air.wind: given [2.0, 9.0, 0.0] in a plane; allowed: x, z, or space: 3"),
+        ({"air.gusts": [{"time": 1.0, "amplitude": [0.0, 120.0, 0.0]}]}, "air.gusts.0.amplitude: given [0.0, 120.0,"),
+        ({"air.gusts": [{"time": 1.0}]}, "air.gusts.0.amplitude: nothing given, but it is needed; allowed: a list"),
+        ({"air.gusts": [{"time": -1.0, "amplitude": [1.0, 0.0]}]}, "air.gusts.0.time: given -1.0; allowed: a finite"),
+        ({"air.turbulence.length_scale": -4.0}, "length_scale: given -4.0; allowed: a finite number above 0, in m"),
+        ({"air.turbulence.intensity": 2.0}, "intensity: given 2.0; allowed: a finite number at least 0 and at most 1"),
+        ({"air.turbulence.spectrum": "white"}, "spectrum: given 'white'; allowed: one of kaimal, von_karman"),
+        ({"air.turbulence.points": 0}, "points: given 0; allowed: a whole number at least 1 and at most 200"),
+        ({"air.profile.exponent": -0.1}, "exponent: given -0.1; allowed: a finite number above 0 and at most 1"),
+        ({"air.profile.reference_height": 0.0}, "reference_height: given 0.0; allowed: a finite number above 0, in m"),
+        (
+            {"carriages.cabin.bodies.cabin.drag_area": [1.0, -2.0, 1.0]},
+            "drag_area: given [1.0, -2.0, 1.0]; allowed: a finite number at least 0, or a list of 3, along",
+        ),
+        ({"carriages.cabin.bodies.cabin.drag_area": "much"}, "drag_area: given 'much'; allowed: a finite number at le"),
+        ({"carriages.cabin.bodies.cabin.shedding.width": 0.0}, "shedding.width: given 0.0; allowed: a finite number"),
+    ],
+)
+def test_a_wind_that_is_none_is_one_line(changes, said):
+    with pytest.raises(ScenarioError) as error:
+        windy(**changes)
+    lines = [line for line in str(error.value).splitlines() if said in line]
+    assert len(lines) == 1, error.value
+
+
+def test_eddies_in_a_plane_are_one_line():
+    shedding = {"carriages.cabin.bodies.cabin.shedding": {"width": 2.0, "area": 6.0}}
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(TRAMWAY, shedding)
+    assert str(error.value).endswith(
+        "carriages.cabin.bodies.cabin.shedding: given in a plane, to which its force is across; "
+        "allowed: space: 3, or null"
+    )
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_gusts_that_are_refused():
+    simulation = Simulation(load_scenario(TRAMWAY))
+    for values, said in (
+        ({"x": 120.0, "z": 0.0}, "gust x is 120 m/s; allowed are -100 to 100 m/s"),
+        ({"x": 1.0, "z": 0.0, "y": 2.0}, "gust y is 2 m/s; allowed is 0: the twin moves in the plane"),
+        ({"x": 1.0, "z": 0.0, "duration": -1.0}, "gust duration is -1 s; allowed are more than 0 to 600 s"),
+        ({"x": 1.0}, "gust with x; needed are x and z, in m/s"),
+    ):
+        with pytest.raises(CommandError, match=said):
+            simulation.apply(Command("gust", values))
+    simulation.gust(5.0, duration=2.0)
+    simulation.advance_to(0.5)
+    with pytest.raises(CommandError, match=r"gust while another one is under way; allowed: 1\.5 s later"):
+        simulation.gust(5.0)
+    simulation.advance_to(2.0)
+    simulation.gust(5.0)
