@@ -6,29 +6,33 @@ when somebody asks. All is in space: position (3,) x, y, z, orientation (4,) x, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from math import isnan, prod
-from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
+    BodyColumns,
     BodyState,
     CableSamples,
     CarriageState,
+    Derailment,
     DriveState,
     FloatArray,
     HaulRopeState,
+    Named,
     SolverReport,
     SupportState,
     TowerState,
+    VehicleColumns,
 )
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, in_space
 
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
+DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
 SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their order
     "time": (1,),
     "arc_length": ("vehicles",),
@@ -52,13 +56,17 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "tower_load": ("supports",),
     "tower_lowest_load": ("supports",),
     "tower_rest_load": ("supports",),
+    "tower_lateral": ("supports",),
+    "tower_lateral_ratio": ("supports",),
+    "tower_derailed": ("supports",),
+    "tower_derailed_time": ("supports",),
     "drive_position": ("drives",),
     "drive_speed": ("drives",),
     "moving_cable_force": ("drives",),
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
+    "wind": (3,),
 }
-T = TypeVar("T")
 
 
 class Layout:
@@ -70,6 +78,8 @@ class Layout:
         carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
+        space: whether it is one in space.
+        grooves: places (3,) in m of the towers that hold the cable sideways, in space, by name.
         arc_lengths: (samples,) m, unstrained, where the cable is shown.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
@@ -87,8 +97,11 @@ class Layout:
         *,
         carriers: int = 0,
         hauled: Sequence[str] = (),
+        space: bool = False,
+        grooves: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
         """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
+        self.space, self.grooves = space, dict(grooves or {})
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
         names = tuple(self.vehicles)
         self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
@@ -122,6 +135,8 @@ class Layout:
             np.linspace(0.0, scenario.cable.unstrained_length, samples, dtype=np.float64),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
             hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
+            space=scenario.dim == 3,
+            grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
         )
 
     def columns(self, numbers: FloatArray) -> Columns:
@@ -133,51 +148,6 @@ class Layout:
 def numbered(names: Iterable[str]) -> dict[str, int]:
     """Number of each name."""
     return {name: number for number, name in enumerate(names)}
-
-
-class VehicleColumns(NamedTuple):
-    """All vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
-
-    names: tuple[str, ...]
-    arc_length: FloatArray  # (vehicles,) m
-    speed: FloatArray  # (vehicles,) m/s
-    drive_force: FloatArray  # (vehicles,) N
-    position: FloatArray  # (vehicles, 3) m
-    contact_force: FloatArray  # (vehicles, 3) N
-    attached: FloatArray  # (vehicles,) 1 or 0
-    payload: FloatArray  # (vehicles,) kg
-
-
-class BodyColumns(NamedTuple):
-    """All bodies, a row each, in the order of the scenario; see `Columns` for the units."""
-
-    names: tuple[str, ...]  # VEHICLE/BODY
-    position: FloatArray  # (bodies, 3) m
-    orientation: FloatArray  # (bodies, 4)
-    velocity: FloatArray  # (bodies, 3) m/s
-    angular_velocity: FloatArray  # (bodies, 3) rad/s
-    angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad
-
-
-class Named(Mapping[str, T], Generic[T]):
-    """Things by name, each made when it is asked for."""
-
-    __slots__ = ("_make", "_names")
-
-    def __init__(self, names: Mapping[str, int], make: Callable[[int], T]) -> None:
-        self._names, self._make = names, make
-
-    def __getitem__(self, name: str) -> T:
-        return self._make(self._names[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __repr__(self) -> str:
-        return repr(dict(self))
 
 
 class Snapshot:
@@ -255,6 +225,11 @@ class Snapshot:
         """All ropes by name."""
         return {CABLE: self.cable}
 
+    @property
+    def derailments(self) -> list[Derailment]:
+        """Towers of which the cable has come out, in the order of the scenario."""
+        return derailments(self.layout, self.columns)
+
     def _carriage(self, index: int) -> CarriageState:
         c = self.columns
         haul = HaulRopeState(float(c.haul_travel[index]), float(c.haul_speed[index]), float(c.haul_force[index]))
@@ -287,7 +262,16 @@ class Snapshot:
         travel = float(c.support_travel[index])
         return SupportState(
             force=c.support_force[index],
-            tower=TowerState(load, lowest, float(rest), load == 0.0) if index >= len(ENDS) else None,
+            tower=TowerState(
+                load,
+                lowest,
+                float(rest),
+                load == 0.0,
+                float(c.tower_lateral[index]),
+                float(c.tower_lateral_ratio[index]),
+            )
+            if index >= len(ENDS)
+            else None,
             travel=None if isnan(travel) else travel,
         )
 
@@ -297,4 +281,16 @@ class Snapshot:
         return DriveState(position, speed, float(c.moving_cable_force[index]))
 
 
-__all__ = ["CABLE", "ENDS", "BodyColumns", "Layout", "Snapshot", "VehicleColumns"]
+def derailments(layout: Layout, columns: Columns) -> list[Derailment]:
+    """Towers of which the cable has come out in a frame, in the order of the scenario."""
+    found = []
+    for name, place in layout.grooves.items():
+        row = layout.support_rows[name]
+        how = columns.tower_derailed[row]
+        if how > 0.0:
+            ratio, time = float(columns.tower_lateral_ratio[row]), float(columns.tower_derailed_time[row])
+            found.append(Derailment(name, DERAILED[int(how)], time, tuple(place), ratio))
+    return found
+
+
+__all__ = ["CABLE", "DERAILED", "ENDS", "Layout", "Snapshot", "derailments"]

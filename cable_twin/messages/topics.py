@@ -36,6 +36,7 @@ CARRIER_FORCES = "carriers/forces"
 SCENARIO = "scenario"
 APPLIED_COMMANDS = "applied_commands"
 KEY_FIGURES = "key_figures"
+DERAILMENTS = "derailments"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 TF = "/tf"
@@ -103,6 +104,8 @@ def topics(
     table += [
         Topic(support_force_topic(support), WrenchStamped.__msgtype__, group="forces") for support in layout.supports
     ]
+    if layout.grooves:
+        table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
     table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:

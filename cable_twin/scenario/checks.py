@@ -15,6 +15,7 @@ from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_checks import sensor_faults
+from cable_twin.scenario.space_checks import space_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 
@@ -198,3 +199,4 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     yield from cable_faults(scenario)
     yield from vehicle_faults(scenario)
     yield from sensor_faults(scenario)
+    yield from space_faults(scenario)

@@ -24,7 +24,7 @@ from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 VERSION_1 = {  # what its fields are now, one by one or by their columns
     "nodal_coordinates": "nodes.position",
     "nodal_velocities": "nodes.velocity",
@@ -184,6 +184,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
+            if header["format_version"] < 5:
+                arrays |= _in_grooves(arrays)
             if header["format_version"] < 4:
                 arrays |= _planar_moments(arrays)
             if header["format_version"] < 3:  # what is hauled was counted by its arc length
@@ -222,6 +224,13 @@ def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
 def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """What version 4 added: the moments of joints that hold a body, of which there are none in a plane."""
     return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
+
+
+def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 5 added: what grooves bear, and that none has lost its rope."""
+    loads = {part: arrays[f"{part}/tower_load"] for part in PARTS}
+    lateral = {f"{part}/tower_lateral": np.zeros_like(load) for part, load in loads.items()}
+    return lateral | {f"{part}/derailment": np.zeros(load.shape, dtype=np.int64) for part, load in loads.items()}
 
 
 def _check_header(header: Any, name: str) -> None:
