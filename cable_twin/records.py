@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import nan
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -152,8 +151,8 @@ class TowerState:
     lowest_load: float  # N, the least of all steps since the start or the last reset
     rest_load: float  # N, at the start
     lifted_off: bool  # whether the cable has left all of its contacts: deropement
-    lateral_force: float = nan  # N, of its grooves on the cable, to the left; in space
-    lateral_ratio: float = nan  # -, highest of that over the normal load since the start or the last reset
+    lateral_force: float | None = None  # N, of its grooves on the cable, to the left; none in a plane
+    lateral_ratio: float | None = None  # -, highest of that over the normal load since the start or the last reset
 
     @property
     def margin(self) -> float:

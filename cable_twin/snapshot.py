@@ -259,19 +259,11 @@ class Snapshot:
     def _support(self, index: int) -> SupportState:
         c = self.columns
         load, lowest, rest = float(c.tower_load[index]), float(c.tower_lowest_load[index]), c.tower_rest_load[index]
-        travel = float(c.support_travel[index])
+        travel, grooves = float(c.support_travel[index]), (c.tower_lateral[index], c.tower_lateral_ratio[index])
+        across = map(float, grooves) if self.layout.space else ()
         return SupportState(
             force=c.support_force[index],
-            tower=TowerState(
-                load,
-                lowest,
-                float(rest),
-                load == 0.0,
-                float(c.tower_lateral[index]),
-                float(c.tower_lateral_ratio[index]),
-            )
-            if index >= len(ENDS)
-            else None,
+            tower=TowerState(load, lowest, float(rest), load == 0.0, *across) if index >= len(ENDS) else None,
             travel=None if isnan(travel) else travel,
         )
 

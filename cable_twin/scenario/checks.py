@@ -185,12 +185,12 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
-        elif here in bad and get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):
-            values[name] = ()
-        elif here in bad or (name not in data and field.is_required()):
-            values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
-        else:
+        elif here not in bad and (name in data or not field.is_required()):
             values[name] = given if name in data else field.get_default(call_default_factory=True)
+        elif get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):
+            values[name] = ()
+        else:
+            values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
     return model.model_construct(**values)
 
 

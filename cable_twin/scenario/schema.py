@@ -193,8 +193,8 @@ class TerrainSides(Section):
     """The ground beside the track in space: straight from the profile under it to one on each side, level beyond."""
 
     distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
-    left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z")
-    right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z")
+    left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)
+    right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)
 
 
 class Limits(Section):

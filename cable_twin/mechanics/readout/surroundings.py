@@ -1,9 +1,9 @@
 """How far rope and vehicles in space are from the ground, which may lean, and from the masts of towers.
 
 The ground goes straight from the profile under the track (y = 0) to one on each side of it and level beyond them, as it
-does beyond their ends. A body is three of its outlines, in the middle and at half its width on both sides. Heights are
-taken at the points of these and of the rope, and between them above the points of the profiles. A mast is upright and
-round and ends at the rope; what is nearest to it in plan, of all that is below its top, counts.
+does beyond their ends. A body is its outline in the middle, and that of its box at half its width on both sides.
+Heights are taken at the points of these and of the rope, and between them above the points of the profiles. A mast is
+upright and round and ends at the rope; what is nearest to it in plan, of all that is below its top, counts.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import NamedTuple
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import FloatArray, IntArray
+
+BOX_START, BOX_POINTS = 1, 6  # of the points of an outline: its box, between what goes from there to the pivots
 
 
 @by_reference
@@ -54,19 +56,25 @@ def look_around(around, rope, attached, body_position, body_orientation):
         if attached[vehicle] == 0.0:
             continue
         for body in range(around.first_body[vehicle], around.first_body[vehicle + 1]):
-            for side in range(3):
-                aside = (side - 1.0) * around.half_width[body]
-                count = place_outline_in_space(around, body, aside, body_position[body], body_orientation[body])
+            for side in range(-1, 2):
+                if side != 0 and around.half_width[body] == 0.0:
+                    continue
+                count = place_outline_in_space(around, body, side, body_position[body], body_orientation[body])
                 if ground:
                     find_least(around, around.line, count, around.lowest[1 + vehicle])
                 find_nearest(around.masts, around.line, count, around.nearest[vehicle])
 
 
 @kernel
-def place_outline_in_space(around, body, aside, position, turn):
-    """Put the outline of a body, `aside` (m) to its left, at `position` (3,) in m turned by `turn` (4,); its points."""
-    first, line = around.first_corner[body], around.line
+def place_outline_in_space(around, body, side, position, turn):
+    """Put the outline of a body, or of the left (1) or right side (-1) of its box, where that is; its points.
+
+    `position` (3,) is in m, `turn` (4,) its quaternion.
+    """
+    first, line, aside = around.first_corner[body], around.line, side * around.half_width[body]
     count = around.first_corner[body + 1] - first
+    if side != 0:
+        first, count = first + BOX_START, BOX_POINTS
     i, j, k, real = turn[0], turn[1], turn[2], turn[3]
     for point in range(count):
         x, z = around.corners[first + point, 0], around.corners[first + point, 1]
