@@ -9,6 +9,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
+from bent_line import BENT
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import DERAILMENTS, decode
@@ -21,21 +22,6 @@ from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.snapshot import Snapshot
 
-BENT = {
-    "name": "bent",
-    "cable": {
-        "unstrained_length": 200.3,
-        "mass_per_length": 5.0,
-        "axial_stiffness": 2e7,
-        "bending_stiffness": 10.0,
-        "diameter": 0.03,
-        "elements": {"target": 8.0, "at_towers": 1.0, "growth": 2.0},
-        "start": {"position": [0.0, 0.0, 0.0]},
-        "end": {"position": [200.0, 0.0, 0.0]},
-    },
-    "towers": {"tower": {"position": [100.0, 4.0, 2.0], "stiffness": 1e6}},
-    "solver": {"step": 0.005},
-}
 SCRIPT = "- {time: 0.5, wind: 0, wind_y: -40}\n- {time: 2.5, event: reset}\n"
 FAULTS = [
     ("position", [100.0, 70.0, 2.0], "where the line turns by 70 degrees in plan, .* allowed: less than 60 degrees"),
