@@ -15,7 +15,7 @@ from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_checks import sensor_faults
-from cable_twin.scenario.space_checks import space_faults
+from cable_twin.scenario.space_checks import rest_faults, space_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 
@@ -37,7 +37,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         }
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
-    faults = list(_implausible(scenario))
+    faults = list(_implausible(scenario)) or list(rest_faults(scenario))
     return (None if faults else scenario), faults
 
 

@@ -8,7 +8,8 @@ from math import atan2, degrees
 
 import numpy as np
 
-from cable_twin.mechanics.solution.catenary import line_over
+from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
+from cable_twin.scenario.build import build_system, tower_axes
 from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.schema import Scenario, Tower
 
@@ -59,6 +60,41 @@ def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.nda
         yield Fault(path, f"given {given}, which points along the rope; allowed: a direction across it")
 
 
+def rest_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Towers in space in whose grooves the bare cable would not stay at rest, of a scenario without other faults."""
+    if scenario.dim == 2 or not scenario.towers:
+        return
+    system = build_system(scenario)
+    try:
+        loads = rest_over_supports(system).load()
+    except EquilibriumError:
+        return  # which is said where it is to be laid
+    corners = np.concatenate([system.cable.end_position[:1], system.towers.top, system.cable.end_position[1:]])
+    sides, _ = tower_axes(scenario)
+    for number, (name, tower) in enumerate(scenario.towers.items()):
+        load, side, (before, here, after) = loads[number], sides[number], corners[number : number + 3]
+        normal = float(load @ side)
+        if normal <= 0.0 and tower.groove_direction is not None:
+            force = np.round(load / np.linalg.norm(load), 2).tolist()
+            yield Fault(
+                ("towers", name, "groove_direction"),
+                f"given {show(list(tower.groove_direction))}, which points away from the bare cable at rest: it would "
+                f"have to be pulled in with {-normal:.4g} N; allowed: within 90 degrees of the force on it, {force}",
+            )
+        across = np.cross(line_over(before, here, after), side)
+        ratio = abs(float(load @ across / np.linalg.norm(across))) / normal if normal > 0.0 else 0.0
+        if ratio > tower.derailment_ratio:
+            share = (here - before)[:2] @ (after - before)[:2] / np.square((after - before)[:2]).sum()
+            straight = float(before[1] + share * (after - before)[1])
+            yield Fault(
+                ("towers", name, "position"),
+                f"given {show(list(tower.position))}, where the bare cable at rest pushes sideways with "
+                f"{ratio * normal:.4g} N, {ratio:.3g} of its normal force; allowed: at most {tower.derailment_ratio:g} "
+                f"of it (derailment_ratio), with y nearer to {straight:.4g} m, where the line is straight in plan, or "
+                "with a groove_direction that leans",
+            )
+
+
 def _sides(scenario: Scenario) -> Iterator[Fault]:
     """Profiles beside the track that do not go with the one under it."""
     sides, path = scenario.terrain_sides, ("terrain_sides",)
@@ -75,4 +111,4 @@ def _sides(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault((*path, side, number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
 
 
-__all__ = ["space_faults"]
+__all__ = ["rest_faults", "space_faults"]

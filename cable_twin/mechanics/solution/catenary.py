@@ -176,7 +176,6 @@ def check_rest(system: System, names: Sequence[str]) -> None:
     for tower, (name, load) in enumerate(zip(names, rest.load(), strict=True)):
         first, end = towers.contact_offset[tower : tower + 2]
         side = towers.normal[first:end].mean(axis=0)
-        _check_groove(system, tower, name, load, side)
         if load @ side <= 0.0:
             others = towers._replace(top=np.delete(towers.top, tower, axis=0))
             passing = rest_over_supports(system._replace(towers=others))
@@ -201,48 +200,6 @@ def check_rest(system: System, names: Sequence[str]) -> None:
                 f"cable.{ENDS[end]}.travel: the counterweight of {counterweights.force[end]:g} N would rest at "
                 f"{travel:.3f} m, {cause}; allowed: between {low:g} and {high:g} m"
             )
-
-
-def _check_groove(system: System, tower: int, name: str, load: FloatArray, side: FloatArray) -> None:
-    """Refuse the grooves of a tower in space that do not hold the bare cable at rest.
-
-    Args:
-        system: parameters.
-        tower: number of it.
-        name: of it.
-        load: (3,) N, of the tower on the cable at rest.
-        side: (3,) towards which its grooves open.
-
-    Raises:
-        EquilibriumError: naming the key, what is given, and what is allowed.
-    """
-    cable, towers = system.cable, system.towers
-    if load.size == 2:
-        return
-    corner = np.concatenate([cable.end_position[:1], towers.top, cable.end_position[1:]])
-    along = line_over(*corner[tower : tower + 3])
-    upright = np.array([0.0, 0.0, np.copysign(1.0, side[2])])
-    normal = float(load @ side)
-    if normal <= 0.0:
-        if load @ upright > 0.0:
-            raise EquilibriumError(
-                f"towers.{name}.groove_direction: points away from the bare cable at rest, which would have to be "
-                f"pulled into the groove with {abs(normal):.3g} N; allowed: a direction within 90 degrees of that of "
-                f"the force on the cable, {np.round(load / np.linalg.norm(load), 2).tolist()}"
-            )
-        return  # it passes above or below, which is said elsewhere
-    across = np.cross(along, side)
-    ratio, most = abs(float(load @ across / np.linalg.norm(across))) / normal, float(towers.derailment_ratio[tower])
-    if ratio <= most:
-        return
-    before, here, after = corner[tower : tower + 3]
-    share = (here[:2] - before[:2]) @ (after - before)[:2] / ((after - before)[:2] @ (after - before)[:2])
-    straight = float(before[1] + share * (after - before)[1])
-    raise EquilibriumError(
-        f"towers.{name}.position: given y = {here[1]:g} m, to which the bare cable at rest would push sideways with "
-        f"{ratio * normal:.4g} N, {ratio:.3g} of its normal force; allowed: at most {most:g} of it (derailment_ratio), "
-        f"which is y nearer to {straight:.4g} m in plan, where the line is straight, or a groove_direction that leans"
-    )
 
 
 def _first_guess(
