@@ -1,4 +1,4 @@
-"""A line over one tower that bends in plan, small enough for tests."""
+"""Lines in space over one tower, one that bends in plan and one that does not, small enough for tests."""
 
 BENT = {
     "name": "bent",
@@ -14,4 +14,11 @@ BENT = {
     },
     "towers": {"tower": {"position": [100.0, 4.0, 2.0], "stiffness": 1e6}},
     "solver": {"step": 0.005},
+}
+STRAIGHT = {
+    **BENT,
+    "name": "straight",
+    "space": 3,
+    "cable": {**BENT["cable"], "start": {"position": [0.0, 0.0]}, "end": {"position": [200.0, 0.0]}},
+    "towers": {"tower": {"position": [100.0, 2.0], "stiffness": 1e6}},
 }

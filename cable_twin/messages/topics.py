@@ -111,7 +111,8 @@ def topics(
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))
     if tf:
-        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
+        if layout.vehicles:  # a bare rope has no transforms that change
+            table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
         table.append(Topic(TF_STATIC, TFMessage.__msgtype__, durability="transient_local", depth=1))
     if markers:
         table.append(Topic(MARKERS, MarkerArray.__msgtype__, group="markers"))
