@@ -28,7 +28,7 @@ MEANS = (
     "assumed: no ropeway standard names a band"
 )
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
-VORARLBERG = "Vorarlberg's ordinance on ropeways, section 6"
+VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
 SOURCES = {  # of the default limits
     "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
     "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
