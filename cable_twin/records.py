@@ -6,13 +6,36 @@ the lateral axis, so a positive pitch turns x towards -z.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+
+class Named(Mapping[str, T], Generic[T]):
+    """Things by name, each made when it is asked for."""
+
+    __slots__ = ("_make", "_names")
+
+    def __init__(self, names: Mapping[str, int], make: Callable[[int], T]) -> None:
+        self._names, self._make = names, make
+
+    def __getitem__(self, name: str) -> T:
+        return self._make(self._names[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +57,30 @@ class AppliedCommand:
     time: float
     command: Command
     source: str
+
+
+class VehicleColumns(NamedTuple):
+    """All vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
+
+    names: tuple[str, ...]
+    arc_length: FloatArray  # (vehicles,) m
+    speed: FloatArray  # (vehicles,) m/s
+    drive_force: FloatArray  # (vehicles,) N
+    position: FloatArray  # (vehicles, 3) m
+    contact_force: FloatArray  # (vehicles, 3) N
+    attached: FloatArray  # (vehicles,) 1 or 0
+    payload: FloatArray  # (vehicles,) kg
+
+
+class BodyColumns(NamedTuple):
+    """All bodies, a row each, in the order of the scenario; see `Columns` for the units."""
+
+    names: tuple[str, ...]  # VEHICLE/BODY
+    position: FloatArray  # (bodies, 3) m
+    orientation: FloatArray  # (bodies, 4)
+    velocity: FloatArray  # (bodies, 3) m/s
+    angular_velocity: FloatArray  # (bodies, 3) rad/s
+    angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +151,8 @@ class TowerState:
     lowest_load: float  # N, the least of all steps since the start or the last reset
     rest_load: float  # N, at the start
     lifted_off: bool  # whether the cable has left all of its contacts: deropement
+    lateral_force: float | None = None  # N, of its grooves on the cable, to the left; none in a plane
+    lateral_ratio: float | None = None  # -, highest of that over the normal load since the start or the last reset
 
     @property
     def margin(self) -> float:
@@ -118,6 +167,22 @@ class PantographState:
     position: FloatArray  # (3,) m, of the head
     speed: float  # m/s, along the track
     contact_force: float  # N, upwards on the rope, 0 where it has lost it
+
+
+@dataclass(frozen=True, slots=True)
+class Derailment:
+    """The cable has come out of the grooves of a tower, and is free there until a reset."""
+
+    tower: str
+    how: str
+    time: float  # s, simulated
+    position: tuple[float, ...]  # (3,) m, of the tower
+    ratio: float  # -, highest of lateral over normal force until then
+
+    def __str__(self) -> str:
+        """One line for people."""
+        x, y, z = self.position
+        return f"{self.tower}: rope derailed {self.how} at {self.time:.3f} s, at x {x:.1f}, y {y:.1f}, z {z:.1f} m"
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ class Signal:
         view: title of its plot in rerun, without unit; none where it is not in the view.
         legend: of its lines there, where they are not called after what has it.
         everywhere: whether each of them has it; where not, NaN is no gap.
+        space: whether there is none of it in a plane.
     """
 
     name: str
@@ -63,13 +64,16 @@ class Signal:
     view: str = ""
     legend: tuple[str, ...] = ()
     everywhere: bool = True
+    space: bool = False
 
     def names(self, layout: Layout) -> Sequence[str]:
         """What has it."""
-        return NAMES[self.whose](layout)
+        return () if self.space and not layout.space else NAMES[self.whose](layout)
 
     def values(self, layout: Layout, c: Columns) -> FloatArray:
         """Values (..., names) in one frame, or in several; NaN is a gap, of what is off the cable."""
+        if self.space and not layout.space:
+            return np.empty((*c.time.shape[:-1], 0))
         values = self.read(layout, c)
         if self.whose not in ("vehicles", "bodies"):
             return values
@@ -113,6 +117,15 @@ SIGNALS: Mapping[str, Signal] = {
             legend=("highest", "at the start", "at the end"),
         ),
         Signal("swing", "deg", "bodies", lambda _, c: np.degrees(c.body_angles[..., 1]), "pitch", "swing", "Swing"),
+        Signal(
+            "roll",
+            "deg",
+            "bodies",
+            lambda _, c: np.degrees(c.body_angles[..., 0]),
+            "roll",
+            "across",
+            space=True,
+        ),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
         Signal("drive_power", "W", "driven", _power, "power", "drive"),
         Signal(
@@ -150,14 +163,25 @@ SIGNALS: Mapping[str, Signal] = {
             everywhere=False,
         ),
         Signal("tower_load", "N", "towers", lambda _, c: c.tower_load[..., len(ENDS) :], view="Load on towers"),
+        Signal(
+            "tower_lateral",
+            "N",
+            "towers",
+            lambda _, c: c.tower_lateral[..., len(ENDS) :],
+            "tower on rope, to the left",
+            "lateral_forces",
+            space=True,
+        ),
     )
 }
 PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in which they are drawn
     "tension": "Rope tension",
     "speed": "Speed and place along the rope",
     "swing": "Swing along the track",
+    "across": "Across the track: swing",
     "drive": "Drive",
     "contact_forces": "Forces on carriages and supports",
+    "lateral_forces": "Lateral forces of towers",
 }
 
 

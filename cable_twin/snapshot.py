@@ -6,30 +6,34 @@ when somebody asks. All is in space: position (3,) x, y, z, orientation (4,) x, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from math import isnan, prod
-from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
+    BodyColumns,
     BodyState,
     CableSamples,
     CarriageState,
+    Derailment,
     DriveState,
     FloatArray,
     HaulRopeState,
+    Named,
     PantographState,
     SolverReport,
     SupportState,
     TowerState,
+    VehicleColumns,
 )
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, in_space
 
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
+DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
 SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their order
     "time": (1,),
     "arc_length": ("vehicles",),
@@ -53,17 +57,21 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "tower_load": ("supports",),
     "tower_lowest_load": ("supports",),
     "tower_rest_load": ("supports",),
+    "tower_lateral": ("supports",),
+    "tower_lateral_ratio": ("supports",),
+    "tower_derailed": ("supports",),
+    "tower_derailed_time": ("supports",),
     "drive_position": ("drives",),
     "drive_speed": ("drives",),
     "moving_cable_force": ("drives",),
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
+    "wind": (3,),
     "connector_force": ("connectors",),
     "pantograph_force": ("pantographs",),
     "pantograph_position": ("pantographs", 3),
     "pantograph_speed": ("pantographs",),
 }
-T = TypeVar("T")
 
 
 class Layout:
@@ -76,6 +84,8 @@ class Layout:
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
         towers: names of those of them that are between the ends of a rope.
+        space: whether it is one in space.
+        grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
         arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
         ropes: which of these are of which rope, by its name.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
@@ -99,8 +109,11 @@ class Layout:
         ropes: Mapping[str, slice] | None = None,
         connectors: Sequence[str] = (),
         pantographs: Sequence[str] = (),
+        space: bool = False,
+        grooves: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
         """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
+        self.space, self.grooves = space, dict(grooves or {})
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
         names = tuple(self.vehicles)
         self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
@@ -149,6 +162,8 @@ class Layout:
             ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names or (CABLE,))},
             connectors=tuple(scenario.connectors),
             pantographs=tuple(scenario.pantographs),
+            space=scenario.dim == 3,
+            grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
         )
 
     def of_rope(self, columns: Columns, name: str, supports: slice, vehicles: slice) -> Columns:
@@ -166,51 +181,6 @@ class Layout:
 def numbered(names: Iterable[str]) -> dict[str, int]:
     """Number of each name."""
     return {name: number for number, name in enumerate(names)}
-
-
-class VehicleColumns(NamedTuple):
-    """All vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
-
-    names: tuple[str, ...]
-    arc_length: FloatArray  # (vehicles,) m
-    speed: FloatArray  # (vehicles,) m/s
-    drive_force: FloatArray  # (vehicles,) N
-    position: FloatArray  # (vehicles, 3) m
-    contact_force: FloatArray  # (vehicles, 3) N
-    attached: FloatArray  # (vehicles,) 1 or 0
-    payload: FloatArray  # (vehicles,) kg
-
-
-class BodyColumns(NamedTuple):
-    """All bodies, a row each, in the order of the scenario; see `Columns` for the units."""
-
-    names: tuple[str, ...]  # VEHICLE/BODY
-    position: FloatArray  # (bodies, 3) m
-    orientation: FloatArray  # (bodies, 4)
-    velocity: FloatArray  # (bodies, 3) m/s
-    angular_velocity: FloatArray  # (bodies, 3) rad/s
-    angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad
-
-
-class Named(Mapping[str, T], Generic[T]):
-    """Things by name, each made when it is asked for."""
-
-    __slots__ = ("_make", "_names")
-
-    def __init__(self, names: Mapping[str, int], make: Callable[[int], T]) -> None:
-        self._names, self._make = names, make
-
-    def __getitem__(self, name: str) -> T:
-        return self._make(self._names[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def __repr__(self) -> str:
-        return repr(dict(self))
 
 
 class Snapshot:
@@ -304,6 +274,11 @@ class Snapshot:
         rows = zip(self.layout.pantographs, c.pantograph_position, c.pantograph_speed, c.pantograph_force, strict=True)
         return {name: PantographState(place, float(speed), float(force)) for name, place, speed, force in rows}
 
+    @property
+    def derailments(self) -> list[Derailment]:
+        """Towers of which the cable has come out, in the order of the scenario."""
+        return derailments(self.layout, self.columns)
+
     def _carriage(self, index: int) -> CarriageState:
         c = self.columns
         haul = HaulRopeState(float(c.haul_travel[index]), float(c.haul_speed[index]), float(c.haul_force[index]))
@@ -333,12 +308,12 @@ class Snapshot:
     def _support(self, index: int) -> SupportState:
         c = self.columns
         load, lowest, rest = float(c.tower_load[index]), float(c.tower_lowest_load[index]), c.tower_rest_load[index]
-        travel = float(c.support_travel[index])
+        travel, grooves = float(c.support_travel[index]), (c.tower_lateral[index], c.tower_lateral_ratio[index])
+        across = map(float, grooves) if self.layout.space else ()
+        between = self.layout.supports[index] in self.layout.towers
         return SupportState(
             force=c.support_force[index],
-            tower=TowerState(load, lowest, float(rest), load == 0.0)
-            if self.layout.supports[index] in self.layout.towers
-            else None,
+            tower=TowerState(load, lowest, float(rest), load == 0.0, *across) if between else None,
             travel=None if isnan(travel) else travel,
         )
 
@@ -348,4 +323,16 @@ class Snapshot:
         return DriveState(position, speed, float(c.moving_cable_force[index]))
 
 
-__all__ = ["CABLE", "ENDS", "BodyColumns", "Layout", "Snapshot", "VehicleColumns"]
+def derailments(layout: Layout, columns: Columns) -> list[Derailment]:
+    """Towers of which the cable has come out in a frame, in the order of the scenario."""
+    found = []
+    for name, place in layout.grooves.items():
+        row = layout.support_rows[name]
+        how = columns.tower_derailed[row]
+        if how > 0.0:
+            ratio, time = float(columns.tower_lateral_ratio[row]), float(columns.tower_derailed_time[row])
+            found.append(Derailment(name, DERAILED[int(how)], time, tuple(place), ratio))
+    return found
+
+
+__all__ = ["CABLE", "DERAILED", "ENDS", "Layout", "Snapshot", "derailments"]

@@ -220,7 +220,7 @@ def test_layout_of_nothing_but_a_rope():
     assert layout.bodies == ()
     assert columns.joint_position.shape == (0, 3)
     assert columns.support_force.shape == (2, 3)
-    assert columns.rope_tension[-1] == layout.size - 1
+    assert columns.wind[-1] == layout.size - 1
     with pytest.raises(ValueError, match="read-only"):
         layout.arc_lengths[0] = 1.0
 

@@ -10,6 +10,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 import test_loads
+from bent_line import BENT
 from test_moving_cable_twin import short_lift
 from twin_process import write_quick_scenario
 
@@ -124,8 +125,15 @@ def tramway_with_tower():
     return simulation, [(0.0, lambda simulation: simulation.command("cabin", speed=5.0))]
 
 
+def rope_off_its_tower():
+    return Simulation(load_scenario(BENT)), [
+        (0.1, lambda simulation: simulation.wind(0.0, 0.0, -40.0)),
+        (3.0, lambda simulation: simulation.reset()),
+    ]
+
+
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
-@pytest.mark.parametrize("build", [ski_lift, loaded_cabin, tramway_with_tower])
+@pytest.mark.parametrize("build", [ski_lift, loaded_cabin, tramway_with_tower, rope_off_its_tower])
 def test_all_that_a_scenario_may_hold_goes_on_with_the_same_bits(tmp_path, build):
     simulation, events = build()
     give(simulation, events, 1.0)
@@ -254,6 +262,14 @@ def test_what_does_not_fit_is_named(content, tmp_path, change, said):
         Simulation.load(path)
     for line in str(caught.value).splitlines():
         assert line.startswith(f"{path}: {said}")
+
+
+def test_what_version_5_added_is_zero_in_files_of_version_4(content, tmp_path):
+    header, arrays = content
+    added = [f"{part}/{field}" for part in ("state", "start") for field in ("tower_lateral", "derailment")]
+    older = {key: array for key, array in arrays.items() if key not in added}
+    path = write(tmp_path / "state.npz", {**header, "format_version": 4}, older)
+    assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
 
 
 @pytest.mark.parametrize("header", [{}, {"scenario": 3}, {"commands": {"cabin": 3}}, {"time": "noon"}])

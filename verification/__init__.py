@@ -29,6 +29,7 @@ MODULES = (
     "meshes",
     "space",
     "wind",
+    "grooves",
     "en50318",
 )
 

@@ -7,11 +7,12 @@ from itertools import chain
 
 import numpy as np
 
-from cable_twin.geometry.outlines import body_outlines
+from cable_twin.geometry.outlines import body_box, body_outlines
 from cable_twin.mechanics.parameters import IntArray
 from cable_twin.mechanics.readout.ground import Ground
+from cable_twin.mechanics.readout.surroundings import Surroundings
 from cable_twin.records import Clearance, FloatArray, Place
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, masts
 
 
 def ground_of(scenario: Scenario) -> Ground:
@@ -28,15 +29,37 @@ def ground_of(scenario: Scenario) -> Ground:
     )
 
 
+def surroundings_of(scenario: Scenario) -> Surroundings:
+    """Ground, masts and vehicles of a scenario in space, as `look_around` takes them."""
+    ground, sides = ground_of(scenario), scenario.terrain_sides
+    profiles = ((), ()) if sides is None else (sides.left, sides.right)
+    left, right = (np.array(points, dtype=np.float64).reshape(-1, 2) for points in profiles)
+    boxes = [body_box(body) for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
+    return Surroundings(
+        middle=ground.terrain,
+        left=left,
+        right=right,
+        distance=0.0 if sides is None else sides.distance,
+        masts=np.array([*masts(scenario).values()], dtype=np.float64).reshape(-1, 4),
+        first_body=ground.first_body,
+        first_corner=ground.first_corner,
+        corners=ground.corners,
+        half_width=np.array([0.0 if box is None else 0.5 * box[1] for box in boxes], dtype=np.float64),
+        line=ground.line,
+        lowest=ground.lowest,
+        nearest=np.full((len(scenario.vehicles), 2), np.nan),
+    )
+
+
 def _firsts(counts: Iterable[int]) -> IntArray:
     """Number of the first thing of each group, and one after the last."""
     return np.cumsum([0, *counts], dtype=np.int64)
 
 
-def clearance_seen(ground: Ground, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """What `look_at_ground` has found, by name of the vehicles (vehicles,) that are attached."""
+def clearance_seen(ground: Ground | Surroundings, names: Iterable[str], attached: FloatArray) -> Clearance:
+    """What `look_at_ground` or `look_around` has found, by name of the vehicles (vehicles,) that are attached."""
     rope, *vehicles = (Place(*row) for row in ground.lowest.tolist())
     return Clearance(rope, {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on})
 
 
-__all__ = ["clearance_seen", "ground_of"]
+__all__ = ["clearance_seen", "ground_of", "surroundings_of"]

@@ -23,7 +23,7 @@ def allocate(scenario: Scenario) -> Memory:
         length=float(cable.unstrained_length),
         corners=np.array([(nan, nan), *tops, (nan, nan)], dtype=np.float64),
         rails=np.where(clamped, end_element, -inf),
-        ground=ground_of(scenario),
+        ground=ground_of(scenario) if scenario.dim == 2 else ground_of(scenario)._replace(terrain=np.empty((0, 2))),
         tension=highest(),
         slackest=lowest(),
         sag=highest(supports - 1),

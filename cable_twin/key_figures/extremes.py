@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import FloatArray
 
 
@@ -20,6 +20,7 @@ class Extremes(NamedTuple):
     best: FloatArray  # (count,) times sign, -inf where there was no value
     times: FloatArray  # (count,) s
     places: FloatArray  # (count,) NaN where there is none
+    winds: FloatArray  # (count, 3) m/s, NaN where nobody asked
 
     def value(self, index: int = 0) -> float:
         """The extreme of one thing, NaN where it never had a value."""
@@ -28,7 +29,7 @@ class Extremes(NamedTuple):
 
     def after_first(self) -> Extremes:
         """Those of all things but the first."""
-        return Extremes(self.sign, self.best[1:], self.times[1:], self.places[1:])
+        return Extremes(self.sign, self.best[1:], self.times[1:], self.places[1:], self.winds[1:])
 
     def worst(self, among: list[int]) -> int:
         """Index of the thing, among those given, that went farthest."""
@@ -37,7 +38,7 @@ class Extremes(NamedTuple):
 
 def highest(count: int = 1) -> Extremes:
     """The largest values of `count` things, none yet."""
-    return Extremes(1.0, np.full(count, -inf), np.zeros(count), np.full(count, nan))
+    return Extremes(1.0, np.full(count, -inf), np.zeros(count), np.full(count, nan), np.full((count, 3), nan))
 
 
 def lowest(count: int = 1) -> Extremes:
@@ -53,4 +54,13 @@ def take(extremes, index, value, time, place):
         extremes.best[index], extremes.times[index], extremes.places[index] = signed, time, place
 
 
-__all__ = ["Extremes", "highest", "lowest", "take"]
+@kernel
+def take_in_wind(extremes, index, value, time, place, wind):
+    """The same, with the wind (3,) in m/s at that time."""
+    if extremes.sign * value > extremes.best[index]:
+        take(extremes, index, value, time, place)
+        for axis in range(3):
+            extremes.winds[index, axis] = wind[axis]
+
+
+__all__ = ["Extremes", "highest", "lowest", "take", "take_in_wind"]

@@ -79,13 +79,17 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
 def figure_of(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
     """The figure without a limit; NaN where there never was a value."""
     place = extremes.places[index]
-    return KeyFigure(
-        name,
-        extremes.value(index),
-        unit,
-        float(extremes.times[index]),
-        "" if math.isnan(place) else f"{at} {place:.1f} m",
-    )
+    found = ["" if math.isnan(place) else f"{at} {place:.1f} m", wind_at(extremes, index)]
+    return KeyFigure(name, extremes.value(index), unit, float(extremes.times[index]), ", ".join(filter(None, found)))
+
+
+def wind_at(extremes: Extremes, index: int) -> str:
+    """The wind at the time of an extreme: speed and, from the track to its left, where it blows to; else nothing."""
+    x, y, z = extremes.winds[index].tolist()
+    speed = math.hypot(x, y, z)
+    if math.isnan(speed) or speed == 0.0:
+        return "" if math.isnan(speed) else "no wind"
+    return f"wind {speed:.1f} m/s to {math.degrees(math.atan2(y, x)):.0f} deg"
 
 
 def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound = "at most") -> KeyFigure:
@@ -93,4 +97,4 @@ def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound
     return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
 
 
-__all__ = ["Bound", "KeyFigure", "figure_from_values", "figure_of", "values_of", "with_limit"]
+__all__ = ["Bound", "KeyFigure", "figure_from_values", "figure_of", "values_of", "wind_at", "with_limit"]

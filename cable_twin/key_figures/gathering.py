@@ -13,7 +13,8 @@ from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.frames import CLEARANCE_PERIOD, MEAN, DriveExtremes, take_frame
+from cable_twin.key_figures.frames import MEAN, DriveExtremes, take_frame
+from cable_twin.key_figures.space import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import Stops
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand
@@ -26,12 +27,14 @@ MEANS = (
     f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), "
     "assumed: no ropeway standard names a band"
 )
-LOOKS = f"looks every {CLEARANCE_PERIOD:g} s"
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
+VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
 SOURCES = {  # of the default limits
     "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
     "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
     "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
+    "lateral_swing": f"{VORARLBERG}: 20 % across",
+    "tower_clearance": f"{VORARLBERG}: 0.5 m to the side",
     "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
     "rope_clearance": "assumed: nothing may touch the ground",
     "vehicle_clearance": "assumed: nothing may touch the ground",
@@ -53,6 +56,7 @@ class KeyFigures:
         self._supports = [*ENDS, *scenario.towers]
         self._memory = allocate(scenario)
         self._packed_memory = pack(self._memory)
+        self._space = SpaceFigures(scenario) if scenario.dim == 3 else None
         self._dissipation = Dissipation(scenario)
         self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
@@ -71,6 +75,8 @@ class KeyFigures:
         self._last = snapshot.time
         self._numbers[:] = snapshot.numbers
         take_frame(self._packed_memory, self._arc_lengths, self._packed_columns)
+        if self._space is not None:
+            self._space.update(self._packed_columns)
         self._dissipation.update(self._time, snapshot.solver)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
@@ -163,7 +169,8 @@ class KeyFigures:
         for number, (first, last) in enumerate(spans):
             name = "sag below the chord" if len(spans) == 1 else f"sag below the chord, {first} to {last}"
             yield self._limited(figure_of(self._memory.sag, number, name, "m", "x"), "sag")
-        clearance = figure_of(self._memory.clearance, 0, "rope clearance over the terrain", "m", "x")
+        kept = self._memory if self._space is None else self._space.memory
+        clearance = figure_of(kept.clearance, 0, "rope clearance over the terrain", "m", "x")
         yield replace(self._limited(clearance, "rope_clearance", "at least"), band=LOOKS)
 
     def _of_supports(self) -> Iterator[KeyFigure]:
@@ -176,6 +183,8 @@ class KeyFigures:
             if margin.value == 0.0 and load.value == 0.0:
                 margin = replace(margin, place="does not touch")
             yield replace(self._limited(margin, "deropement_margin", "at least"), band="solver steps")
+            if self._space is not None and name not in ENDS:
+                yield from self._space.of_tower(name, number)
             low, high = None, None
             if name in ENDS:
                 low, high = getattr(cable, name).travel or (None, None)
@@ -214,6 +223,7 @@ class KeyFigures:
     def _of_vehicles(self, name: str, members: Sequence[int]) -> Iterator[KeyFigure]:
         """Figures of a carriage, or of the worst of several."""
         memory, worst = self._memory, self._worst
+        kept = memory if self._space is None else self._space.memory  # with the wind at the time
         carriage = self._scenario.carriages.get(name)
         if carriage is None or carriage.joint == "clamped":
             yield worst(memory.vehicle_drives.speed, members, f"{name}: speed", "m/s")
@@ -222,13 +232,15 @@ class KeyFigures:
             yield from drive_figures(memory.vehicle_drives, name, members[0], carriage.drive.limits, source)
         acceleration = worst(memory.acceleration, members, f"{name}: vehicle acceleration", "m/s^2")
         yield replace(self._limited(acceleration, "acceleration"), band=MEANS)
-        swing = worst(memory.swing, members, f"{name}: swing along the track", "rad")
+        swing = worst(kept.swing, members, f"{name}: swing along the track", "rad")
         yield self._limited(swing, "swing")
+        if self._space is not None:
+            yield from self._space.of_vehicles(name, members, worst, self._limited)
         yield worst(memory.contact_force, members, f"{name}: contact force", "N")
         yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
         yield self._limited(ratio, "tension_per_transverse_load", "at least")
-        height = worst(memory.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
+        height = worst(kept.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
         yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
         yield from self._of_stop(name)
 

@@ -28,6 +28,7 @@ HAULED = 3  # drive mode: the joint is free, a haul rope pulls it; its sheave is
 INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
 
 START, END = 0, 1  # stations of a track
+IN_GROOVE, OUT_LEFT, OUT_RIGHT, LIFTED = 0, 1, 2, 3  # the rope on a tower in space, and how it has left that
 SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 
 
@@ -113,6 +114,7 @@ class Towers(NamedTuple):
     """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
 
     contact_offset: IntArray  # (towers + 1,)
+    contact_tower: IntArray  # (contacts,)
     top: FloatArray  # (towers, dim) m, where the middle of the saddle or of the sheaves touches the rope
     position: FloatArray  # (contacts, dim) m
     normal: FloatArray  # (contacts, dim) unit vectors to the side on which the rope is
@@ -122,6 +124,8 @@ class Towers(NamedTuple):
     presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
     groove: FloatArray  # (contacts,) 1/m, in space: force sideways over normal force, by the way off the middle
+    derailment_ratio: FloatArray  # (towers,) -, the same ratio of a whole tower at which the rope leaves its grooves
+    groove_height: FloatArray  # (towers,) m, how high the rope lifts until it has left them
 
 
 @by_reference

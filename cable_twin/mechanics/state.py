@@ -80,6 +80,9 @@ class State(NamedTuple):
     contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
     contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
+    tower_lateral: FloatArray  # (towers, 2) in space: N to the left that a tower gives the rope in its grooves, at the
+    # end of the last step, and the highest ratio (-) of that to its normal force
+    derailment: NDArray[np.int64]  # (towers, 2) in space: IN_GROOVE or how the rope came out, and the clock at that
     wind: FloatArray  # (dim,) m/s, its mean at the reference height
     wind_field: WindField
     newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
@@ -180,6 +183,8 @@ def allocate_state(system: System) -> State:
         contact_deflection=np.zeros(contacts),
         contact_origin=np.zeros(contacts),
         tower_load=np.zeros((system.towers.top.shape[0], 2)),
+        tower_lateral=np.zeros((system.towers.top.shape[0], 2)),
+        derailment=np.zeros((system.towers.top.shape[0], 2), dtype=np.int64),
         wind=np.zeros(dim),
         wind_field=_calm(system, dim),
         newton_curvature=np.zeros(1),

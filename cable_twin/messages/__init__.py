@@ -1,6 +1,7 @@
 """Messages of topics and bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`) and texts (`texts`)."""
 
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
+from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
@@ -18,6 +19,7 @@ from cable_twin.messages.topics import (
     CARRIER_FORCES,
     CARRIER_POSES,
     CLOCK,
+    DERAILMENTS,
     DIAGNOSTICS,
     JOINT_STATES,
     KEY_FIGURES,
@@ -44,6 +46,7 @@ __all__ = [
     "CARRIER_FORCES",
     "CARRIER_POSES",
     "CLOCK",
+    "DERAILMENTS",
     "DIAGNOSTICS",
     "FORCE_FIELDS",
     "JOINT_STATES",
@@ -56,6 +59,7 @@ __all__ = [
     "TF",
     "TF_STATIC",
     "TYPESTORE",
+    "DerailmentWatch",
     "FrameNames",
     "Header",
     "JointState",
@@ -75,6 +79,7 @@ __all__ = [
     "joint_names",
     "nanoseconds",
     "pose_topic",
+    "read_derailments",
     "scenario_from_message",
     "scenario_message",
     "serialize",

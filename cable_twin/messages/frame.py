@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
+from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
 from cable_twin.messages.topics import (
@@ -27,6 +28,7 @@ from cable_twin.messages.topics import (
     CARRIER_FORCES,
     CARRIER_POSES,
     CLOCK,
+    DERAILMENTS,
     JOINT_STATES,
     TF,
     Clock,
@@ -114,6 +116,8 @@ class MessageEncoder:
         for row, support in enumerate(layout.supports):
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(_wrench, self._header_at(support), force)
+        if layout.grooves:
+            self._makers[DERAILMENTS] = partial(DerailmentMessage, layout, self._columns)
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -129,7 +133,7 @@ class MessageEncoder:
 
         Args:
             snapshot: The twin at the time of the frame.
-            names: Relative names of the topics; all but `/clock` and `/tf` where None.
+            names: Relative names of the topics; all of each frame but `/clock` and `/tf` where None.
 
         Returns:
             Pairs of relative topic name and CDR, in the order of the names.
@@ -137,7 +141,7 @@ class MessageEncoder:
         np.copyto(self._numbers, snapshot.numbers)
         stamp = self.stamp_ns(snapshot)
         if names is None:
-            names = [name for name in self._makers if name != TF]
+            names = [name for name in self._makers if name not in (TF, DERAILMENTS)]
         return [(name, (self._encoders.get(name) or self._prepare(name))(stamp)) for name in names]
 
     def offer(self, name: str, make: Callable[[Columns], Filled]) -> None:

@@ -36,6 +36,7 @@ CARRIER_FORCES = "carriers/forces"
 SCENARIO = "scenario"
 APPLIED_COMMANDS = "applied_commands"
 KEY_FIGURES = "key_figures"
+DERAILMENTS = "derailments"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
 TF = "/tf"
@@ -103,12 +104,15 @@ def topics(
     table += [
         Topic(support_force_topic(support), WrenchStamped.__msgtype__, group="forces") for support in layout.supports
     ]
+    if layout.grooves:
+        table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
     table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))
     if tf:
-        table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
+        if layout.vehicles:  # a bare rope has no transforms that change
+            table.append(Topic(TF, TFMessage.__msgtype__, depth=100, group="transforms"))
         table.append(Topic(TF_STATIC, TFMessage.__msgtype__, durability="transient_local", depth=1))
     if markers:
         table.append(Topic(MARKERS, MarkerArray.__msgtype__, group="markers"))

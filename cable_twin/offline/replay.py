@@ -21,6 +21,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.messages import (
     APPLIED_COMMANDS,
+    DERAILMENTS,
     SECOND,
     FrameNames,
     MessageEncoder,
@@ -81,7 +82,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     frames, absolute = FrameNames.of(log.metadata), log.files[0].absolute
     encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=frames, absolute=absolute)
     table = topics(layout, own=layout.carriers, tf=True)
-    types = {topic.name: topic.type for topic in table if topic.group}
+    types = {topic.name: topic.type for topic in table if topic.group or topic.name == DERAILMENTS}
     waiting: deque[AppliedCommand] = deque()
     result = Comparison(end=simulation.time)
     task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None

@@ -17,7 +17,7 @@ from rich.console import Console
 from cable_twin.command_line import left_at_once
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.figure_messages import describe
-from cable_twin.key_figures import ENERGY_LOST, KeyFigure, KeyFigures
+from cable_twin.key_figures import DERAILED, ENERGY_LOST, KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
@@ -270,8 +270,8 @@ def _report(
 ) -> int:
     """Say what was done and what it showed."""
     print_figures(table_console(), [figures])
-    lost = [figure for figure in figures if figure.name == ENERGY_LOST and figure.kept is False]
-    told = [f"warning: {figure.name}: {describe(figure)}" for figure in lost]
+    warned = [figure for figure in figures if figure.kept is False and figure.name.endswith((ENERGY_LOST, DERAILED))]
+    told = [f"warning: {figure.name}: {describe(figure)}" for figure in warned]
     told += [f"refused: {line}" for line in outcome.refused[:5]]
     told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     told += [*faults]

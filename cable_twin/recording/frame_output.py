@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import FrameNames, MessageEncoder, Schedule, Topic, nanoseconds
+from cable_twin.messages import DerailmentWatch, FrameNames, MessageEncoder, Schedule, Topic, nanoseconds
 from cable_twin.recording.run import Run
 from cable_twin.records import AppliedCommand
 from cable_twin.sensor_messages import SensorOutput
@@ -70,6 +70,7 @@ class FrameOutput:
         self.frames = 0
         self._simulation = simulation
         self._sensors = SensorOutput(scenario, simulation.layout, frames) if scenario.sensors else None
+        self._derailments = DerailmentWatch()
         self._schedule = Schedule(table, frame_rate, *rates)
         self._backlog = backlog
 
@@ -85,7 +86,10 @@ class FrameOutput:
         due = self._schedule.due(self.frames, everything=split is not None)
         self.frames += 1
         messages, taken = self.encoder.frame(snapshot, due.names), due.taken
-        if self._sensors is not None and (arrived := self._sensors.messages(snapshot, self.encoder.epoch_ns)):
+        arrived = self.encoder.frame(snapshot, self._derailments.due(snapshot, everything=split is not None))
+        if self._sensors is not None:
+            arrived += self._sensors.messages(snapshot, self.encoder.epoch_ns)
+        if arrived:
             own = tuple(range(len(messages), len(messages) + len(arrived)))
             messages, taken = messages + arrived, tuple((*numbers, *own) for numbers in taken)
         return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, split)

@@ -5,8 +5,8 @@ that time, and so is what it never has: sheaves, energies, velocities of centres
 The cable and what is known of carriers by their forces is in single precision; the pitch of a body below another one is
 a sum of joints, right but for its last bits. Of a tower a log has the force; its size stands for the normal load
 (friction adds to it, the turn of the rope takes from it), and that in the first frame for the load at rest, where no
-snapshot that the run went on from has it. The travel of a counterweight follows from the end of the cable, payloads
-from the commands.
+snapshot that the run went on from has it; its part across the line is what the groove bears. The travel of a
+counterweight follows from the end of the cable, payloads and wind from the commands.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from cable_twin.messages import (
     CABLE_FIELDS,
     CARRIER_FORCES,
     CARRIER_POSES,
+    DERAILMENTS,
     FORCE_FIELDS,
     JOINT_STATES,
     KEY_FIGURES,
@@ -42,6 +43,7 @@ from cable_twin.recording.field_numbers import cloud_points, fill, last_numbers,
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
+from cable_twin.recording.read_towers import ReadTowers
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
@@ -116,16 +118,17 @@ class _Frames:
         self._columns = layout.columns(self._numbers)
         self._empty = True
         self._clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()], dtype=bool)
-        self._rest_loads = np.full(len(layout.supports), nan)  # N, of towers at rest, else in the first frame
-        self._lowest_loads = np.full(len(layout.supports), nan)  # N, since the start or the last reset
+        self._towers = ReadTowers(scenario, layout)
+        self._winds = np.array([in_space(scenario.air.wind)] * 2)  # m/s, at the start and now
         self._payloads = self._first_payloads()
         self._names_checked = False
         self._absolute = log.files[0].absolute
         self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
-            self._rest_loads[len(ENDS) :] = self._full.start.tower_load[:, 0]
-            self._go_to(self._full.state.payload, self._full.state.tower_load)
+            self._towers.rest_loads[:] = self._full.start.tower_load[:, 0]
+            self._winds[0] = in_space(tuple(self._full.start.wind.tolist()))
+            self._go_to(self._full)
         self.readers = self._make_readers()
 
     def _make_readers(self) -> dict[str, Callable[[bytes], None]]:
@@ -145,6 +148,8 @@ class _Frames:
             readers[CARRIER_POSES] = table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+        if layout.grooves:
+            readers[DERAILMENTS] = self._towers.read
         for row, name in enumerate(layout.supports):
             readers[support_force_topic(name)] = reader(6, [c.support_force[row]])
         return readers
@@ -163,10 +168,11 @@ class _Frames:
         if self._empty:
             return None
         c = self._columns
-        c.payload[:] = self._payloads
+        c.payload[:], c.wind[:] = self._payloads, self._winds[1]
         # what is off a moving cable hangs exactly at one of its ends
         ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
+        self._turn_bodies()
         self._judge_supports()
         snapshot = Snapshot(self._layout, self._numbers.copy(), NOTHING)
         self._numbers.fill(nan)
@@ -178,12 +184,15 @@ class _Frames:
         if applied.command.kind == "payload":
             for name, mass in applied.command.values.items():
                 self._payloads[[*self._layout.vehicles].index(name)] = mass
+        elif applied.command.kind == "wind":
+            self._winds[1] = [applied.command.values.get(axis, 0.0) for axis in "xyz"]
         elif applied.command.kind == "reset":
             if self._full is not None:
-                self._go_to(self._full.start.payload, self._full.start.tower_load)
+                self._go_to(self._full, back=True)
                 return
+            self._winds[1] = self._winds[0]
             self._payloads = self._first_payloads()
-            self._lowest_loads = self._rest_loads.copy()
+            self._towers.reset()
 
     def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
         """Read recorded key figures; raises LogError where they are unreadable."""
@@ -196,7 +205,7 @@ class _Frames:
         """Take over what was attached to a file, where commands before it are lost."""
         if (full := _full_state(file.snapshot())) is not None:
             self._full = full
-            self._go_to(full.state.payload, full.state.tower_load)
+            self._go_to(full)
 
     def _time(self, stamp_ns: int) -> float:
         """Simulated time (s) of a stamp."""
@@ -211,10 +220,12 @@ class _Frames:
         vehicles = self._scenario.vehicles.values()
         return np.array([0.0 if vehicle.payload is None else vehicle.payload.mass for vehicle in vehicles])
 
-    def _go_to(self, payloads: FloatArray, tower_loads: FloatArray) -> None:
-        """Take over what no frame tells: payloads (vehicles,) in kg, loads (towers, 2) in N, now and least."""
-        self._payloads = payloads.copy()
-        self._lowest_loads[len(ENDS) :] = tower_loads[:, 1]
+    def _go_to(self, full: FullState, *, back: bool = False) -> None:
+        """Take over what no frame tells, of the state or, `back`, of its start."""
+        state = full.start if back else full.state
+        self._payloads = state.payload.copy()
+        self._towers.go_to(state)
+        self._winds[1] = in_space(tuple(state.wind.tolist()))
 
     def _read_joints(self, data: bytes) -> None:
         """Columns of joint_states, of which a message ends with three arrays of one length, 8 bytes apart."""
@@ -241,16 +252,18 @@ class _Frames:
         points = cloud_points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
 
+    def _turn_bodies(self) -> None:
+        """Roll and yaw of bodies in space, about z, then about their own y, then about their own x."""
+        if self._scenario.dim == 3:
+            x, y, z, w = self._columns.body_orientation.T
+            angles = self._columns.body_angles
+            angles[:, 0] = np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+            angles[:, 2] = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
     def _judge_supports(self) -> None:
         """What is known of supports by their forces and the shape of the cable."""
         c = self._columns
-        towers = slice(len(ENDS), None)
-        loads = np.linalg.norm(c.support_force[towers], axis=1)
-        rest, lowest = self._rest_loads[towers], self._lowest_loads[towers]
-        rest[:] = np.where(np.isnan(rest), loads, rest)
-        lowest[:] = np.fmin(lowest, loads)
-        seen = np.where(np.isnan(loads), nan, 1.0)
-        c.tower_load[towers], c.tower_lowest_load[towers], c.tower_rest_load[towers] = loads, seen * lowest, seen * rest
+        self._towers.fill(c)
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":

@@ -1,6 +1,6 @@
 """Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
 
-from cable_twin.scenario.build import build_payloads, build_system
+from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_lines, scenario_names
 from cable_twin.scenario.schema import Grading, Scenario, in_space
 
@@ -13,6 +13,8 @@ __all__ = [
     "config_directory",
     "in_space",
     "load_scenario",
+    "masts",
     "scenario_lines",
     "scenario_names",
+    "tower_axes",
 ]

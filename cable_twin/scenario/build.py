@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
+from cable_twin.mechanics.solution.catenary import line_over
 from cable_twin.scenario.build_vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
 from cable_twin.scenario.build_wind import build_wind
 from cable_twin.scenario.mesh import even_nodes, nodes_of, with_marks
@@ -111,11 +112,15 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
     towers = list(scenario.towers.values())
-    places = [scenario.cable.start.position, *(t.position for t in towers), scenario.cable.end.position]
-    corners = np.array([scenario.vector(place) for place in places])
-    contacts = [_contacts(tower, *corners[number : number + 3]) for number, tower in enumerate(towers)]
+    corners = _corners(scenario)
+    opening = [
+        None if tower.groove_direction is None else np.array(scenario.vector(tower.groove_direction))
+        for tower in towers
+    ]
+    contacts = [_contacts(tower, opening[number], *corners[number : number + 3]) for number, tower in enumerate(towers)]
     return parameters.Towers(
         contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
+        contact_tower=np.repeat(np.arange(len(towers), dtype=np.int64), [tower.contacts for tower in towers]),
         top=corners[1:-1].copy(),
         position=floats([row for places, _ in contacts for row in places], scenario.dim),
         normal=floats([row for _, normals in contacts for row in normals], scenario.dim),
@@ -131,21 +136,56 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
         presliding=np.full(sum(tower.contacts for tower in towers), PRESLIDING),
         toe=np.full(sum(tower.contacts for tower in towers), TOE),
         groove=floats([tower.groove for tower in towers for _ in range(tower.contacts)]),
+        derailment_ratio=floats([tower.derailment_ratio for tower in towers]),
+        groove_height=floats([tower.groove_height for tower in towers]),
     )
 
 
-def _contacts(tower: Tower, before: FloatArray, here: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+def tower_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (towers, 3) in space: where the grooves of each tower open, and to their left."""
+    towers, corners = _build_towers(scenario), _corners(scenario)
+    up, left = np.zeros((2, len(scenario.towers), 3))
+    for number, first in enumerate(towers.contact_offset[:-1]):
+        up[number] = towers.normal[first : towers.contact_offset[number + 1]].mean(axis=0)
+        up[number] /= np.linalg.norm(up[number])
+        across = np.cross(up[number], line_over(*corners[number : number + 3]))
+        left[number] = across / np.linalg.norm(across) * np.copysign(1.0, up[number, 2])
+    return up, left
+
+
+def masts(scenario: Scenario) -> dict[str, tuple[float, float, float, float]]:
+    """Place x, y, height of the top and half the width, in m, of the masts in space, by name of their towers."""
+    found, corners = {}, _corners(scenario)
+    for number, (name, tower) in enumerate(scenario.towers.items()):
+        if tower.mast_offset is not None and tower.mast_width is not None and scenario.dim == 3:
+            along = line_over(*corners[number : number + 3])[:2]
+            left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+            x, y = corners[number + 1, :2] + tower.mast_offset * left
+            found[name] = float(x), float(y), float(corners[number + 1, 2]), 0.5 * tower.mast_width
+    return found
+
+
+def _corners(scenario: Scenario) -> FloatArray:
+    """Places (towers + 2, dim) in m of start, towers and end."""
+    cable = scenario.cable
+    places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
+    return np.array([scenario.vector(place) for place in places])
+
+
+def _contacts(
+    tower: Tower, opening: FloatArray | None, before: FloatArray, here: FloatArray, after: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Places (contacts, dim) in m of the contacts of a tower and the normals there, evenly along a circle.
 
-    Its middle is the top of the tower; its tangent there goes between the directions to the supports `before` and
+    The normals are upwards, downwards of a hold-down, or where the grooves open with `opening` (dim,). The middle one
+    is the top of the tower; its tangent there goes between the directions to the supports `before` and
     `after` (dim,) in m, seen from `here`, as sheaves on their balances and well placed saddles do.
     """
-    along = (here - before) / np.linalg.norm(here - before) + (after - here) / np.linalg.norm(after - here)
-    along /= np.linalg.norm(along)
-    up = np.eye(along.size)[-1] - along[-1] * along
+    along = line_over(before, here, after)
+    if opening is None:
+        opening = np.eye(along.size)[-1] * (-1.0 if tower.hold_down else 1.0)
+    up = opening - (opening @ along) * along
     up /= np.linalg.norm(up)
-    if tower.hold_down:
-        up = -up
     s = np.linspace(-0.5, 0.5, tower.contacts)[:, None] * tower.length if tower.contacts > 1 else np.zeros((1, 1))
     top = here
     if tower.radius is None:

@@ -16,6 +16,7 @@ from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.rope_checks import rope_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_checks import sensor_faults
+from cable_twin.scenario.space_checks import rest_faults, space_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 from cable_twin.scenario.wind_checks import wind_faults
 
@@ -40,7 +41,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
             return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
-    faults = list(_implausible(scenario))
+    faults = list(_implausible(scenario)) or ([] if scenario.ropes else list(rest_faults(scenario)))
     return (None if faults else scenario), faults
 
 
@@ -188,12 +189,12 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
-        elif here in bad and get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):
-            values[name] = ()
-        elif here in bad or (name not in data and field.is_required()):
-            values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
-        else:
+        elif here not in bad and (name in data or not field.is_required()):
             values[name] = given if name in data else field.get_default(call_default_factory=True)
+        elif get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):
+            values[name] = ()
+        else:
+            values[name] = {float: nan, int: nan}.get(kind, (nan, nan) if get_origin(kind) is tuple else None)
     return model.model_construct(**values)
 
 
@@ -203,5 +204,6 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     if not scenario.ropes:
         yield from cable_faults(scenario)
         yield from vehicle_faults(scenario)
+        yield from space_faults(scenario)
     yield from sensor_faults(scenario)
     yield from wind_faults(scenario)

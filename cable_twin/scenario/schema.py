@@ -136,9 +136,36 @@ class Tower(Section):
         20.0,
         gt=0,
     )
+    derailment_ratio: float = quantity(
+        "-",
+        "in space, force sideways over normal force of the tower at which the rope leaves it; assumed: flanks of 45 "
+        "degrees and a friction of 0.3 hold up to 0.54 (Nadal)",
+        0.5,
+        gt=0,
+    )
+    groove_height: float = quantity(
+        "m", "in space, how high the rope lifts off all contacts until it has left the tower; assumed", 0.05, gt=0
+    )
+    groove_direction: Place | None = quantity(
+        "-",
+        "in space, where the grooves open, x, y, z of any length; null: upwards, downwards of a hold-down",
+        None,
+    )
+    mast_offset: float | None = quantity(
+        "m", "in space, from the rope to the middle of the mast, positive to the left; null: no mast", None
+    )
+    mast_width: float | None = quantity("m", "in space, width of the mast, which reaches up to the rope", None, gt=0)
     friction: float | None = quantity(
         "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
     )
+
+
+class TerrainSides(Section):
+    """The ground beside the track in space: straight from the profile under it to one on each side, level beyond."""
+
+    distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
+    left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)
+    right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)
 
 
 class Limits(Section):
@@ -441,6 +468,8 @@ class KeyFigureLimits(Section):
     rope_safety_factor: float | None = quantity("-", "lowest breaking force over tension", 3.15, gt=0)
     tension_per_transverse_load: float | None = quantity("-", "lowest tension over load of a carriage", 10.0, gt=0)
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
+    lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
+    tower_clearance: float | None = quantity("m", "least distance of a vehicle from a mast, in space", 0.5, ge=0)
     acceleration: float | None = quantity("m/s^2", "highest acceleration of the last body of a carriage", 1.5, gt=0)
     stopping_distance: float | None = quantity("m", "longest way to a standstill", None, gt=0)
     stopping_time: float | None = quantity("s", "longest time to a standstill", None, gt=0)
@@ -478,6 +507,7 @@ class Scenario(Section):
     carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
     air: Air = Field(default_factory=Air, description="wind and drag")
     terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
+    terrain_sides: TerrainSides | None = Field(default=None, description="ground beside the track, in space")
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
     sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")

@@ -6,10 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_twin.geometry.clearance import clearance_seen, ground_of
+from cable_twin.geometry.clearance import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import energies, groups, sample_positions, sample_tensions
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
+from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
@@ -73,6 +74,9 @@ class Readings:
         snapshot = self.snapshot
         seen = snapshot.layout.columns(snapshot.numbers.copy())  # kernels want what may be written
         rope = self.cable_positions(points)
+        if scenario.dim == 3:
+            look_around(self._surroundings, rope, seen.attached, seen.body_position, seen.body_orientation)
+            return clearance_seen(self._surroundings, [*scenario.vehicles], seen.attached)
         look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
         return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
 
@@ -126,6 +130,11 @@ class Readings:
     def _ground(self) -> Ground:
         """The ground, made when somebody asks for the clearance."""
         return ground_of(self._ropeway.scenario)
+
+    @cached_property
+    def _surroundings(self) -> Surroundings:
+        """The same of a scenario in space."""
+        return surroundings_of(self._ropeway.scenario)
 
     def _part(self, rope: str | None) -> Ropeway:
         """A rope with what is on it, by name; the first one without.

@@ -211,6 +211,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
             if header["format_version"] == 1:
                 arrays = _from_version_1(arrays)
+            if header["format_version"] < 5:
+                arrays |= _in_grooves(arrays)
             if header["format_version"] < 4:
                 arrays |= _planar_moments(arrays)
             if header["format_version"] < 5:
@@ -275,6 +277,13 @@ def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
         )
         found |= {f"{part}/wind_field.{name}": array for name, array in field._asdict().items()}
     return found
+
+
+def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 5 added: what grooves bear, and that none has lost its rope."""
+    loads = {part: arrays[f"{part}/tower_load"] for part in PARTS}
+    lateral = {f"{part}/tower_lateral": np.zeros_like(load) for part, load in loads.items()}
+    return lateral | {f"{part}/derailment": np.zeros(load.shape, dtype=np.int64) for part, load in loads.items()}
 
 
 def _check_header(header: Any, name: str) -> None:

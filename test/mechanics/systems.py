@@ -105,6 +105,7 @@ def make_towers(dim=2, contacts=0, **changes):
     side[:, -1] = 1.0
     towers = Towers(
         contact_offset=np.arange(contacts + 1, dtype=np.int64),
+        contact_tower=np.arange(contacts, dtype=np.int64),
         top=np.zeros((contacts, dim)),
         position=np.zeros((contacts, dim)),
         normal=side,
@@ -114,6 +115,8 @@ def make_towers(dim=2, contacts=0, **changes):
         presliding=np.full(contacts, 0.02),
         toe=np.full(contacts, 0.01),
         groove=np.full(contacts, 4.0),
+        derailment_ratio=np.full(contacts, 0.5),
+        groove_height=np.full(contacts, 0.05),
     )
     return towers._replace(**changes)
 

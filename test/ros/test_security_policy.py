@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from bent_line import BENT
 
 from cable_twin.commands import INPUTS
 from cable_twin.messages import topics
@@ -42,8 +43,8 @@ def allowed(enclave: str) -> dict[str, set[str]]:
 
 def published() -> Iterator[str]:
     """Full names of all topics of all scenarios, with everything that can be switched on."""
-    for name in scenario_names():
-        layout = Layout.of(load_scenario(name), 2)
+    for one in (*scenario_names(), BENT):
+        layout = Layout.of(load_scenario(one), 2)
         table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True)
         for topic in table:
             if topic.name not in INPUTS:

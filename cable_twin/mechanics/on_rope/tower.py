@@ -10,19 +10,18 @@ f friction. s is not an unknown but a function of the shape: it is found anew in
 potential, and a rope that slides over keeps its tension. A saddle, or a train of sheaves, is several contacts on a
 circle: a sharper bend lifts off the outer ones.
 
-In space a groove holds the rope sideways, b = t x n: -g N y b with y = (r - p)·b, so that y g is the ratio of the
-forces, and nothing is held that does not lie on it.
+In space a groove holds the rope sideways (`groove`), until more than a ratio of the normal force pushes it over the
+flank, or it lifts higher than the groove is deep. Then it is out, and this tower touches it no more.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 from numba.extending import overload
 
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import (
     OPTIONS,
     Vector,
@@ -37,6 +36,8 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.groove import add_groove, depth_in_groove, to_the_left, with_groove
+from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
@@ -112,7 +113,7 @@ def contact_frame(cable, towers, state, contact):
     side = load(towers.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
-    return point, r_x, apart, normal, -dot(apart, normal), moving
+    return point, r_x, apart, normal, depth_in_groove(towers, state, contact, -dot(apart, normal), like), moving
 
 
 @kernel
@@ -124,59 +125,6 @@ def contact_force(cable, towers, state, contact):
     friction = towers.friction[contact] * n * z
     force = add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal))
     return with_groove(force, towers.groove[contact] * n, r_x, normal, apart), n
-
-
-def with_groove(force: Vector, stiffness: float, r_x: Vector, normal: Vector, apart: Vector) -> Vector:
-    """Force (dim,) in N of a contact with that of its groove, of a stiffness in N/m; in a plane there is none."""
-    if len(force) == 2:
-        return force
-    across = sideways(r_x, normal)
-    return add_scaled(-stiffness * dot(apart, across), across, force)
-
-
-@overload(with_groove, jit_options=OPTIONS)
-def _with_groove(force, stiffness, r_x, normal, apart):
-    def planar(force, stiffness, r_x, normal, apart):
-        return force
-
-    def spatial(force, stiffness, r_x, normal, apart):
-        across = sideways(r_x, normal)
-        return add_scaled(-stiffness * dot(apart, across), across, force)
-
-    return planar if force.count == 2 else spatial
-
-
-@inlined_kernel
-def sideways(r_x, normal):
-    """Unit vector (3,) across the rope and the normal of a contact."""
-    across = cross(r_x, normal)
-    return scale(1.0 / sqrt(dot(across, across)), across)
-
-
-def add_groove(stiffness: float, r_x: Vector, normal: Vector, point: Any, work: Any) -> None:
-    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane."""
-    if len(r_x) == 3:
-        _add_groove(stiffness, r_x, normal, point, work)
-
-
-@overload(add_groove, jit_options=OPTIONS)
-def _overload_add_groove(stiffness, r_x, normal, point, work):
-    def planar(stiffness, r_x, normal, point, work):
-        return None
-
-    def spatial(stiffness, r_x, normal, point, work):
-        _add_groove(stiffness, r_x, normal, point, work)
-
-    return planar if r_x.count == 2 else spatial
-
-
-@inlined_kernel
-def _add_groove(stiffness, r_x, normal, point, work):
-    across = sideways(r_x, normal)
-    for i in range(4):
-        for j in range(4):
-            matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)
-            add_block(matrix, point.element, i, j, work)
 
 
 @kernel
@@ -241,6 +189,76 @@ def settle_towers(cable, towers, state):
             state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
         state.tower_load[tower, 0] = total
         state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
+        settle_groove(cable, towers, state, tower, cable.gravity)
+
+
+def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector) -> None:
+    """Keep what the groove of a tower bears sideways, and how near that has come to what it can; none in a plane."""
+    if len(like) == 3:
+        _settle_groove(cable, towers, state, tower)
+
+
+@overload(settle_groove, jit_options=OPTIONS)
+def _overload_settle_groove(cable, towers, state, tower, like):
+    def planar(cable, towers, state, tower, like):
+        return None
+
+    def spatial(cable, towers, state, tower, like):
+        _settle_groove(cable, towers, state, tower)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _settle_groove(cable, towers, state, tower):
+    lateral, load_here = 0.0, state.tower_load[tower, 0]
+    for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
+        _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
+        n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
+        lateral -= towers.groove[contact] * n * dot(apart, to_the_left(r_x, normal))
+    state.tower_lateral[tower, 0] = lateral
+    if load_here > 0.0:
+        state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], abs(lateral) / load_here)
+
+
+def derail(cable: Any, towers: Any, state: Any, like: Vector) -> None:
+    """End a step: let the rope out of each groove that holds it no longer, for good; in a plane it stays."""
+    if len(like) == 3:
+        _derail(cable, towers, state)
+
+
+@overload(derail, jit_options=OPTIONS)
+def _overload_derail(cable, towers, state, like):
+    def planar(cable, towers, state, like):
+        return None
+
+    def spatial(cable, towers, state, like):
+        _derail(cable, towers, state)
+
+    return planar if like.count == 2 else spatial
+
+
+@kernel
+def _derail(cable, towers, state):
+    for tower in range(towers.top.shape[0]):
+        if state.derailment[tower, 0] != IN_GROOVE:
+            continue
+        how, normal, lateral = IN_GROOVE, state.tower_load[tower, 0], state.tower_lateral[tower, 0]
+        if abs(lateral) > towers.derailment_ratio[tower] * normal:
+            how = OUT_RIGHT if lateral > 0.0 else OUT_LEFT  # against the force that held it
+        elif normal == 0.0 and lift(cable, towers, state, tower) > towers.groove_height[tower]:
+            how = LIFTED
+        if how != IN_GROOVE:
+            state.derailment[tower, 0], state.derailment[tower, 1] = how, state.clock[0] + 1
+
+
+@kernel
+def lift(cable, towers, state, tower):
+    """How high (m) the rope is above that contact of a tower to which it is nearest, negative where it lies on it."""
+    deepest = -inf
+    for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
+        deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])
+    return -deepest
 
 
 @kernel

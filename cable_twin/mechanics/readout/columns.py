@@ -57,11 +57,16 @@ class Columns(NamedTuple):
     tower_load: FloatArray  # (supports,) N, sum of the normal forces of a tower
     tower_lowest_load: FloatArray  # (supports,) N, the least of all steps since the start or the last reset
     tower_rest_load: FloatArray  # (supports,) N, at the start
+    tower_lateral: FloatArray  # (supports,) N to the left of a tower in space on the cable in its grooves
+    tower_lateral_ratio: FloatArray  # (supports,) -, highest of that to the normal force of all steps since then
+    tower_derailed: FloatArray  # (supports,) 0 in the grooves of a tower in space, else OUT_LEFT, OUT_RIGHT or LIFTED
+    tower_derailed_time: FloatArray  # (supports,) s, of that; 0 where it has not come out
     drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
     drive_speed: FloatArray  # (drives,) m/s
     moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
     rope_position: FloatArray  # (samples, 3) m
     rope_tension: FloatArray  # (samples,) N
+    wind: FloatArray  # (3,) m/s
     connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes; these and below not by `observe`
     pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
     pantograph_position: FloatArray  # (pantographs, 3) m, of the head
@@ -89,6 +94,8 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     for drive in range(columns.drive_position.size):
         columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
         columns.moving_cable_force[drive] = moving_rope_force(system, state)
+    wind = load(state.wind, cable.gravity)
+    store_in_space(wind, columns.wind)
 
 
 @kernel
@@ -136,6 +143,7 @@ def observe_supports(system, state, rest_loads, columns):
             travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
         columns.support_travel[end] = travel
         columns.tower_load[end], columns.tower_lowest_load[end], columns.tower_rest_load[end] = nan, nan, nan
+        observe_groove(system, state, -1, columns, end)
     for tower in range(system.towers.top.shape[0]):
         row = 2 + tower
         force = tower_force(system.cable, system.towers, state, tower)
@@ -143,6 +151,19 @@ def observe_supports(system, state, rest_loads, columns):
         columns.support_travel[row] = nan
         columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
         columns.tower_rest_load[row] = rest_loads[tower, 0]
+        observe_groove(system, state, tower if len(system.cable.gravity) == 3 else -1, columns, row)
+
+
+@inlined_kernel
+def observe_groove(system, state, tower, columns, row):
+    """Fill the columns of what the grooves of a tower bear, -1 for none."""
+    columns.tower_lateral[row], columns.tower_lateral_ratio[row] = nan, nan
+    columns.tower_derailed[row], columns.tower_derailed_time[row] = nan, nan
+    if tower >= 0:
+        columns.tower_lateral[row] = state.tower_lateral[tower, 0]
+        columns.tower_lateral_ratio[row] = state.tower_lateral[tower, 1]
+        columns.tower_derailed[row] = state.derailment[tower, 0]
+        columns.tower_derailed_time[row] = round(state.derailment[tower, 1] * system.solver.step * 1e9) / 1e9
 
 
 @kernel

@@ -74,6 +74,12 @@ def _plane(whole: FloatArray, up: FloatArray) -> FloatArray:
     return np.stack([level / width if width > 0.0 else np.eye(up.size)[0], up])
 
 
+def line_over(before: FloatArray, here: FloatArray, after: FloatArray) -> FloatArray:
+    """Unit vector (dim,) along the line at a support `here`, between those from the one before and to the one after."""
+    along = (here - before) / np.linalg.norm(here - before) + (after - here) / np.linalg.norm(after - here)
+    return along / np.linalg.norm(along)
+
+
 def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[int, FloatArray, float]:
     """End that a counterweight pulls, direction (2,) and force (N) of that; -1 and zeros where there is none."""
     weighted = np.flatnonzero(counterweights.mass > 0.0)

@@ -271,4 +271,5 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"{increment:.3g} m, allowed are {tolerance:.3g} m; {_advice(system)}"
         )
     state.tower_load[:, 1] = state.tower_load[:, 0]
+    state.tower_lateral[:, 1] = np.abs(state.tower_lateral[:, 0]) / np.maximum(state.tower_load[:, 0], 1e-9)
     let_go(system, state, modes)

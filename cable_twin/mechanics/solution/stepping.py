@@ -9,7 +9,7 @@ from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
 from cable_twin.mechanics.on_rope.friction import settle_friction
-from cable_twin.mechanics.on_rope.tower import settle_towers
+from cable_twin.mechanics.on_rope.tower import derail, settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
 
@@ -56,3 +56,4 @@ def settle(system, state):
     for carriage in range(system.carriages.fixed.size):
         settle_friction(system.carriages, state, carriage)
     settle_towers(system.cable, system.towers, state)
+    derail(system.cable, system.towers, state, system.cable.gravity)

@@ -1,0 +1,96 @@
+"""The groove of a tower's contacts in space: what holds the rope sideways, as long as it is in it.
+
+With n the normal of a contact, t the direction of the rope and b = t x n, the force sideways is -g N y b with
+y = (r - p)·b, so that g y is the ratio of the forces, and nothing is held that does not lie on it. All of it is nothing
+in a plane, where no code is made for it.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import Any
+
+from numba.extending import overload
+
+from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.language.vectors import OPTIONS, Vector, add_scaled, dot, outer, scale
+from cable_twin.mechanics.parameters import IN_GROOVE
+from cable_twin.mechanics.rope.point import add_block
+
+
+def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
+    """Depth (m) to which a contact feels the rope: not at all where it has left the grooves of its tower."""
+    if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
+        return depth
+    return -inf
+
+
+@overload(depth_in_groove, jit_options=OPTIONS)
+def _depth_in_groove(towers, state, contact, depth, like):
+    def planar(towers, state, contact, depth, like):
+        return depth
+
+    def spatial(towers, state, contact, depth, like):
+        return depth if state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE else -inf
+
+    return planar if like.count == 2 else spatial
+
+
+def with_groove(force: Vector, stiffness: float, r_x: Vector, normal: Vector, apart: Vector) -> Vector:
+    """Force (dim,) in N of a contact with that of its groove, of a stiffness in N/m; in a plane there is none."""
+    if len(force) == 2:
+        return force
+    across = sideways(r_x, normal)
+    return add_scaled(-stiffness * dot(apart, across), across, force)
+
+
+@overload(with_groove, jit_options=OPTIONS)
+def _with_groove(force, stiffness, r_x, normal, apart):
+    def planar(force, stiffness, r_x, normal, apart):
+        return force
+
+    def spatial(force, stiffness, r_x, normal, apart):
+        across = sideways(r_x, normal)
+        return add_scaled(-stiffness * dot(apart, across), across, force)
+
+    return planar if force.count == 2 else spatial
+
+
+@inlined_kernel
+def sideways(r_x, normal):
+    """Unit vector (3,) across the rope and the normal of a contact."""
+    across = cross(r_x, normal)
+    return scale(1.0 / sqrt(dot(across, across)), across)
+
+
+@inlined_kernel
+def to_the_left(r_x, normal):
+    """Unit vector (3,) across, to the left of somebody who looks along the rope with his head up."""
+    return scale(1.0 if normal[2] < 0.0 else -1.0, sideways(r_x, normal))
+
+
+def add_groove(stiffness: float, r_x: Vector, normal: Vector, point: Any, work: Any) -> None:
+    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane."""
+    if len(r_x) == 3:
+        _add_groove(stiffness, r_x, normal, point, work)
+
+
+@overload(add_groove, jit_options=OPTIONS)
+def _overload_add_groove(stiffness, r_x, normal, point, work):
+    def planar(stiffness, r_x, normal, point, work):
+        return None
+
+    def spatial(stiffness, r_x, normal, point, work):
+        _add_groove(stiffness, r_x, normal, point, work)
+
+    return planar if r_x.count == 2 else spatial
+
+
+@inlined_kernel
+def _add_groove(stiffness, r_x, normal, point, work):
+    across = sideways(r_x, normal)
+    for i in range(4):
+        for j in range(4):
+            matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)
+            add_block(matrix, point.element, i, j, work)

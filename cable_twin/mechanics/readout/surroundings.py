@@ -1,0 +1,157 @@
+"""How far rope and vehicles in space are from the ground, which may lean, and from the masts of towers.
+
+The ground goes straight from the profile under the track (y = 0) to one on each side of it and level beyond them, as it
+does beyond their ends. A body is its outline in the middle, and that of its box at half its width on both sides.
+Heights are taken at the points of these and of the rope, and between them above the points of the profiles. A mast is
+upright and round and ends at the rope; what is nearest to it in plan, of all that is below its top, counts.
+"""
+
+from __future__ import annotations
+
+from math import hypot, inf, nan
+from typing import NamedTuple
+
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.parameters import FloatArray, IntArray
+
+BOX_START, BOX_POINTS = 1, 6  # of the points of an outline: its box, between what goes from there to the pivots
+
+
+@by_reference
+class Surroundings(NamedTuple):
+    """Ground, masts and vehicles, and how near these were when somebody looked."""
+
+    middle: FloatArray  # (points, 2) m, profile under the track, x rising; none without a ground
+    left: FloatArray  # (points, 2) m, profiles on both sides
+    right: FloatArray  # (points, 2) m
+    distance: float  # m, of those from the track; 0 where the ground is level across it
+    masts: FloatArray  # (masts, 4) m, x, y, height of the top, half the width
+    first_body: IntArray  # (vehicles + 1,) number of the first body of each vehicle
+    first_corner: IntArray  # (bodies + 1,) number of the first corner of each body
+    corners: FloatArray  # (corners, 2) m, the outline of each body in its axes, one line
+    half_width: FloatArray  # (bodies,) m
+    line: FloatArray  # (corners, 3) m, scratch: an outline of one body where it is
+    lowest: FloatArray  # (1 + vehicles, 3) height, x, z in m of rope and vehicles; height NaN without one
+    nearest: FloatArray  # (vehicles, 2) distance from a mast in m, and number of that; NaN without one
+
+
+@kernel
+def look_around(around, rope, attached, body_position, body_orientation):
+    """Fill `lowest` and `nearest` with what is least of rope and vehicles, those in a station left out.
+
+    Args:
+        around: takes the result.
+        rope: (n, 3) m, points of the rope.
+        attached: (vehicles,) 0 in a station.
+        body_position: (bodies, 3) m.
+        body_orientation: (bodies, 4) unit quaternions x, y, z, w.
+    """
+    around.lowest[:, 0] = nan
+    around.nearest[:] = nan
+    ground = around.middle.shape[0] > 0
+    if ground:
+        find_least(around, rope, rope.shape[0], around.lowest[0])
+    for vehicle in range(attached.size):
+        if attached[vehicle] == 0.0:
+            continue
+        for body in range(around.first_body[vehicle], around.first_body[vehicle + 1]):
+            for side in range(-1, 2):
+                if side != 0 and around.half_width[body] == 0.0:
+                    continue
+                count = place_outline_in_space(around, body, side, body_position[body], body_orientation[body])
+                if ground:
+                    find_least(around, around.line, count, around.lowest[1 + vehicle])
+                find_nearest(around.masts, around.line, count, around.nearest[vehicle])
+
+
+@kernel
+def place_outline_in_space(around, body, side, position, turn):
+    """Put the outline of a body, or of the left (1) or right side (-1) of its box, where that is; its points.
+
+    `position` (3,) is in m, `turn` (4,) its quaternion.
+    """
+    first, line, aside = around.first_corner[body], around.line, side * around.half_width[body]
+    count = around.first_corner[body + 1] - first
+    if side != 0:
+        first, count = first + BOX_START, BOX_POINTS
+    i, j, k, real = turn[0], turn[1], turn[2], turn[3]
+    for point in range(count):
+        x, z = around.corners[first + point, 0], around.corners[first + point, 1]
+        # v + 2 u x (u x v + w v), u the vector part
+        a = j * z - k * aside + real * x
+        b = k * x - i * z + real * aside
+        c = i * aside - j * x + real * z
+        line[point, 0] = position[0] + x + 2.0 * (j * c - k * b)
+        line[point, 1] = position[1] + aside + 2.0 * (k * a - i * c)
+        line[point, 2] = position[2] + z + 2.0 * (i * b - j * a)
+    return count
+
+
+@inlined_kernel
+def height_of(profile, x):
+    """Height (m) of a profile (points, 2) at x (m)."""
+    last = profile.shape[0] - 1
+    low, high = 0, last
+    while high - low > 1:
+        half = (low + high) // 2
+        low, high = (half, high) if profile[half, 0] <= x else (low, half)
+    share = (x - profile[low, 0]) / (profile[high, 0] - profile[low, 0])
+    share = min(max(share, 0.0), 1.0)
+    return profile[low, 1] + share * (profile[high, 1] - profile[low, 1])
+
+
+@kernel
+def ground_height(around, x, y):
+    """Height (m) of the ground at x, y (m)."""
+    middle = height_of(around.middle, x)
+    if around.distance == 0.0:
+        return middle
+    beside = height_of(around.left, x) if y > 0.0 else height_of(around.right, x)
+    return middle + min(abs(y) / around.distance, 1.0) * (beside - middle)
+
+
+@kernel
+def find_least(around, line, count, lowest):
+    """Put height and place of what is least above the ground into `lowest` (3,), where that is not lower yet."""
+    for point in range(count):
+        take_height(around, line[point, 0], line[point, 1], line[point, 2], lowest)
+        if point > 0:
+            for profile in (around.middle, around.left, around.right):
+                take_between(around, profile, line[point - 1], line[point], lowest)
+
+
+@kernel
+def take_between(around, profile, start, end, lowest):
+    """Take in what of a straight line is above the points of a profile."""
+    way = end[0] - start[0]
+    for corner in range(profile.shape[0] if way != 0.0 else 0):
+        share = (profile[corner, 0] - start[0]) / way
+        if 0.0 < share < 1.0:
+            y, z = start[1] + share * (end[1] - start[1]), start[2] + share * (end[2] - start[2])
+            take_height(around, profile[corner, 0], y, z, lowest)
+
+
+@kernel
+def take_height(around, x, y, z, lowest):
+    """Take in the height of a point."""
+    height = z - ground_height(around, x, y)
+    if height < inf and not height >= lowest[0]:
+        lowest[0], lowest[1], lowest[2] = height, x, z
+
+
+@kernel
+def find_nearest(masts, line, count, nearest):
+    """Put distance (m) and number of the mast that is nearest to a line into `nearest` (2,), where none is nearer."""
+    for mast in range(masts.shape[0]):
+        x, y = masts[mast, 0], masts[mast, 1]
+        for point in range(1, count):
+            start, end = line[point - 1], line[point]
+            along, across = end[0] - start[0], end[1] - start[1]
+            square = along * along + across * across
+            share = ((x - start[0]) * along + (y - start[1]) * across) / square if square > 0.0 else 0.0
+            share = min(max(share, 0.0), 1.0)
+            if start[2] + share * (end[2] - start[2]) < masts[mast, 2]:
+                apart = hypot(x - start[0] - share * along, y - start[1] - share * across) - masts[mast, 3]
+                if not apart >= nearest[0]:
+                    nearest[0], nearest[1] = apart, mast

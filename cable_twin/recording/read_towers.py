@@ -1,0 +1,68 @@
+"""What a log tells of towers: loads by their forces, derailments by their messages, and what was so before it began."""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from cable_twin.messages import read_derailments
+from cable_twin.scenario import Scenario, tower_axes
+from cable_twin.snapshot import ENDS, Columns, Layout
+
+TOWERS = slice(len(ENDS), None)  # of the supports
+
+
+class ReadTowers:
+    """Follows all towers from frame to frame.
+
+    Args:
+        scenario: of the log.
+        layout: of its frames.
+
+    Attributes:
+        rest_loads: (towers,) N, at rest, else in the first frame; NaN before one.
+    """
+
+    def __init__(self, scenario: Scenario, layout: Layout) -> None:
+        count = len(scenario.towers)
+        self._layout, self._step = layout, scenario.solver.step
+        self._axes = tower_axes(scenario) if layout.grooves else None
+        self.rest_loads = np.full(count, nan)
+        self._lowest_loads = np.full(count, nan)  # N, since the start or the last reset
+        self._ratios = np.full(count, nan)  # -, highest of lateral over normal force since then
+        self._derailed, self._times = np.zeros((2, len(ENDS) + count))  # how, and when (s)
+
+    def go_to(self, state: Any) -> None:
+        """Take over what no frame tells of a state."""
+        self._lowest_loads[:], self._ratios[:] = state.tower_load[:, 1], state.tower_lateral[:, 1]
+        self._derailed[TOWERS] = state.derailment[:, 0]
+        self._times[TOWERS] = np.round(state.derailment[:, 1] * self._step, 9)
+
+    def reset(self) -> None:
+        """Go back to the start of the run."""
+        self._lowest_loads[:] = self.rest_loads
+        self._ratios[:] = nan
+        self._derailed[:], self._times[:] = 0.0, 0.0
+
+    def read(self, data: bytes) -> None:
+        """Take in a message of derailments."""
+        read_derailments(data, self._layout, self._derailed, self._times)
+
+    def fill(self, c: Columns) -> None:
+        """Fill the columns of a frame that has the forces of supports, or NaN."""
+        loads = np.linalg.norm(c.support_force[TOWERS], axis=1)
+        seen = np.where(np.isnan(loads), nan, 1.0)
+        self.rest_loads[:] = np.where(np.isnan(self.rest_loads), loads, self.rest_loads)
+        self._lowest_loads[:] = np.fmin(self._lowest_loads, loads)
+        c.tower_load[TOWERS], c.tower_lowest_load[TOWERS] = loads, seen * self._lowest_loads
+        c.tower_rest_load[TOWERS] = seen * self.rest_loads
+        if self._axes is not None:
+            normal, left = (np.einsum("td,td->t", axes, c.support_force[TOWERS]) for axes in self._axes)
+            self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, np.inf))
+            c.tower_lateral[TOWERS], c.tower_lateral_ratio[TOWERS] = left, seen * self._ratios
+            c.tower_derailed[TOWERS], c.tower_derailed_time[TOWERS] = self._derailed[TOWERS], self._times[TOWERS]
+
+
+__all__ = ["ReadTowers"]

@@ -1,0 +1,114 @@
+"""Values of towers and terrain in space that are sound alone but not together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import atan2, degrees
+
+import numpy as np
+
+from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
+from cable_twin.scenario.build import build_system, tower_axes
+from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.schema import Scenario, Tower
+
+MOST_TURN = 60.0  # degrees in plan at a tower; sheaves turn a rope by a few, and stations by more
+ALONG = 0.9  # cosine to the rope from which on a groove opens along it
+
+
+def space_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them."""
+    cable = scenario.cable
+    places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
+    corners = [np.array(scenario.vector(place), dtype=np.float64) for place in places]
+    for number, (name, tower) in enumerate(scenario.towers.items()):
+        if scenario.dim == 2:
+            for key in ("groove_direction", "mast_offset", "mast_width"):
+                given = getattr(tower, key)
+                if given is not None:
+                    given = list(given) if isinstance(given, tuple) else given
+                    yield Fault(("towers", name, key), f"given {show(given)} in a plane; allowed: only in space")
+        elif all(map(np.any, np.diff(corners[number : number + 3], axis=0))):
+            yield from _tower(scenario, ("towers", name), tower, corners[number : number + 3])
+    yield from _sides(scenario)
+
+
+def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.ndarray]) -> Iterator[Fault]:
+    """A line that turns back in plan, grooves that open where no rope lies, and half a mast."""
+    first, second = np.diff(corners, axis=0)[:, :2]
+    turn = degrees(abs(atan2(first[0] * second[1] - first[1] * second[0], first @ second)))
+    if turn >= MOST_TURN:
+        yield Fault(
+            (*path, "position"),
+            f"given {show(list(tower.position))}, where the line turns by {turn:.3g} degrees in plan, which no rope "
+            f"follows on a tower; allowed: less than {MOST_TURN:g} degrees",
+        )
+    if (tower.mast_offset is None) != (tower.mast_width is None):
+        missing = "mast_offset" if tower.mast_offset is None else "mast_width"
+        yield Fault((*path, missing), "nothing given, but a mast has offset and width; allowed: both or none, in m")
+    if tower.groove_direction is None:
+        return
+    path, opening = (*path, "groove_direction"), np.array(scenario.vector(tower.groove_direction))
+    given, size = show(list(tower.groove_direction)), float(np.linalg.norm(opening))
+    if size == 0.0:
+        yield Fault(path, f"given {given}; allowed: a direction, not all numbers zero")
+    elif opening[2] * (-1.0 if tower.hold_down else 1.0) <= 0.0:
+        where = "below 0, as it holds the rope down" if tower.hold_down else "above 0"
+        yield Fault(path, f"given {given}, which points away from the rope; allowed: x, y, z with z {where}")
+    elif abs(float(line_over(*corners) @ opening)) > ALONG * size:
+        yield Fault(path, f"given {given}, which points along the rope; allowed: a direction across it")
+
+
+def rest_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Towers in space in whose grooves the bare cable would not stay at rest, of a scenario without other faults."""
+    if scenario.dim == 2 or not scenario.towers:
+        return
+    system = build_system(scenario)
+    try:
+        loads = rest_over_supports(system).load()
+    except EquilibriumError:
+        return  # which is said where it is to be laid
+    corners = np.concatenate([system.cable.end_position[:1], system.towers.top, system.cable.end_position[1:]])
+    sides, _ = tower_axes(scenario)
+    for number, (name, tower) in enumerate(scenario.towers.items()):
+        load, side, (before, here, after) = loads[number], sides[number], corners[number : number + 3]
+        normal = float(load @ side)
+        if normal <= 0.0 and tower.groove_direction is not None:
+            force = np.round(load / np.linalg.norm(load), 2).tolist()
+            yield Fault(
+                ("towers", name, "groove_direction"),
+                f"given {show(list(tower.groove_direction))}, which points away from the bare cable at rest: it would "
+                f"have to be pulled in with {-normal:.4g} N; allowed: within 90 degrees of the force on it, {force}",
+            )
+        across = np.cross(line_over(before, here, after), side)
+        ratio = abs(float(load @ across / np.linalg.norm(across))) / normal if normal > 0.0 else 0.0
+        if ratio > tower.derailment_ratio:
+            share = (here - before)[:2] @ (after - before)[:2] / np.square((after - before)[:2]).sum()
+            straight = float(before[1] + share * (after - before)[1])
+            yield Fault(
+                ("towers", name, "position"),
+                f"given {show(list(tower.position))}, where the bare cable at rest pushes sideways with "
+                f"{ratio * normal:.4g} N, {ratio:.3g} of its normal force; allowed: at most {tower.derailment_ratio:g} "
+                f"of it (derailment_ratio), with y nearer to {straight:.4g} m, where the line is straight in plan, or "
+                "with a groove_direction that leans",
+            )
+
+
+def _sides(scenario: Scenario) -> Iterator[Fault]:
+    """Profiles beside the track that do not go with the one under it."""
+    sides, path = scenario.terrain_sides, ("terrain_sides",)
+    if sides is None:
+        return
+    if scenario.dim == 2:
+        yield Fault(path, "given in a plane; allowed: only in space")
+    if not scenario.terrain:
+        yield Fault(path, "given without terrain; allowed: beside the profile under the track, points x, z in m")
+    for side in ("left", "right"):
+        x = [point[0] for point in getattr(sides, side)]
+        for number, (before, after) in enumerate(pairwise(x), start=1):
+            if after <= before:
+                yield Fault((*path, side, number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
+
+
+__all__ = ["rest_faults", "space_faults"]
