@@ -28,6 +28,7 @@ MODULES = (
     "loads",
     "meshes",
     "space",
+    "rotation",
 )
 
 

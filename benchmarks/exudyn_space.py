@@ -1,0 +1,144 @@
+"""Ours beside Exudyn's three-dimensional cable: gravity, and side forces that set in at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+
+from benchmarks.cases import ROPE_LENGTH, SPAN, ropeway
+from benchmarks.exudyn_in_space import SpatialModel
+from benchmarks.exudyn_model import DEFAULT_JOINT, load_exudyn
+from benchmarks.measure import Effort, Timing, interleave, note_on_load
+from benchmarks.report import Part, Table, Value
+from cable_twin.mechanics.state import write_state
+from cable_twin.records import FloatArray
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+OURS, THEIRS = "cable_twin", "Exudyn"
+PUSH = 2000.0  # N sideways, at three places
+LEAST = 12.0  # times as fast
+NEAR = 1e-3  # of the span: most that the two may be apart
+NOTES = [
+    "`ANCFCable`, `NodePointSlope1`, `ObjectJointSliding` without held turns and a body of `NodeRigidBodyRxyz`, solved "
+    "as in the part `exudyn`: modified Newton, sparse LU with its pattern kept, 4 Gauss points, one thread.",
+    f"At rest under its weight, the rope is pushed sideways with {PUSH:g} N at each quarter of its length from the "
+    "start on; the vehicle slides freely. Distance: largest between nodes, or between upper pivots, at the end of the "
+    f"run; allowed are {NEAR * 1e3:g} mm per metre of span. Exudyn's joint in space is of first order in the step.",
+    f"Ours has to be at least {LEAST:g} times as fast, by processor time.",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One rope of a kilometre."""
+
+    elements: int
+    vehicles: int
+    duration: float  # s
+
+    @property
+    def name(self) -> str:
+        """In tables."""
+        return f"1 km, {self.elements} elements, {'one moving vehicle' if self.vehicles else 'bare'}"
+
+
+def pushed(case: Case) -> Simulation:
+    """At rest under its weight, with the side forces just set in."""
+    rest = {**ropeway(case.elements, max(case.vehicles, 1)).model_dump(exclude_unset=True), "space": 3}
+    if not case.vehicles:
+        rest["carriages"] = {}
+    length = ROPE_LENGTH / case.elements
+    places = [part * case.elements // 4 * length for part in (1, 2, 3)]
+    loads = [{"arc_length": place, "force": [0.0, PUSH, 0.0]} for place in places]
+    still, simulation = Simulation(load_scenario(rest)), Simulation(load_scenario(rest, {"cable.loads": loads}))
+    full = simulation.capture()
+    write_state(still.state, full.state)
+    simulation.restore(full)
+    return simulation
+
+
+class Contestant:
+    """One program on one case; remembers where the last run ended."""
+
+    def __init__(self, case: Case, exudyn: Any = None) -> None:
+        self._case, self._exudyn = case, exudyn
+        self.nodes: FloatArray = np.zeros((0, 3))
+        self.vehicles: dict[str, FloatArray] = {}
+        self.iterations = 0
+
+    def prepare(self) -> Callable[[], None]:
+        """Build the system at its start; what is returned runs it."""
+        simulation = pushed(self._case)
+        if self._exudyn is None:
+            return lambda: self._run_ours(simulation)
+        model = SpatialModel(self._exudyn, simulation, DEFAULT_JOINT)
+        return lambda: self._run_exudyn(model)
+
+    def _run_ours(self, simulation: Simulation) -> None:
+        snapshot = simulation.advance_to(self._case.duration)
+        self.iterations = snapshot.solver.iterations
+        self.nodes = simulation.state.nodes.position[:, 0]
+        self.vehicles = {name: state.position for name, state in snapshot.carriages.items()}
+
+    def _run_exudyn(self, model: SpatialModel) -> None:
+        model.run(self._case.duration)
+        self.iterations, self.nodes, self.vehicles = model.iterations, model.shape(), model.positions()
+
+
+def run(effort: Effort, progress: Progress) -> Part:
+    """Run every case with both programs."""
+    exudyn = load_exudyn()
+    if exudyn is None:
+        note = "Exudyn is not installed: `pip install '.[bench]'` makes this part."
+        return Part("Exudyn in space", [Table("none", [{"case": "none"}])], [note])
+    duration = 1.0 if effort.quick else 5.0
+    cases = [Case(elements, vehicles, duration) for elements in (100, 200) for vehicles in (0, 1)]
+    rows: list[dict[str, Value]] = []
+    faults: list[str] = []
+    shares: list[Timing] = []
+    for case in cases[:2] if effort.quick else cases:
+        contestants = {OURS: Contestant(case), THEIRS: Contestant(case, exudyn)}
+        prepared = {name: contestant.prepare for name, contestant in contestants.items()}
+        timings = interleave(prepared, effort.repetitions, progress, case.name)
+        shares += timings.values()
+        rows.append(_row(case, contestants, timings))
+        faults += _faults(rows[-1], effort.quick)
+    title = f"{duration:g} s in steps of 10 ms"
+    return Part("Exudyn in space", [Table(title, rows)], [*NOTES, note_on_load(shares)], faults)
+
+
+def _row(case: Case, contestants: dict[str, Contestant], timings: dict[str, Timing]) -> dict[str, Value]:
+    ours, theirs = contestants[OURS], contestants[THEIRS]
+    steps = round(case.duration / 0.01)
+    apart = float(np.linalg.norm(ours.nodes - theirs.nodes, axis=1).max())
+    joints = [float(np.linalg.norm(place - theirs.vehicles[name])) for name, place in ours.vehicles.items()]
+    return {
+        "case": case.name,
+        "ours, per step [µs]": timings[OURS].processor / steps * 1e6,
+        "iterations": ours.iterations / steps,
+        "Exudyn, per step [µs]": timings[THEIRS].processor / steps * 1e6,
+        "iterations of Exudyn": theirs.iterations / steps,
+        "ours faster [times]": timings[THEIRS].processor / timings[OURS].processor,
+        "moved sideways [m]": float(np.abs(ours.nodes[:, 1]).max()),
+        "ropes apart [mm]": apart * 1e3,
+        "vehicles apart [mm]": max(joints) * 1e3 if joints else None,
+        "allowed [mm]": NEAR * SPAN * 1e3,
+    }
+
+
+def _faults(row: dict[str, Value], quick: bool) -> list[str]:
+    """Limits that are missed, a line each; times of a quick run are of one turn and not looked at."""
+    found = [
+        f"exudyn_space: {row['case']}: {key} is {row[key]:.3g}, allowed: {row['allowed [mm]']:g}"
+        for key in ("ropes apart [mm]", "vehicles apart [mm]")
+        if row[key] is not None and not float(row[key] or 0.0) <= float(row["allowed [mm]"] or 0.0)
+    ]
+    faster = float(row["ours faster [times]"] or 0.0)
+    if not quick and faster < LEAST:
+        found.append(f"exudyn_space: {row['case']}: ours faster [times] is {faster:.3g}, allowed: {LEAST:g} or more")
+    return found
