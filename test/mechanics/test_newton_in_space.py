@@ -298,5 +298,5 @@ def test_tangent_of_towers(case, tolerance):
 
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
 def test_newton_step_with_a_damper_against_the_rope(mode):
-    """Its rate is taken as a part of its turn, which is not exact: to a tenth, where all moves at metres and turns at radians a second."""
+    """Its rate is taken as a part of its turn, which is not exact: to a tenth where all is in violent motion."""
     check_newton_step(*setup(3, mode, turning=False, **SPRINGS, **FIRST_DAMPERS), tolerance=0.1)
