@@ -201,3 +201,46 @@ def test_functions_of_one_name_and_types_stay_apart(tmp_path, kind, more):
         assert result.returncode == 0, result.stderr
         outputs.append(float(result.stdout))
     assert outputs == [2.0 + more, 3.0 + more, 302.0 + 101.0 * more]
+
+
+HELPER = """
+from cable_twin.mechanics.language.compilation import kernel
+
+@kernel
+def scaled(x):
+    return {factor} * x
+"""
+EDITED = """
+import sys
+from pathlib import Path
+from cable_twin.mechanics.language.compilation import kernel
+
+@kernel
+def first(x):  # here it is settled where compiled code of this folder is kept
+    return x
+
+if len(sys.argv) > 1:
+    Path(__file__).with_name("helper.py").write_text(sys.argv[1])
+from helper import scaled
+
+@kernel
+def outer(x):
+    return scaled(x) + 0.5
+
+print(outer(1.0))
+"""
+
+
+def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_starts(tmp_path):
+    """What calls the edited one has not changed itself, and is kept where the old one is."""
+    (tmp_path / "program.py").write_text(EDITED)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=2.0))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment |= {"NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    outputs = []
+    for edit in ([], [HELPER.format(factor=3.0)], [HELPER.format(factor=2.0)], []):
+        command = [sys.executable, str(tmp_path / "program.py"), *edit]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        assert result.returncode == 0, result.stderr
+        outputs.append(float(result.stdout))
+    assert outputs == [2.5, 3.5, 2.5, 2.5]
