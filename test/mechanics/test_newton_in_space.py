@@ -7,7 +7,7 @@ they use residuals alone. Their derivatives are differences of fourth order.
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import changed, dense_blocks, difference, disturbed_state, make_system
+from systems import changed, dense_blocks, difference, disturbed_state, make_system, second_difference
 from test_chain_in_space import Moved, aligned, stored_holding
 
 from cable_twin.mechanics.on_rope.buffer import stop_force
@@ -18,7 +18,13 @@ from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
-from cable_twin.mechanics.solution.equations_of_motion import add_loads, assemble, measure_gaps, solve
+from cable_twin.mechanics.solution.equations_of_motion import (
+    add_loads,
+    assemble,
+    measure_gap_accelerations,
+    measure_gaps,
+    solve,
+)
 
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact
@@ -242,6 +248,34 @@ def test_newton_step_of_a_clamped_and_of_a_free_end():
     along = np.array([0.8, 0.36, 0.48])
     projector = np.stack([np.stack([np.zeros(9), np.outer(along, along).ravel()]), np.tile(np.eye(3).ravel(), (2, 1))])
     check_newton_step(*setup(1, cable={**ELASTIC, "end_projector": projector}))
+
+
+@pytest.mark.parametrize("feedback", [0.0, 3.0])
+@pytest.mark.parametrize(("bodies", "held"), [(1, 1), (3, 1), (3, 2)])
+def test_right_side_of_the_constraints(bodies, held, feedback):
+    """γ: second differences of all gaps along a motion without accelerations, and Baumgarte's terms: to 1e-6."""
+    system, state, work = setup(bodies, held=held)
+    start = Rotation.random(bodies, random_state=4)  # nothing is at right angles
+    state.bodies.position[:, 3:] = start.as_quat()
+
+    def along(t):
+        turned = Rotation.from_rotvec(t * state.bodies.velocity[:, 3:]) * Rotation.from_quat(
+            state.bodies.position[:, 3:]
+        )
+        places = state.bodies.position[:, :3] + t * state.bodies.velocity[:, :3]
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + t * state.nodes.velocity,
+            bodies_position=np.hstack([places, turned.as_quat()]),
+            joints_position=state.joints.position + t * state.joints.velocity,
+        )
+        return chain(system, moved).gaps()
+
+    rate = difference(lambda t: along(t[0]), np.zeros(1), 1e-3)[:, 0]
+    exact = second_difference(along, 1e-3) + 2.0 * feedback * rate + feedback**2 * along(0.0)
+    measure_gap_accelerations(system, state, feedback, work)
+    holding = [work.held_gap[body, : system.carriages.held[body]] for body in range(bodies)]
+    np.testing.assert_allclose(np.concatenate([work.joint_gap.ravel(), *holding]), exact, atol=1e-6)
 
 
 def on_towers(depth=0.03, aside=0.004, friction=0.3, damping=0.2):
