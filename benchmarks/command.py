@@ -14,12 +14,14 @@ from benchmarks import (
     accuracy,
     convergence,
     exudyn_comparison,
+    exudyn_space,
     frame,
     graded,
     learning,
     live,
     lockstep,
     scaling,
+    space,
     startup,
 )
 from benchmarks.measure import BenchmarkError, Effort
@@ -30,6 +32,8 @@ FILE_WIDTH = 120  # columns where the output is no terminal
 DONE, FAILED = 0, 1  # exit codes; argparse ends with 2
 PARTS = {
     "exudyn": (exudyn_comparison.run, "cost of a step, ours and Exudyn's on the same mesh, and how far they are apart"),
+    "exudyn_space": (exudyn_space.run, "the same in space, beside Exudyn's ANCFCable: a rope of 1 km pushed sideways"),
+    "space": (space.run, "the shipped ropeways in space beside themselves in a plane"),
     "scaling": (scaling.run, "cost over 12 to 3200 elements and 1 to 200 carriages, with fitted exponents"),
     "startup": (startup.run, "memory, import, cold and warm start of a fresh process"),
     "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -33,6 +34,7 @@ class Setting:
     contractivity: float  # -, largest ratio of two residuals with one Jacobian
     kept_iterations: int  # with one Jacobian
     tolerance: float = 1e-6  # of the residual, absolute and relative to its first value
+    modified: bool = True  # or a new Jacobian in each iteration, as Exudyn comes
 
 
 DEFAULT_JOINT = Setting("Exudyn, default joint", True, 0.5, 8)  # Newton as Exudyn has it by default
@@ -86,7 +88,7 @@ class ExudynModel:
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # as ours: released from rest
         newton = settings.timeIntegration.newton
         newton.relativeTolerance = newton.absoluteTolerance = setting.tolerance
-        newton.useModifiedNewton = True
+        newton.useModifiedNewton = setting.modified
         newton.modifiedNewtonContractivity = setting.contractivity
         newton.maxModifiedNewtonIterations = setting.kept_iterations
         newton.maxModifiedNewtonRestartIterations = max(7, setting.kept_iterations - 1)
@@ -187,11 +189,11 @@ class ExudynModel:
         )
 
 
-def nodal_shape(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
-    """Nodes of the cable now: x, z (nodes, 2) in m and slopes r_x (nodes, 2), exact as each element is a cubic."""
+def nodal_shape(simulation: Simulation, axes: Sequence[int] = (0, 2)) -> tuple[FloatArray, FloatArray]:
+    """Nodes of the cable now: `axes` of places (nodes, 2) in m and of slopes r_x, exact as each element is a cubic."""
     cable = simulation.scenario.cable
     length = cable.unstrained_length / cable.elements
-    points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))[:, [0, 2]]
+    points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))[:, axes]
     nodes = points[::3]
     ahead = np.array([-11.0, 18.0, -9.0, 2.0]) / (2.0 * length)  # one-sided third-order difference over a third
     slopes = sum(weight * points[k : points.shape[0] - 3 + k : 3] for k, weight in enumerate(ahead))

@@ -94,6 +94,53 @@ def test_another_motion_is_a_fault(monkeypatch):
     assert all("allowed are" in fault and "mm from cable_twin" in fault for fault in part.faults)
 
 
+def test_moves_as_exudyn_does_in_space(tmp_path):
+    """A rope of a kilometre, pushed sideways: bare to a hundredth of a millimetre, far below 1 mm per metre of span."""
+    pytest.importorskip("exudyn")
+    result = run("exudyn_space", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    times, distances = json.loads((tmp_path / "benchmarks.json").read_text())["exudyn_space"]["tables"]
+    bare, vehicle = distances["rows"]
+    assert [row["case"] for row in times["rows"]] == [bare["case"], vehicle["case"]]
+    assert [bare["case"], vehicle["case"]] == ["1 km, 100 elements, bare", "1 km, 100 elements, one moving vehicle"]
+    assert min(numbers(times["rows"], "faster than Exudyn [times]")) > 3.0  # of one turn on whatever else runs
+    assert min(numbers(distances["rows"], "moved sideways [m]")) > 0.3
+    assert bare["ropes apart [mm]"] < 0.01
+    assert vehicle["ropes apart [mm]"] < 20.0
+    assert vehicle["vehicles apart [mm]"] < 20.0
+
+
+def test_another_motion_in_space_is_a_fault(monkeypatch):
+    """A tenth less gravity in Exudyn, which in the second of a quick run is half a metre."""
+    pytest.importorskip("exudyn")
+    from rich.progress import Progress  # noqa: PLC0415
+
+    from benchmarks import exudyn_space  # noqa: PLC0415
+    from benchmarks.measure import Effort  # noqa: PLC0415
+
+    def lighter(self, exudyn, simulation, setting):
+        scenario = simulation.scenario
+        simulation.scenario = scenario.model_copy(update={"gravity": 0.9 * scenario.gravity})
+        built(self, exudyn, simulation, setting)
+
+    built = exudyn_space.SpatialModel.__init__
+    monkeypatch.setattr(exudyn_space.SpatialModel, "__init__", lighter)
+    monkeypatch.setattr(exudyn_space, "NEAR", 1e-4)
+    with Progress(disable=True) as progress:
+        part = exudyn_space.run(Effort(quick=True, repetitions=1), progress)
+    assert part.faults
+    assert all("ropes apart [mm] is" in fault and "allowed: 100" in fault for fault in part.faults if "ropes" in fault)
+
+
+def test_what_space_costs(tmp_path):
+    result = run("space", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["space"]["tables"]
+    (row,) = table["rows"]
+    assert 1.0 < row["space, times the plane"] < 4.0  # allowed are 2.5, of more turns
+    assert numbers(table["rows"], "space, times real time")
+
+
 def test_parts_that_were_not_run_stay(tmp_path):
     assert run("scaling", "--quick", "--output", tmp_path).returncode == 0
     path = tmp_path / "benchmarks.json"
@@ -138,8 +185,8 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
     [
         (
             ["speed"],
-            "'speed' is no part; allowed are exudyn, scaling, startup, frame, graded, accuracy, convergence, "
-            "learning, lockstep, live",
+            "'speed' is no part; allowed are exudyn, exudyn_space, space, scaling, startup, frame, graded, accuracy, "
+            "convergence, learning, lockstep, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),

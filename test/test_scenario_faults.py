@@ -156,7 +156,7 @@ def test_supports_and_loads_that_contradict():
     faults = faults_of("seed_example", {"cable.start.support": "clamped"})
     assert any("cable.start.direction: nothing given, but a clamped end needs it" in fault for fault in faults)
     faults = faults_of("seed_example", {"cable.start.support": "clamped", "cable.start.direction": [0, 0]})
-    assert any("allowed: a direction, not both numbers zero" in fault for fault in faults)
+    assert any("allowed: a direction, not all numbers zero" in fault for fault in faults)
 
 
 def test_unknown_keys_name_the_nearest_one():

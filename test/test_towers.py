@@ -28,7 +28,7 @@ FAULTS = [
     ("cable.end.mass", None, "nothing given, but a counterweight needs it; allowed: a number above 0, in kg"),
     ("cable.end.mass", 8e6, "a strain of 19.7 %; allowed: at most 1.99e+07 N, for a strain of 5 %"),
     ("cable.end.direction", None, "nothing given, but a counterweight needs it"),
-    ("cable.end.direction", [0, 0], "allowed: a direction, not both numbers zero"),
+    ("cable.end.direction", [0, 0], "allowed: a direction, not all numbers zero"),
     ("cable.end.direction", [-1, 0], "lets the cable go slack; allowed: one that pulls it away from [500.0, 80.0]"),
     ("cable.end.travel", [3, -3], "given [3.0, -3.0]; allowed: the least travel, then a greater one, in m"),
     ("cable.end.travel", [2, 2], "allowed: the least travel, then a greater one"),

@@ -84,7 +84,7 @@ def test_turbulence_comes_from_its_seed():
     ("changes", "said"),
     [
         ({"air.wind": [80.0, 70.0, 0.0]}, "air.wind: given [80.0, 70.0, 0.0], 106.3 m/s; allowed: at most 100 m/s"),
-        ({"space": 2}, "air.wind: given [2.0, 9.0, 0.0] in a plane; allowed: x, z, or space: 3"),
+        ({"space": 2}, "air.wind: given [2.0, 9.0, 0.0] in a plane; allowed: x, z in m/s, or space: 3"),
         ({"air.gusts": [{"time": 1.0, "amplitude": [0.0, 120.0, 0.0]}]}, "air.gusts.0.amplitude: given [0.0, 120.0,"),
         ({"air.gusts": [{"time": 1.0}]}, "air.gusts.0.amplitude: nothing given, but it is needed; allowed: a list"),
         ({"air.gusts": [{"time": -1.0, "amplitude": [1.0, 0.0]}]}, "air.gusts.0.time: given -1.0; allowed: a finite"),

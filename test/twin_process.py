@@ -78,7 +78,7 @@ def environment(directory: Path, domain: int | None = None) -> dict[str, str]:
     }
 
 
-def write_quick_scenario(directory: Path) -> Path:
+def write_quick_scenario(directory: Path, space: int = 2) -> Path:
     """One span whose drive reaches its speed in a second or two, in wind or calm, and that costs little to solve."""
     yaml = YAML()
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
@@ -91,6 +91,9 @@ def write_quick_scenario(directory: Path) -> Path:
     cabin["bodies"]["cabin"].update(mass=9500.0, inertia=23156.0)
     cabin["payload"] = {"capacity": 6400.0, "position": [0.3, -0.8], "station_distance": 70.0}
     cabin["bodies"]["cabin"]["drag_area"] = 15.0
+    if space == 3:
+        content["space"] = 3
+        cabin["bodies"]["cabin"]["inertia_tensor"] = [21000.0, 23156.0, 15000.0]
     path = directory / "quick.yaml"
     with path.open("w", encoding="utf-8") as stream:
         yaml.dump(content, stream)

@@ -28,6 +28,7 @@ MODULES = (
     "loads",
     "meshes",
     "space",
+    "rotation",
     "wind",
     "grooves",
     "en50318",

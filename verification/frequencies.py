@@ -40,28 +40,33 @@ def irvine_frequencies(ratio: float, string: float, count: int) -> Array:
     return np.sort(np.concatenate([np.array(symmetric) / np.pi, 2.0 * np.arange(1, count + 1)]))[:count] * string
 
 
+SPAN, WEIGHT, LEVEL = 100.0, 98.1, 1e5  # m, N/m, N: of the flat cable
+RATIOS = 5.0, 40.0, 200.0  # λ²: below, near and above the crossover of 4 π²
+STRING = np.sqrt(LEVEL / 10.0) / (2.0 * SPAN)  # Hz
+
+
+def flat_cable(ratio: float) -> dict[str, float]:
+    """Changes of a level span that give it λ² and the level tension, with a sag of 1/82 of the span."""
+    pull = WEIGHT * SPAN / LEVEL
+    stiffness = ratio * LEVEL * SPAN * (1.0 + pull**2 / 8.0) / (pull**2 * SPAN)
+
+    def width(length: float) -> float:
+        half = 0.5 * WEIGHT * length
+        return LEVEL * length / stiffness + 2.0 * LEVEL / WEIGHT * np.arcsinh(half / LEVEL) - SPAN
+
+    return {
+        "cable.unstrained_length": brentq(width, 50.0, 150.0, xtol=1e-12),
+        "cable.axial_stiffness": stiffness,
+        "cable.elements": 48,
+    }
+
+
 @case("in-plane frequencies of a flat cable", "Irvine, Caughey 1974")
 def cable_frequencies() -> Iterator[Result]:
-    """Below, near and above the crossover of λ² = 4 π²; the sag is 1/82 of the span, the theory is for small ones."""
-    span, weight, horizontal = 100.0, 98.1, 1e5
-    string = np.sqrt(horizontal / 10.0) / (2.0 * span)
-    for ratio in (5.0, 40.0, 200.0):
-        pull = weight * span / horizontal
-        arc = span * (1.0 + pull**2 / 8.0)
-        stiffness = ratio * horizontal * arc / (pull**2 * span)
-
-        def width(length: float, stiffness: float = stiffness) -> float:
-            half = 0.5 * weight * length
-            stretch = horizontal * length / stiffness
-            return stretch + 2.0 * horizontal / weight * np.arcsinh(half / horizontal) - span
-
-        changes = {
-            "cable.unstrained_length": brentq(width, 50.0, 150.0, xtol=1e-12),
-            "cable.axial_stiffness": stiffness,
-            "cable.elements": 48,
-        }
-        simulation = Simulation(load_scenario(LEVEL_SPAN, changes))
-        exact = irvine_frequencies(ratio, string, 5)
+    """At three λ²."""
+    for ratio in RATIOS:
+        simulation = Simulation(load_scenario(LEVEL_SPAN, flat_cable(ratio)))
+        exact = irvine_frequencies(ratio, STRING, 5)
         for number, (expected, got) in enumerate(zip(exact, simulation.natural_frequencies(5), strict=True), 1):
             yield Result(f"λ² = {ratio:g}, frequency {number}", "Hz", expected, float(got), 0.01 * expected)
 

@@ -17,7 +17,9 @@ from cable_twin.mechanics.state import State, allocate_state, allocate_workspace
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
+from verification.frequencies import RATIOS, STRING, flat_cable, irvine_frequencies
 from verification.models import GRAVITY, changing, for_kernels, observed_order
+from verification.statics import CANTILEVER, LEVEL_SPAN, elastica
 
 HANGER = {"mass": 200.0, "inertia": 100.0, "upper_pivot": [0.0, 1.5], "lower_pivot": [0.0, -1.5], "damping": 50.0}
 CABIN = {"mass": 800.0, "inertia": 600.0, "upper_pivot": [0.1, 1.0], "drag_area": 4.0}
@@ -208,27 +210,38 @@ def conical_pendulum() -> Iterator[Result]:
     yield Result("order in time", "-", 2.0, observed_order(errors), 0.1)
 
 
-@case("frequencies out of the plane", "n/(2 L) √(H/m), untouched by sag to first order (Irvine 1981)", needs_jit=True)
-def lateral_frequencies() -> Iterator[Result]:
-    """Three sags; of all modes those that move across the plane."""
-    length, mass = 200.0, 5.0
-    for slack in (1.0005, 1.002, 1.005):
-        rope = {
-            "unstrained_length": slack * length,
-            "mass_per_length": mass,
-            "axial_stiffness": 1e9,
-            "bending_stiffness": 0.0,
-            "elements": 60,
-            "start": {"position": [0.0, 0.0, 0.0]},
-            "end": {"position": [length, 0.0, 0.0]},
-        }
-        simulation = Simulation(load_scenario({"cable": rope}))
-        level = abs(float(simulation.snapshot.supports["start"].force[0]))
-        frequencies, shapes = natural_modes(simulation.system, simulation.state, 12)
-        across = np.abs(shapes[:, :, 0, 1]).max(axis=1) > 10.0 * np.abs(shapes[:, :, 0, 2]).max(axis=1)
-        for number, got in enumerate(frequencies[across][:3], start=1):
-            want = number / (2.0 * length) * sqrt(level / mass)
-            yield Result(f"mode {number}, slack {100 * (slack - 1):.2g} %", "Hz", want, float(got), 0.01 * want)
+@case(
+    "frequencies in space", "across n/(2 L) √(H/m), untouched by sag to first order; in the plane Irvine, Caughey 1974"
+)
+def frequencies_in_space() -> Iterator[Result]:
+    """At three λ²; of all modes of a flat cable, those that move across the plane and those in it."""
+    for ratio in RATIOS:
+        simulation = Simulation(load_scenario(LEVEL_SPAN, {**flat_cable(ratio), "space": 3}))
+        frequencies, shapes = natural_modes(simulation.system, simulation.state, 10)
+        sizes = np.abs(shapes[:, :, 0]).max(axis=1)
+        aside = sizes[:, 1] > sizes[:, 2]
+        for kind, chosen, exact in (
+            ("across", aside, STRING * np.arange(1.0, 4.0)),
+            ("in the plane", ~aside, irvine_frequencies(ratio, STRING, 3)),
+        ):
+            for number, (want, got) in enumerate(zip(exact, frequencies[chosen][:3], strict=True), start=1):
+                yield Result(f"λ² = {ratio:g}, {number} {kind}", "Hz", float(want), float(got), 0.01 * want)
+
+
+@case("order of convergence, cantilever loaded askew", "elastica, in the plane of the load", needs_jit=True)
+def order_of_elements() -> Iterator[Result]:
+    """The force at the tip is turned about the clamp's axis by 0.7 rad, so is the elastica."""
+    across, up = -sin(OBLIQUE), cos(OBLIQUE)
+    x, z, _ = elastica(3.0, 1e2, "continuum")
+    errors = []
+    for elements in (8, 16, 32):
+        load = {"arc_length": 1.0, "force": [0.0, -3.0 * across, -3.0 * up]}
+        changes = {"space": 3, "cable.axial_stiffness": 1e2, "cable.elements": elements, "cable.loads": [load]}
+        end = Simulation(load_scenario(CANTILEVER, changes)).cable_positions(np.ones(1))[0]
+        errors.append(float(np.linalg.norm(end - [x, z * across, z * up])))
+    yield Result("order, 8 to 16 elements", "-", 4.0, observed_order(errors[:2]), 0.05)
+    yield Result("order, 16 to 32 elements", "-", 4.0, observed_order(errors), 0.05)
+    yield Result("tip on 32 elements", "m", 0.0, errors[-1], 2e-8)
 
 
 @case(

@@ -34,14 +34,24 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
     places |= {("towers", name, "position"): tower.position for name, tower in scenario.towers.items()}
     for path, given in places.items():
         if given is not None and len(given) == 2 < dim and scenario.space is None:
-            yield Fault(path, f"given {show(list(given))} where others have three numbers; allowed: x, y, z in m")
+            yield Fault(
+                path, f"given {show(list(given))} where others have three numbers; allowed: x, y, z{_unit(path)}"
+            )
     places |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
     places[("air", "wind")] = scenario.air.wind
     for path, given in places.items():
         if given is not None and len(given) > dim:
-            yield Fault(path, f"given {show(list(given))} in a plane; allowed: x, z, or space: 3 or positions x, y, z")
+            space = "space: 3 or positions x, y, z"
+            yield Fault(
+                path, f"given {show(list(given))} in a plane; allowed: x, z{_unit(path)}, or {space} throughout"
+            )
     if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
         yield Fault(("cable", "loads"), "given a moment in space; allowed: moments on a cable in a plane, in N m")
+
+
+def _unit(path: KeyPath) -> str:
+    """Unit of a vector, as a fault has it; a direction has none."""
+    return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
 
 
 def _elements(cable: Cable) -> Iterator[Fault]:
@@ -70,7 +80,7 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
             if end.direction is None:
                 yield Fault(path, f"nothing given, but {_kind(end)} needs it; allowed: a list of 2 finite numbers")
             elif hypot(*end.direction) == 0.0:
-                yield Fault(path, f"given {show(list(end.direction))}; allowed: a direction, not both numbers zero")
+                yield Fault(path, f"given {show(list(end.direction))}; allowed: a direction, not all numbers zero")
         elif end.support is not None and end.direction is not None:
             yield Fault(
                 path,

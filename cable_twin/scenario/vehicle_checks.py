@@ -162,8 +162,6 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             )
     if scenario.carriers is not None:
         yield from _carriers(scenario, scenario.carriers)
-    if scenario.dim == 3 and scenario.vehicles and scenario.solver.integrator == "runge_kutta":
-        yield Fault(("solver", "integrator"), "given 'runge_kutta' for carriages in space; allowed: generalized_alpha")
 
 
 def _payload(path: KeyPath, carriage: Carriage) -> Iterator[Fault]:

@@ -311,6 +311,14 @@ def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
         array = arrays[f"{part}/{key}"]
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise SnapshotError(f"{name}: damaged: {part}/{key} is not finite")
+    bodies = arrays[f"{part}/bodies.position"]
+    if bodies.ndim == 2 and bodies.shape[1] == 7:  # in space
+        lengths = np.linalg.norm(bodies[:, 3:], axis=1)
+        for body in np.flatnonzero(np.abs(lengths - 1.0) > 1e-6)[:1]:
+            raise SnapshotError(
+                f"{name}: damaged: {part}/bodies.position: the quaternion of body {body} has a length of "
+                f"{lengths[body]:.3g}; allowed: 1"
+            )
     return state_of({field: arrays[f"{part}/{field}"] for field in FIELDS})
 
 

@@ -93,7 +93,8 @@ def test_accelerations_of_the_gaps(count, feedback):
     exact = second_difference(along, 1e-3)
     rate = difference(lambda t: along(t[0]), np.zeros(1), 1e-3)[:, 0]
     exact = exact + 2.0 * feedback * rate + feedback**2 * along(0.0)
-    joint_accelerations(system.carriages, state, 0, feedback, tuple(place), tuple(speed), tuple(curving), work)
+    cable = tuple(place), tuple(speed), tuple(curving), (0.0,)
+    joint_accelerations(system.carriages, state, 0, feedback, cable, Above((0.0,), (0.0,)), work)
     np.testing.assert_allclose(work.joint_gap.ravel(), exact, atol=1e-7)
 
 

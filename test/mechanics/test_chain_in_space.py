@@ -58,7 +58,8 @@ def hanging(count, held, damped):
 class Moved:
     """The chain after turns and displacements (bodies, 6) of its bodies and a turn of the cable, as defined."""
 
-    def __init__(self, system, state, delta, tangent, spin, turn):
+    def __init__(self, system, state, delta, tangent, spin, turn, hangs_at=PLACE):
+        self.hangs_at = hangs_at
         carriages, rates = system.carriages, state.bodies.velocity
         self.carriages, self.drag = carriages, system.air.body_drag
         self.velocity = rates[:, :3] + RATE_FACTOR * delta[:, :3]
@@ -82,7 +83,7 @@ class Moved:
 
     def gaps(self):
         """Gaps (bodies, 3) in m of the joints at their places, and the cosines of what they hold."""
-        above, found, held = PLACE, [], []
+        above, found, held = self.hangs_at, [], []
         for body, axes in enumerate(self.axes):
             found.append(above - self.place[body] - axes @ self.carriages.upper_pivot[body])
             above = self.place[body] + axes @ self.carriages.lower_pivot[body]

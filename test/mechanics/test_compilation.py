@@ -114,3 +114,133 @@ def test_a_part_has_no_machine_code_and_is_taken_from_the_cache_by_another_proce
         command = [sys.executable, str(program), caller]
         result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
         assert " ".join(result.stdout.split()) == expected
+
+
+ALIKE = """
+import sys
+from numba.extending import overload
+from cable_twin.mechanics.language.compilation import OVERLOAD, kernel
+
+def closure(factor):
+    def scaled(x):
+        return factor * x
+    return kernel(scaled)
+
+def through(inner):
+    def outer(x):
+        return inner(x) + 0.5
+    return kernel(outer)
+
+def pair():
+    return [kernel(lambda x: 2.0 * x), kernel(lambda x: 3.0 * x)]
+
+def given(number):
+    def scaled(x, factor=number):
+        return factor * x
+    return kernel(scaled)
+
+def overloaded(implementation):
+    def scaled(x):
+        pass
+
+    overload(scaled, jit_options=OVERLOAD)(lambda x: implementation)
+    return scaled
+
+def of_closure(number):
+    return lambda x: number * x
+
+KINDS = {
+    "closure": [closure(2.0), closure(3.0)],
+    "callee": [through(closure(2.0)), through(closure(3.0))],
+    "lambda": pair(),
+    "default": [given(2.0), given(3.0)],
+    "overload": [overloaded(of_closure(2.0)), overloaded(of_closure(3.0))],
+    "beyond": [through(overloaded(of_closure(2.0))), through(overloaded(of_closure(3.0)))],
+    "source": [overloaded(eval(f"lambda x: {number} * x")) for number in (2.0, 3.0)],
+}
+two, three = KINDS[sys.argv[1]]
+
+@kernel
+def first(x):
+    return two(x)
+
+@kernel
+def second(x):
+    return three(x)
+
+@kernel
+def both(x):
+    return first(x) + 100.0 * second(x)
+
+print({"first": first, "second": second, "both": both}[sys.argv[2]](1.0))
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [
+        ("closure", 0.0),
+        ("callee", 0.5),
+        ("lambda", 0.0),
+        ("default", 0.0),
+        ("overload", 0.0),
+        ("beyond", 0.5),
+        ("source", 0.0),
+    ],
+)
+def test_functions_of_one_name_and_types_stay_apart(tmp_path, kind, more):
+    """Two parts that two processes have kept, which had the same number in numba's count there, meet in a third."""
+    program = tmp_path / "program.py"
+    program.write_text(ALIKE)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment["NUMBA_DISABLE_JIT"] = "0"
+    outputs = []
+    for caller in ("first", "second", "both"):
+        command = [sys.executable, str(program), kind, caller]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        assert result.returncode == 0, result.stderr
+        outputs.append(float(result.stdout))
+    assert outputs == [2.0 + more, 3.0 + more, 302.0 + 101.0 * more]
+
+
+HELPER = """
+from cable_twin.mechanics.language.compilation import kernel
+
+@kernel
+def scaled(x):
+    return {factor} * x
+"""
+EDITED = """
+import sys
+from pathlib import Path
+from cable_twin.mechanics.language.compilation import kernel
+
+@kernel
+def first(x):  # here it is settled where compiled code of this folder is kept
+    return x
+
+if len(sys.argv) > 1:
+    Path(__file__).with_name("helper.py").write_text(sys.argv[1])
+from helper import scaled
+
+@kernel
+def outer(x):
+    return scaled(x) + 0.5
+
+print(outer(1.0))
+"""
+
+
+def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_starts(tmp_path):
+    """What calls the edited one has not changed itself, and is kept where the old one is."""
+    (tmp_path / "program.py").write_text(EDITED)
+    (tmp_path / "helper.py").write_text(HELPER.format(factor=2.0))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment |= {"NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    outputs = []
+    for edit in ([], [HELPER.format(factor=3.0)], [HELPER.format(factor=2.0)], []):
+        command = [sys.executable, str(tmp_path / "program.py"), *edit]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        assert result.returncode == 0, result.stderr
+        outputs.append(float(result.stdout))
+    assert outputs == [2.5, 3.5, 2.5, 2.5]

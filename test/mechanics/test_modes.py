@@ -6,6 +6,8 @@ from scipy.linalg import eigh
 from systems import changed, difference
 from test_equilibrium import loaded_span, prepare
 
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.solution import modes
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import settle
@@ -13,6 +15,12 @@ from cable_twin.mechanics.solution.modes import natural_modes
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.statics import CANTILEVER, LEVEL_SPAN
+
+
+@kernel
+def move(positions, increments, like):
+    move_bodies(positions, increments, like)
+
 
 STIFF = {"cable.axial_stiffness": 1e9, "cable.bending_stiffness": 1e5, "cable.elements": 4, "gravity": 9.81}
 
@@ -57,44 +65,59 @@ def test_pendulums_with_springs():
     np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=1e-4)
 
 
+WIND = [2.0, 15.0, 0.0]
+IN_SPACE = {"space": 3, "carriages.one.bodies.upper.drag_area": 3.0}
+UNIVERSAL = {"carriages.one.bodies.lower.drag_area": 9.0, "carriages.one.bodies.lower.turns": "universal"}
+
+
 @pytest.mark.parametrize("spring", [0.0, 3e4], ids=["pivots", "springs"])
-def test_modes_solve_equation_16(spring):
+@pytest.mark.parametrize(
+    "space", [{}, IN_SPACE, IN_SPACE | UNIVERSAL], ids=["in a plane", "in side wind", "universal joints"]
+)
+def test_modes_solve_equation_16(spring, space):
     """Each mode, laid on the equilibrium, makes accelerations of -ω² times itself: to 1e-4 of the largest.
 
     A span with two bodies on it; accelerations by differences of `solve_accelerations` over the motion of the nodes
     and bodies that keeps the joints closed.
     """
-    changes = {f"carriages.one.bodies.{name}.stiffness": spring for name in ("upper", "lower")}
+    changes = {f"carriages.one.bodies.{name}.stiffness": spring for name in ("upper", "lower")} | space
     system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed", **changes}))
+    state.wind[:] = WIND if space else 0.0
     settle(system, state, work)
+    assert not space or np.abs(state.multipliers[:, 1]).max() > 1e2
     frequencies, shapes = natural_modes(system, state, 4)
-    still = state.bodies.position.copy()
     free, _ = np.linalg.qr(modes._free_directions(system).toarray())
-    directions = modes._body_directions(system, state).toarray()
-    nodal = state.nodes.position.size
+    (carriage,) = modes.hanging_carriages(system, state)
+    dim, (nodal, held), bodies = len(system.cable.gravity), free.shape, state.bodies.velocity.shape[0]
+    parts = [0, 2, 4] if dim == 2 else range(6)  # of position and turn in space: x, z, pitch
+    unknowns = np.vstack([np.eye(nodal)[carriage.places] @ free, np.zeros((carriage.angles, held))])
+    unknowns = np.hstack([unknowns, np.eye(unknowns.shape[0])[:, -carriage.angles :]])
+    directions = carriage.directions[:, parts].reshape(-1, unknowns.shape[0]) @ unknowns
+    everything = np.vstack([np.hstack([free, np.zeros((nodal, carriage.angles))]), directions])
 
     def accelerations(x):
-        """Of nodes and pitches, at the coordinates that x (free nodal directions and pitches) makes."""
-        e, pitches = free @ x[: free.shape[1]], x[free.shape[1] :]
-        q = still.ravel() + directions @ np.concatenate([e, pitches])
+        """Of free nodal directions and angles, at the coordinates that these make."""
         moved = changed(
             state,
-            nodes_position=state.nodes.position + e.reshape(state.nodes.position.shape),
+            nodes_position=state.nodes.position + (free @ x[:held]).reshape(state.nodes.position.shape),
             nodes_acceleration=np.zeros_like(state.nodes.acceleration),
-            bodies_position=q.reshape(still.shape),
-            bodies_acceleration=np.zeros_like(still),
+            bodies_position=state.bodies.position.copy(),
+            bodies_acceleration=np.zeros_like(state.bodies.acceleration),
             multipliers=state.multipliers.copy(),
+            moments=state.moments.copy(),
         )
+        move(moved.bodies.position, (directions @ x).reshape(bodies, -1), system.cable.gravity)
         assert solve_accelerations(system, moved, 0.0, work)
-        return np.concatenate([free.T @ moved.nodes.acceleration.ravel(), moved.bodies.acceleration[:, 2]])
+        found = np.concatenate([moved.nodes.acceleration.ravel(), moved.bodies.acceleration.ravel()])
+        return np.linalg.lstsq(everything, found, rcond=None)[0]
 
-    matrix = -difference(accelerations, np.zeros(free.shape[1] + still.shape[0]), 1e-5)
+    matrix = -difference(accelerations, np.zeros(unknowns.shape[1]), 1e-5)
     values, vectors = np.linalg.eig(matrix)
     order = np.argsort(values.real)[:4]
     np.testing.assert_allclose(np.sqrt(values.real[order]) / (2.0 * np.pi), frequencies, rtol=1e-4)
     for shape, vector in zip(shapes, vectors.real.T[order], strict=True):
         got = free.T @ shape.reshape(nodal)
-        other = vector[: free.shape[1]]
+        other = vector[:held]
         alike = abs(got @ other) / (np.linalg.norm(got) * np.linalg.norm(other))
         assert alike == pytest.approx(1.0, abs=1e-4)
 

@@ -34,18 +34,19 @@ DRIVE = {
 }
 
 
-def random_command(kind: str, random: np.random.Generator) -> Command:
+def random_command(kind: str, random: np.random.Generator, space: int = 2) -> Command:
     """A command of a kind, mostly one that the twin takes."""
     if kind == "wind":
-        return Command(kind, {"x": float(random.uniform(-15.0, 15.0)), "z": float(random.uniform(-2.0, 2.0))})
+        wind = {"x": float(random.uniform(-15.0, 15.0)), "z": float(random.uniform(-2.0, 2.0))}
+        return Command(kind, wind if space == 2 else {**wind, "y": float(random.uniform(-15.0, 15.0))})
     span = {"speed": (-8.0, 8.0), "force": (0.0, 4e4), "payload": (0.0, 6400.0)}.get(kind)
     return Command(kind, {} if span is None else {"cabin": float(random.uniform(*span))})
 
 
-def record(directory: Path, seconds: float, *, seed: int) -> Path:
+def record(directory: Path, seconds: float, *, seed: int, space: int = 2) -> Path:
     """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
     drive = {f"carriages.cabin.drive.{key}": value for key, value in DRIVE.items()}
-    simulation = Simulation(load_scenario(write_quick_scenario(directory), drive))
+    simulation = Simulation(load_scenario(write_quick_scenario(directory, space), drive))
     table = topics(simulation.layout)
     period = FRAME_STEPS * simulation.step
     run = start_run(simulation, table, record_directory=directory, frame_period=period, rerun="none")
@@ -62,7 +63,7 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
         if frame == 0 or random.random() < 0.1:
             kind = "payload" if frame == 0 else random.choice(KINDS, p=SHARES)
             with suppress(CommandError):  # while the emergency stop is in force, or outside the station
-                applied = simulation.apply(random_command(kind, random))
+                applied = simulation.apply(random_command(kind, random, space))
                 data = applied_command_message(applied, EPOCH)
                 run.recorder.record_command(applied, data, EPOCH + round(applied.time * 1e9))
         simulation.advance_to((frame + 1) * period)
@@ -71,6 +72,14 @@ def record(directory: Path, seconds: float, *, seed: int) -> Path:
     assert not run.recorder.faults
     assert run.recorder.dropped == 0
     return run.directory
+
+
+def test_a_cabin_in_side_wind_replays_to_the_last_bit(tmp_path, capsys):
+    recorded = record(tmp_path, 8.0, seed=3, space=3)
+    winds = [applied.command.values for applied in read_log(recorded).commands if applied.command.kind == "wind"]
+    assert any(wind.get("y") for wind in winds)
+    assert main([str(recorded)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "every sample agrees to the last bit"
 
 
 @pytest.fixture(scope="module")

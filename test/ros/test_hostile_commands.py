@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import time
 from collections import Counter
 from itertools import pairwise
@@ -14,6 +15,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from twin_process import write_quick_scenario
 
 from cable_twin.messages import TYPESTORE, serialize
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.ros.node_parameters import PARAMETERS
 
@@ -98,12 +100,8 @@ def rate_of(participant, action) -> float:
     return (len(states) - first) / (time.monotonic() - started)
 
 
-@pytest.mark.parametrize("count", [600, pytest.param(2000, marks=pytest.mark.long)])
-def test_every_hostile_command_is_refused_or_applied_at_full_rate(processes, participants, tmp_path, count):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "none")
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
-    sent: Counter[str] = Counter()
+def hostile_sender(participant, count: int, sent: Counter[str]):
+    """A function that sends so many and counts them by kind."""
 
     @settings(
         max_examples=count,
@@ -124,6 +122,16 @@ def test_every_hostile_command_is_refused_or_applied_at_full_rate(processes, par
         sent["commands"] += 1
         participant.spin(PAUSE)
 
+    return send
+
+
+@pytest.mark.parametrize("count", [600, pytest.param(2000, marks=pytest.mark.long)])
+def test_every_hostile_command_is_refused_or_applied_at_full_rate(processes, participants, tmp_path, count):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "none")
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    sent: Counter[str] = Counter()
+    send = hostile_sender(participant, count, sent)
     assert participant.publisher
     calm = rate_of(participant, lambda: participant.spin(2.0))
     rate = rate_of(participant, send)
@@ -152,3 +160,28 @@ def test_every_hostile_command_is_refused_or_applied_at_full_rate(processes, par
     stamps = [stamp for _, stamp, _ in log.messages(["joint_states"])]
     assert [after - before for before, after in pairwise(stamps)] == [FRAME] * (len(stamps) - 1)
     assert len(log.commands) >= len(applied)
+
+
+def test_in_space_they_are_refused_or_applied_and_the_log_of_a_killed_run_replays(
+    processes, participants, tmp_path, capsys
+):
+    sim = processes("--scenario", str(write_quick_scenario(tmp_path, space=3)), "--rerun", "none")
+    participant = participants(sim.domain)
+    participant.subscribe_standard()
+    sent: Counter[str] = Counter()
+    hostile_sender(participant, 150, sent)()
+    participant.next_diagnostics()
+    _, _, values = participant.next_diagnostics()
+    applied = [item for item in participant.applied if item.source == TOPIC]
+    assert applied
+    assert len(applied) + int(values["commands_refused"]) == sent["commands"]
+    for state in participant.received["joint_states"]:
+        assert np.isfinite([*state.position, *state.velocity, *state.effort]).all()
+    assert "Traceback" not in sim.output
+    sim.send(signal.SIGKILL)
+    sim.wait()
+    log = read_log(sim.run_directory)
+    assert not log.complete
+    assert len(log.commands) > 0.5 * len(applied)
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "cut short" in capsys.readouterr().out

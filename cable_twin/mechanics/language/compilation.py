@@ -24,7 +24,7 @@ from typing import Any
 import numba
 
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.language.parts import PartCache, PartCompiler, WholeCompiler
+from cable_twin.mechanics.language.parts import KernelCache, PartCache, PartCompiler, WholeCompiler
 
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 MECHANICS = Path(__file__).parents[1]
@@ -94,9 +94,9 @@ class Kernel:
         self.py_func = function
         self.targetoptions = options  # where numba looks whether to inline it
         with _kept_in(function, FROM_PYTHON) as keeps:
-            self._from_python: Any = numba.njit(cache=keeps, pipeline_class=WholeCompiler, **_OPTIONS, **options)(
-                function
-            )
+            self._from_python: Any = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS, **options)(function)
+            if keeps:
+                self._from_python._cache = KernelCache(function)
         with _kept_in(function, FROM_KERNELS) as keeps:
             self._from_kernels: Any = numba.njit(**_AS_PART, **_OPTIONS, **options)(function)
             if keeps:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from math import atan2, cos, sin, sqrt
 from typing import Any
 
+import numpy as np
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import kernel
@@ -72,6 +73,14 @@ def turn_row(row, turn):
     s = c * w - a * x - b * y - d * z
     length = sqrt(p * p + q * q + r * r + s * s)
     row[3], row[4], row[5], row[6] = p / length, q / length, r / length, s / length
+
+
+@kernel
+def quaternion_rate(row, spin):
+    """Rate (4,) in 1/s of the quaternion of a body in space at a spin (3,) about the axes of the world: ω q / 2."""
+    a, b, c = 0.5 * spin[0], 0.5 * spin[1], 0.5 * spin[2]
+    x, y, z, w = row[3], row[4], row[5], row[6]
+    return a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x, -a * x - b * y - c * z
 
 
 def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
@@ -148,6 +157,24 @@ def _move_bodies(positions, increments, like):
             for axis in range(3):
                 positions[body, axis] += increments[body, axis]
             turn_row(positions[body], load(increments[body, 3:], like))
+
+    return planar if like.count == 2 else spatial
+
+
+def make_unit(positions: Any, like: Vector) -> None:
+    """Make the quaternions of bodies in space unit ones again."""
+    if len(like) == 3:
+        positions[:, 3:] /= np.linalg.norm(positions[:, 3:], axis=1, keepdims=True)
+
+
+@overload(make_unit, jit_options=OPTIONS)
+def _make_unit(positions, like):
+    def planar(positions, like):
+        return None
+
+    def spatial(positions, like):
+        for body in range(positions.shape[0]):
+            turn_row(positions[body], (0.0, 0.0, 0.0))
 
     return planar if like.count == 2 else spatial
 

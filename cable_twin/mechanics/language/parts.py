@@ -32,6 +32,8 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
+from cable_twin.mechanics.language.content import content_of
+
 PASSES = (
     TranslateByteCode,
     FixupArgs,
@@ -53,7 +55,8 @@ class WholeCompiler(CompilerBase):
     """Compiles what Python calls: numba's passes without those for closures, array expressions and object mode."""
 
     def define_pipelines(self) -> list[PassManager]:
-        """As numba asks for them."""
+        """As numba asks for them; a name with the content in it is that of no other function, in any process."""
+        self.state.func_id.unique_id = content_of(self.state.func_id.func)
         passes = PassManager("kernel")
         for each in PASSES:
             passes.add_pass(each, each.__name__)
@@ -127,10 +130,17 @@ class _PartFile(CompileResultCacheImpl):
         )
 
 
-class PartCache(FunctionCache):
+class KernelCache(FunctionCache):
+    """Where numba keeps what Python calls, found by its content."""
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return (*super()._index_key(sig, codegen), content_of(self._py_func))
+
+
+class PartCache(KernelCache):
     """Where numba keeps parts."""
 
-    _impl_class = _PartFile
+    _impl_class = _PartFile  # type: ignore[assignment]
 
 
-__all__ = ["PartCache", "PartCompiler", "WholeCompiler"]
+__all__ = ["KernelCache", "PartCache", "PartCompiler", "WholeCompiler"]

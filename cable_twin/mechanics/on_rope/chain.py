@@ -27,7 +27,7 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
-from cable_twin.mechanics.on_rope.held import add_held, hold, keep_held, measure_held, recover_held
+from cable_twin.mechanics.on_rope.held import accelerate_held, add_held, hold, keep_held, measure_held, recover_held
 from cable_twin.mechanics.on_rope.hinge import hinge
 
 
@@ -108,12 +108,14 @@ def close_joints(carriages, state, carriage, place, direction, work):
 
 
 @kernel
-def joint_accelerations(carriages, state, carriage, feedback, position, velocity, acceleration, work):
+def joint_accelerations(carriages, state, carriage, feedback, cable, above, work):
     """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) that remain with q_ddot = 0.
 
-    `position`, `velocity` (dim,) are those of the joint on the cable, `acceleration` the part of its acceleration that
-    velocities make. The gaps and their rates are fed back with `feedback` (1/s) squared and doubled.
+    `cable` has position and velocity (dim,) of the joint on the cable, and the parts that velocities make of its
+    acceleration and of the rate of its spin (turns,); `above` is how the cable is turned there. The gaps and their
+    rates are fed back with `feedback` (1/s) squared and doubled.
     """
+    position, velocity, acceleration, turning = cable
     like = position
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         upper, lower = carriages.upper_pivot[body], carriages.lower_pivot[body]
@@ -125,6 +127,8 @@ def joint_accelerations(carriages, state, carriage, feedback, position, velocity
             2.0 * feedback, moving, add_scaled(feedback * feedback, apart, subtract(acceleration, towards))
         )
         store(gap, work.joint_gap[body])
+        first = body == carriages.body_offset[carriage]
+        accelerate_held(state, body, first, above, turning, feedback, work.held_gap[body])
         position = pivot_position(state, body, lower, like)
         velocity = pivot_velocity(state, body, lower, like)
         acceleration = cross(spin, cross(spin, arm_to(axes, lower, like)))

@@ -9,6 +9,7 @@ the same to the chain; in space it takes the turn alone, and the rate as its par
 from __future__ import annotations
 
 from math import atan2, sqrt
+from typing import Any
 
 from numba.extending import overload
 
@@ -82,6 +83,36 @@ def spin_by_slope(turning, r_x):
     per_square = 1.0 / dot(r_x, r_x)
     turned = outer(-2.0 * per_square * per_square, moment(r_x, turning), r_x)
     return add_scaled(-per_square, flipped(by_turn(turning), no_turn(r_x)), turned)
+
+
+def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector) -> Vector:
+    """What velocities alone make of the rate (turns,) in rad/s² of the spin G w at a joint; in a plane nobody asks.
+
+    That is G w_dot - 2 (r_x·w) / |r_x|² G w.
+    """
+    return (0.0,) if len(like) == 2 else _turning_left(cable, nodes, point, s_dot, like)
+
+
+@overload(turning_left, jit_options=OPTIONS)
+def _overload_turning_left(cable, nodes, point, s_dot, like):
+    def in_plane(cable, nodes, point, s_dot, like):
+        return (0.0,)
+
+    def in_space(cable, nodes, point, s_dot, like):
+        return _turning_left(cable, nodes, point, s_dot, like)
+
+    return in_plane if like.count == 2 else in_space
+
+
+@kernel
+def _turning_left(cable, nodes, point, s_dot, like):
+    e, e_dot = nodes.position, nodes.velocity
+    r_x = slope(e, point, like)
+    r_xxx = interpolate(e, point.element, shape_functions_xxx(cable.element_length[point.element]), like)
+    turning = add_scaled(s_dot, bend(e, point, like), slope(e_dot, point, like))
+    rate = add_scaled(2.0 * s_dot, bend(e_dot, point, like), scale(s_dot * s_dot, r_xxx))
+    longer = 2.0 * dot(r_x, turning) / dot(r_x, r_x)
+    return product(turn_by_slope(r_x), add_scaled(-longer, turning, rate), like)
 
 
 @inlined_kernel

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import (
     OPTIONS,
     accumulate,
@@ -21,6 +22,7 @@ from cable_twin.mechanics.language.vectors import (
     product,
     scale,
     store,
+    subtract,
     unit_matrix,
 )
 from cable_twin.mechanics.on_rope.hinge import joint_axes
@@ -55,6 +57,42 @@ def _overload_measure_held(carriages, state, body, first, direction, gap):
 def _measure_held(carriages, state, body, first, direction, gap):
     a, c, other, _ = joint_axes(state, body, first, direction.orientation)
     gap[0], gap[1] = dot(a, c), dot(a, other)
+
+
+def accelerate_held(state, body, first, above, turning, feedback, gap):
+    """Write what is left of Φ_ddot when all accelerations are zero into `gap` (2,); in a plane there is nothing held.
+
+    With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is what velocities alone make of the rate of the
+    spin Ω above the first body of a chain; gaps and rates are fed back with `feedback` (1/s) squared and doubled.
+    """
+    if len(above.spin) == 3:
+        _accelerate_held(state, body, first, above, turning, feedback, gap)
+
+
+@overload(accelerate_held, jit_options=OPTIONS)
+def _overload_accelerate_held(state, body, first, above, turning, feedback, gap):
+    def in_plane(state, body, first, above, turning, feedback, gap):
+        return None
+
+    def in_space(state, body, first, above, turning, feedback, gap):
+        _accelerate_held(state, body, first, above, turning, feedback, gap)
+
+    return in_space if above[1].count == 3 else in_plane
+
+
+@kernel
+def _accelerate_held(state, body, first, above, turning, feedback, gap):
+    a, c, other, _ = joint_axes(state, body, first, above.orientation)
+    spin, over, rate = load(state.bodies.velocity[body, 3:], a), above.spin, turning
+    if not first:
+        over, rate = load(state.bodies.velocity[body - 1, 3:], a), scale(0.0, turning)
+    relative = subtract(spin, over)
+    for number in range(2):
+        mine = c if number == 0 else other
+        axis = cross(mine, a)
+        axis_rate = add_scaled(1.0, cross(cross(spin, mine), a), cross(mine, cross(over, a)))
+        left = dot(axis_rate, relative) - dot(axis, rate)
+        gap[number] = left + feedback * (2.0 * dot(axis, relative) + feedback * dot(a, mine))
 
 
 def hold(joint, inverse, by_place, by_above, least, gap):

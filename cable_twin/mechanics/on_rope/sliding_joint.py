@@ -26,7 +26,7 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope
+from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
@@ -128,6 +128,13 @@ def velocity_acceleration(cable, state, carriage):
     s_dot = state.joints.velocity[carriage]
     turning = slope(state.nodes.velocity, point, cable.gravity)
     return add_scaled(2.0 * s_dot, turning, scale(s_dot * s_dot, bend(state.nodes.position, point, cable.gravity)))
+
+
+@kernel
+def velocity_turning(cable, state, carriage):
+    """Part (turns,) in rad/s² of the rate of the cable's spin at the joint that velocities make; 0 in a plane."""
+    s_dot = state.joints.velocity[carriage]
+    return turning_left(cable, state.nodes, joint_point(cable, state, carriage), s_dot, cable.gravity)
 
 
 @inlined_kernel

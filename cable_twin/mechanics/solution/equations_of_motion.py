@@ -40,6 +40,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     recover_joint,
     recover_turn,
     velocity_acceleration,
+    velocity_turning,
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
@@ -89,10 +90,10 @@ def measure_gap_accelerations(system, state, feedback, work):
     The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
     """
     for carriage in range(system.carriages.fixed.size):
-        joint = joint_position(system.cable, state, carriage)
-        moving = joint_velocity(system.cable, state, carriage)
-        turning = velocity_acceleration(system.cable, state, carriage)
-        joint_accelerations(system.carriages, state, carriage, feedback, joint, moving, turning, work)
+        joint = joint_position(system.cable, state, carriage), joint_velocity(system.cable, state, carriage)
+        curved = velocity_acceleration(system.cable, state, carriage), velocity_turning(system.cable, state, carriage)
+        above = direction_above(system, state, carriage)
+        joint_accelerations(system.carriages, state, carriage, feedback, (*joint, *curved), above, work)
         reference_acceleration(state, carriage, work)
 
 
@@ -228,6 +229,7 @@ def solve_accelerations(system, state, feedback, work):
     """
     clear_array(state.nodes.acceleration)
     clear_array(state.bodies.acceleration)
+    clear_array(work.turned)
     measure_gap_accelerations(system, state, feedback, work)
     assemble(system, state, 1.0, 0.0, 0.0, work)
     if not solve(system, state, work):

@@ -2,8 +2,8 @@
 
 Over towers the cable slides without friction; counterweights move.
 
-A held joint leaves a carriage only its pitches: the place of each body follows from them and from r = S e. So the
-unknowns are the free nodal coordinates and the pitches, without multipliers, and K x = ω² M x is symmetric.
+A held joint leaves a carriage only the angles of its hinges (`carriage_modes`). So the unknowns are the free nodal
+coordinates and these angles, without multipliers, and K x = ω² M x is symmetric.
 """
 
 from __future__ import annotations
@@ -13,16 +13,12 @@ from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import eigsh
 
-from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.grip import moment_by_slope, turn_by_slope
-from cable_twin.mechanics.on_rope.sliding_joint import grip_moment
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
-from cable_twin.mechanics.rope.point import element_at
-from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.solution.carriage_modes import Hanging, hanging_carriages
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
 DENSE_LIMIT = 400  # unknowns up to which all frequencies are computed at once
@@ -34,33 +30,30 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
 
     Args:
         system: parameters.
-        state: an equilibrium; velocities in it are ignored.
+        state: an equilibrium, with the forces in its joints; velocities in it are ignored.
         count: how many.
 
     Returns:
         Frequencies (count,) in Hz, rising; shapes (count, nodes, 2, dim) of the nodal coordinates, largest entry 1.
 
     Raises:
-        ValueError: when the system has fewer modes than `count`, fewer than one is asked for, or carriages in space.
+        ValueError: when the system has fewer modes than `count`, or fewer than one is asked for.
     """
-    free = _free_directions(system)
-    nodal = free.shape[0]
-    pitches = system.carriages.mass.size
-    if pitches and len(system.cable.gravity) == 3:
-        raise ValueError("natural frequencies of carriages in space asked for; allowed: of a bare cable, or in a plane")
-    unknowns = free.shape[1] + pitches
+    free, carriages = _free_directions(system), hanging_carriages(system, state)
+    nodal, angles = free.shape[0], sum(carriage.angles for carriage in carriages)
+    unknowns = free.shape[1] + angles
     if not 1 <= count <= unknowns:
         raise ValueError(f"{count} natural frequencies asked for; this cable has 1 to {unknowns}")
-    bodies = _body_directions(system, state)
-    basis = _block_diagonal(free, _diagonal(np.ones(pitches)))
+    basis = _block_diagonal(free, _diagonal(np.ones(angles)))
 
-    inertia = system.carriages.inertia.ravel()[:pitches]
-    inertias = np.column_stack([system.carriages.mass, system.carriages.mass, inertia]).ravel()
     support_stiffness, counterweight_mass = _tower_matrices(system, state)
-    mass = _block_diagonal(_cable_mass(system) + counterweight_mass, csc_array((pitches, pitches)))
-    mass = mass + bodies.T @ _diagonal(inertias) @ bodies
-    cable_stiffness = _cable_stiffness(system, state) + support_stiffness
-    stiffness = _block_diagonal(cable_stiffness, _pitch_stiffness(system, state)) + _spring_stiffness(system, state)
+    nothing = csc_array((angles, angles))
+    mass = _block_diagonal(_cable_mass(system) + counterweight_mass, nothing)
+    stiffness = _block_diagonal(_cable_stiffness(system, state) + support_stiffness, nothing)
+    for carriage, places in zip(carriages, _places(carriages, nodal), strict=True):
+        rows, columns = np.repeat(places, places.size), np.tile(places, places.size)
+        mass = mass + coo_array((carriage.mass.ravel(), (rows, columns)), mass.shape)
+        stiffness = stiffness + coo_array((carriage.stiffness.ravel(), (rows, columns)), mass.shape)
     mass, stiffness = basis.T @ mass @ basis, basis.T @ stiffness @ basis
     mass, stiffness = (mass + mass.T) / 2.0, (stiffness + stiffness.T) / 2.0
 
@@ -78,6 +71,15 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     )
     largest[largest == 0.0] = 1.0
     return np.sqrt(np.maximum(squared[order], 0.0)) / (2.0 * np.pi), shapes / largest[:, :, None, None]
+
+
+def _places(carriages: list[Hanging], nodal: int) -> list[IntArray]:
+    """Numbers of the unknowns of each carriage among all: nodal coordinates, then angles."""
+    last = nodal + np.cumsum([carriage.angles for carriage in carriages], dtype=np.int64)
+    return [
+        np.concatenate([carriage.places, np.arange(end - carriage.angles, end)])
+        for carriage, end in zip(carriages, last, strict=True)
+    ]
 
 
 def _diagonal(values: FloatArray) -> csc_array:
@@ -194,98 +196,3 @@ def _assemble(system: System, matrices: FloatArray) -> csc_array:
     columns = np.tile(places, (1, 2 * size))
     shape = ((count + 1) * size,) * 2
     return coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsc()
-
-
-def _body_directions(system: System, state: State) -> csc_array:
-    """Derivative of all body coordinates (3 bodies) by nodal coordinates and pitches, joints held."""
-    cable, carriages = system.cable, system.carriages
-    dim = len(cable.gravity)
-    nodal = (cable.element_count + 1) * 2 * dim
-    entries: list[tuple[int, int, float]] = []
-    for carriage in range(carriages.fixed.size):
-        s = float(state.joints.position[carriage])
-        element = int(element_at(cable, s))
-        weights = shape_functions(s - cable.node_arc_length[element], cable.element_length[element])
-        first = int(carriages.body_offset[carriage])
-        for body in range(first, int(carriages.body_offset[carriage + 1])):
-            for axis in range(2):
-                for slot, weight in enumerate(weights):
-                    column = (element + slot // 2) * 2 * dim + (slot % 2) * dim + axis
-                    entries.append((3 * body + axis, column, weight))
-            for above in range(first, body + 1):
-                for axis, value in enumerate(_arm(system, state, body, above)[:2]):
-                    entries.append((3 * body + axis, nodal + above, value))
-            entries.append((3 * body + 2, nodal + body, 1.0))
-    rows, columns, values = np.array(entries).T if entries else np.zeros((3, 0))
-    shape = (3 * carriages.mass.size, nodal + carriages.mass.size)
-    return coo_array((values, (rows.astype(np.int64), columns.astype(np.int64))), shape=shape).tocsc()
-
-
-def _arm(system: System, state: State, body: int, above: int) -> tuple[float, float, float, float]:
-    """First and second derivative (x, z, x, z) in m of the place of `body` by the pitch of `above` in its chain."""
-    carriages = system.carriages
-    pitch = float(state.bodies.position[above, 2])
-    down = -carriages.upper_pivot[above]
-    if above != body:
-        down = down + carriages.lower_pivot[above]
-    axes = np.reshape(orientation((0.0, 0.0, pitch), (0.0, 0.0)), (2, 2))
-    arm = tuple((axes @ down).tolist())
-    return *cross((1.0,), arm), -arm[0], -arm[1]
-
-
-def _pitch_stiffness(system: System, state: State) -> csc_array:
-    """Stiffness of the pitches against gravity, a diagonal matrix (bodies, bodies) in N m."""
-    carriages, gravity = system.carriages, system.cable.gravity
-    stiffness = np.zeros(carriages.mass.size)
-    for carriage in range(carriages.fixed.size):
-        chain = range(int(carriages.body_offset[carriage]), int(carriages.body_offset[carriage + 1]))
-        for body in chain:
-            for above in range(chain.start, body + 1):
-                _, _, x, z = _arm(system, state, body, above)
-                stiffness[above] -= carriages.mass[body] * (gravity[0] * x + gravity[-1] * z)
-    return _diagonal(stiffness)
-
-
-def _spring_stiffness(system: System, state: State) -> csc_array:
-    """Stiffness of the springs of hinges, square over nodal coordinates and pitches: k ∂φ ∂φᵀ of each angle φ."""
-    cable, carriages = system.cable, system.carriages
-    nodal = (cable.element_count + 1) * 2 * len(cable.gravity)
-    size = nodal + carriages.mass.size
-    total = csc_array((size, size))
-    for carriage in range(carriages.fixed.size):
-        first = int(carriages.body_offset[carriage])
-        for body in range(first, int(carriages.body_offset[carriage + 1])):
-            turn = np.zeros(size)
-            turn[nodal + body] = 1.0
-            if body > first:
-                turn[nodal + body - 1] = -1.0
-            elif carriages.hinge_stiffness[body] > 0.0:
-                columns, slope, bend = _turn_of_cable(system, state, carriage)
-                turn[columns] -= slope
-                total = total + coo_array(
-                    (bend.ravel(), np.indices(bend.shape).reshape(2, -1) + columns[0]), total.shape
-                )
-            row = csc_array(turn[None])
-            total = total + carriages.hinge_stiffness[body] * (row.T @ row)
-    return total
-
-
-def _turn_of_cable(system: System, state: State, carriage: int) -> tuple[IntArray, FloatArray, FloatArray]:
-    """How the cable turns at a joint.
-
-    Returns:
-        Nodal coordinates (4 dim,) of its element by number; the derivative (4 dim,) of its pitch by them; the second
-        one (4 dim, 4 dim) times the moment there (N m).
-    """
-    cable, s = system.cable, float(state.joints.position[carriage])
-    dim, element = len(cable.gravity), int(element_at(cable, s))
-    shape_x = np.array(shape_functions_x(s - cable.node_arc_length[element], cable.element_length[element]))
-    x, z = (shape_x @ state.nodes.position[element : element + 2].reshape(4, dim)).tolist()
-    still = clone_state(state)
-    still.nodes.velocity[:], still.joints.velocity[:], still.bodies.velocity[:] = 0.0, 0.0, 0.0
-    still.joint_element[carriage] = element
-    moment, _ = grip_moment(system, still, carriage)
-    twice = np.reshape(moment_by_slope(moment, (x, z)), (dim, dim))
-    bend = np.kron(np.outer(shape_x, shape_x), twice).astype(np.float64)
-    turn = np.kron(shape_x, np.array(turn_by_slope((x, z))))
-    return 2 * dim * element + np.arange(4 * dim), turn, bend

@@ -8,13 +8,17 @@ acceleration level only, so their drift is fed back (Baumgarte 1972) and reporte
 from __future__ import annotations
 
 from math import isfinite
+from typing import Any
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.drives.motion import prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
+from cable_twin.mechanics.language.orientations import make_unit, quaternion_rate
+from cable_twin.mechanics.language.vectors import OPTIONS, Vector
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.columns import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
@@ -74,28 +78,63 @@ def add_rates(weight, rates, start, target):
     combine_arrays(start.velocity, weight, rates.acceleration, target.velocity)
 
 
+def add_body_rates(weight: float, rates: Any, start: Any, target: Any, like: Vector) -> None:
+    """The same for bodies, in space with the rates of their quaternions, which leaves these a little too long."""
+    if len(like) == 2:
+        add_rates(weight, rates, start, target)
+    else:
+        _add_rates_in_space(weight, rates, start, target)
+
+
+@overload(add_body_rates, jit_options=OPTIONS)
+def _add_body_rates(weight, rates, start, target, like):
+    def planar(weight, rates, start, target, like):
+        add_rates(weight, rates, start, target)
+
+    def spatial(weight, rates, start, target, like):
+        _add_rates_in_space(weight, rates, start, target)
+
+    return planar if like.count == 2 else spatial
+
+
 @kernel
-def add_all_rates(weight, rates, start, target):
+def _add_rates_in_space(weight, rates, start, target):
+    for body in range(rates.velocity.shape[0]):
+        v = rates.velocity[body]
+        x, y, z, w = quaternion_rate(rates.position[body], (v[3], v[4], v[5]))
+        for axis, rate in enumerate((v[0], v[1], v[2], x, y, z, w)):
+            target.position[body, axis] = start.position[body, axis] + weight * rate
+    combine_arrays(start.velocity, weight, rates.acceleration, target.velocity)
+
+
+@kernel
+def add_all_rates(weight, rates, start, target, like):
     """The same for nodes, bodies and joints of three states, of which any may be another one."""
     add_rates(weight, rates.nodes, start.nodes, target.nodes)
-    add_rates(weight, rates.bodies, start.bodies, target.bodies)
+    add_body_rates(weight, rates.bodies, start.bodies, target.bodies, like)
     add_rates(weight, rates.joints, start.joints, target.joints)
 
 
 @kernel
 def classical_step(system, state, start, total, h, work):
-    """One step of the classical method from `start`; returns whether all four stages could be solved."""
+    """One step of the classical method from `start`; returns whether all four stages could be solved.
+
+    Quaternions go with the others in their four numbers and are made unit ones at its end, where they are too long by
+    h⁵: a projection, which keeps the order (Hairer, Lubich, Wanner 2006, IV.4).
+    """
+    like = system.cable.gravity
     copy_state(start, state)
     begin_step(system, state, h)
     copy_state(state, total)
     for stage in range(4):
         if not solve_accelerations(system, state, FEEDBACK / system.solver.step, work):
             return False
-        add_all_rates(h / 6.0 if stage in (0, 3) else h / 3.0, state, total, total)
+        add_all_rates(h / 6.0 if stage in (0, 3) else h / 3.0, state, total, total, like)
         if stage < 3:
-            add_all_rates(h if stage == 2 else 0.5 * h, state, start, state)
+            add_all_rates(h if stage == 2 else 0.5 * h, state, start, state, like)
     copy_place(total.nodes, state.nodes)
     copy_place(total.bodies, state.bodies)
+    make_unit(state.bodies.position, like)
     copy_place(total.joints, state.joints)
     prescribe(state)
     return True

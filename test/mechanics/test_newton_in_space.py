@@ -1,0 +1,336 @@
+"""The whole system in space: one condensed Newton step against a dense solution of the uncondensed equations.
+
+The rows of carriage and joint are written here and in `test_chain_in_space` from their definitions; of the mechanics
+they use residuals alone. Their derivatives are differences of fourth order.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from systems import changed, dense_blocks, difference, disturbed_state, make_system, second_difference
+from test_chain_in_space import Moved, aligned, stored_holding
+
+from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.on_rope.tower import add_towers
+from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
+from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.solution.equations_of_motion import (
+    add_loads,
+    assemble,
+    measure_gap_accelerations,
+    measure_gaps,
+    solve,
+)
+
+MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
+ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact
+ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
+SPRINGS = {"hinge_stiffness": [50.0, 20.0, 30.0]}
+DAMPERS = {"hinge_damping": [0.0, 3.0, 2.0], "roll_damping": [0.0, 4.0, 1.5]}  # between bodies
+FIRST_DAMPERS = {"hinge_damping": [4.0, 3.0, 2.0], "roll_damping": [3.0, 4.0, 1.5]}
+WINDY = Air(rope_drag=0.8, body_drag=np.array([1.5, 2.5, 2.0]), present=True)
+
+
+def setup(bodies, mode=FREE, *, held=1, place=1.1, air=None, turning=True, cable=ELASTIC, **carriages):
+    """A carriage in general position on a disturbed cable, its joints at right angles to what they turn about."""
+    carriages = {
+        name: np.resize(value, bodies if name[:4] in ("hing", "roll") else 1) for name, value in carriages.items()
+    }
+    if "rolling_friction" in carriages:
+        carriages["rolling_friction"] = np.array([ROUGH["rolling_friction"]])
+    if air is not None:
+        air = air._replace(body_drag=air.body_drag[:bodies])
+    system = make_system(3, chains=(bodies,), cable=cable, carriages=carriages, air=air)
+    holds = np.array([1, *[held] * (bodies - 1)])
+    system = system._replace(carriages=system.carriages._replace(held=holds))
+    state, work = disturbed_state(system)
+    state.joints.position[:] = place
+    place_joint(system.cable, state, 0)
+    tangent = direction(system, state)[0]
+    for body in range(bodies):
+        turn = Rotation.from_rotvec([0.2 * body, 0.1 + 0.3 * body, 0.32])
+        axes, above = turn.as_matrix(), Rotation.from_quat(state.bodies.position[body - 1, 3:]).as_matrix()
+        a, c = (tangent, axes[:, 1]) if body == 0 else (above[:, 1], axes[:, 0])
+        turn = aligned(c, c - (a @ c) * a) * turn
+        if holds[body] == 2:
+            turn = aligned(turn.as_matrix()[:, 1], a) * turn
+        state.bodies.position[body, 3:] = turn.as_quat()
+    state.moments[:] = np.random.default_rng(5).standard_normal(state.moments.shape)
+    state.drive_mode[:] = mode
+    state.drive_force[:] = 12.0 if mode == FORCE else 0.0
+    state.reference.position[:] = state.joints.position + 0.01
+    state.friction_origin[:] = state.joints.position - 0.004
+    state.friction_deflection[:] = 0.2
+    state.wind[:] = [3.0, -2.0, 0.5]
+    if turning:
+        work.turned[:] = 0.05 * np.random.default_rng(6).standard_normal(work.turned.shape)
+    return system, state, work
+
+
+def weights(system, state, function):
+    """Shape functions (or derivatives) of the joint as a row (nodes 2,) over the nodal vectors."""
+    cable, element = system.cable, int(state.joint_element[0])
+    row = np.zeros(2 * (cable.element_count + 1))
+    within = state.joints.position[0] - cable.node_arc_length[element]
+    row[2 * element : 2 * element + 4] = function(within, cable.element_length[element])
+    return row
+
+
+def direction(system, state):
+    """Tangent (3,) at the joint, its spin (3,) in rad/s, r_x and r_xx (3,), and the turn (3, 3) by r_x."""
+    e, e_dot = state.nodes.position.reshape(-1, 3), state.nodes.velocity.reshape(-1, 3)
+    shape_x = weights(system, state, shape_functions_x)
+    r_x, r_xx = shape_x @ e, weights(system, state, shape_functions_xx) @ e
+    turn = np.stack([np.cross(r_x, axis) for axis in np.eye(3)], axis=1) / (r_x @ r_x)
+    spin = turn @ (shape_x @ e_dot + state.joints.velocity[0] * r_xx)
+    return r_x / np.linalg.norm(r_x), spin, r_x, r_xx, turn
+
+
+def chain(system, state):
+    """The carriage where it is now, as its definitions see it."""
+    still = np.zeros((system.carriages.mass.size, 6))
+    tangent, spin, *_ = direction(system, state)
+    place = weights(system, state, shape_functions) @ state.nodes.position.reshape(-1, 3)
+    return Moved(system, state, still, tangent, spin, np.zeros(3), place)
+
+
+def rows(system, state, holding, work):
+    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinate, joints and what they hold."""
+    carriages, moved = system.carriages, chain(system, state)
+    assemble(system, state, 1.0, 0.0, 0.0, work)
+    drag = work.body_drag.copy()
+    add_cable(system, state, 0.0, 0.0, 0.0, work)
+    add_loads(system.cable, state, 0.0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
+    add_counterweights(system.counterweights, system.cable, state, 0.0, 0.0, 0.0, work)
+    on_cable = -work.right_side.reshape(-1, 3)
+    force, moment = state.multipliers[0], moved.moments(holding)[0]
+    _, _, r_x, r_xx, turn = direction(system, state)
+    on_cable = on_cable + np.outer(weights(system, state, shape_functions), force)
+    on_cable = on_cable + np.outer(weights(system, state, shape_functions_x), turn.T @ moment)
+    on_bodies = moved.residual(state.multipliers, holding).reshape(-1, 6)
+    on_bodies[:, :3] -= drag
+    s, s_dot, norm = state.joints.position[0], state.joints.velocity[0], np.linalg.norm(r_x)
+    along = force @ r_x / norm
+    if state.drive_mode[0] == SPEED:
+        sliding = s - state.reference.position[0]
+    else:
+        pull = state.drive_force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
+        pull += friction_force(carriages, state, 0, np.linalg.norm(force - along * r_x / norm))[0]
+        sliding = norm * (along - pull) + moment @ turn @ r_xx
+    for end, node in ((0, 0), (1, -2)):
+        for slot in range(2):
+            on_cable[node + slot] = system.cable.end_projector[end, slot].reshape(3, 3) @ on_cable[node + slot]
+    return np.concatenate([on_cable.ravel(), on_bodies.ravel(), [sliding], moved.gaps()])
+
+
+def dense_newton_step(system, state, work):
+    """Increments of all unknowns from the uncondensed system: nodes, bodies, s, multipliers, and what holds."""
+    bodies, driven = system.carriages.mass.size, state.drive_mode[0] == SPEED
+    start, turned = stored_holding(chain(system, state), state), work.turned.copy()
+    size = state.nodes.position.size
+    parts = np.cumsum([size, 6 * bodies, 1, 3 * bodies])
+
+    def residual(unknown):
+        e, q, s, multipliers, holding = np.split(unknown, parts)
+        e, q = e.reshape(state.nodes.position.shape), q.reshape(bodies, 6)
+        places, grown = state.bodies.position.copy(), q.copy()
+        places[:, :3] += q[:, :3]
+        for body, turn in enumerate(map(Rotation.from_rotvec, q[:, 3:])):
+            places[body, 3:] = (turn * Rotation.from_quat(places[body, 3:])).as_quat()
+            grown[body, 3:] = (turn * Rotation.from_rotvec(turned[body])).as_rotvec() - turned[body]
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + e,
+            nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
+            nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
+            bodies_position=places,
+            bodies_velocity=state.bodies.velocity + RATE_FACTOR * grown,
+            bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * grown,
+            joints_position=state.joints.position + s,
+            joints_velocity=state.joints.velocity + (0.0 if driven else RATE_FACTOR) * s,
+            multipliers=state.multipliers + multipliers.reshape(bodies, 3),
+            contact_arc_length=state.contact_arc_length.copy(),
+        )
+        return rows(system, moved, start + holding, work)
+
+    matrix = difference(residual, np.zeros(parts[-1] + start.size), 1e-4)
+    right = -residual(np.zeros(parts[-1] + start.size))
+    still = np.zeros((size, size))
+    for end, first in ((0, 0), (1, size - 6)):
+        for slot in range(2):
+            where = slice(first + 3 * slot, first + 3 * slot + 3)
+            still[where, where] = np.eye(3) - system.cable.end_projector[end, slot].reshape(3, 3)
+    matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
+    matrix[:size, :size] += still
+    work.turned[:] = turned
+    return np.split(np.linalg.solve(matrix, right), parts)
+
+
+def check_newton_step(system, state, work, tolerance=1e-5):
+    """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
+    exact = dense_newton_step(system, state, work)
+    before, start = state.multipliers.copy(), chain(system, state)
+    holding = stored_holding(start, state)
+    measure_gaps(system, state, work, True)
+    assemble(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
+    assert solve(system, state, work)
+    got = (
+        work.right_side,
+        work.body_increment,
+        work.sliding_increment,
+        state.multipliers - before,
+        stored_holding(start, state) - holding,
+    )
+    for name, value, expected in zip(("cable", "bodies", "sliding", "multipliers", "held"), got, exact, strict=True):
+        scale = np.abs(expected).max(initial=1e-6)
+        np.testing.assert_allclose(np.ravel(value), expected, rtol=0, atol=tolerance * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
+@pytest.mark.parametrize(("bodies", "held"), [(1, 1), (2, 1), (3, 2)])
+def test_newton_step(mode, bodies, held):
+    """A sliding joint that holds the heading, universal and revolute joints below."""
+    check_newton_step(*setup(bodies, mode, held=held))
+
+
+@pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
+@pytest.mark.parametrize("laws", [SPRINGS, DAMPERS, SPRINGS | DAMPERS], ids=["springs", "dampers", "both"])
+def test_newton_step_with_hinges_and_friction(mode, laws):
+    """Springs against rope and bodies, dampers of pitch and roll between bodies."""
+    check_newton_step(*setup(3, mode, turning=laws is SPRINGS, **laws, **ROUGH))
+
+
+@pytest.mark.parametrize("place", [0.05, 2.04], ids=["start", "end"])
+def test_newton_step_in_an_end_stop(place):
+    check_newton_step(*setup(2, place=place, **ROUGH))
+
+
+def test_newton_step_in_wind():
+    """Drag of rope and bodies, on the motion that the step makes."""
+    check_newton_step(*setup(2, air=WINDY))
+
+
+@pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "clamped"])
+def test_newton_step_on_a_moving_cable(mode):
+    """What is clamped to a cable that goes by is driven; the flow of the rope is in the equations of the cable."""
+    system, state, work = setup(2, mode)
+    moving = MovingCable(True, 10.0, acceleration_limit=0.5, emergency_deceleration=1.0, jerk_limit=np.inf)
+    state.rope.velocity[:], state.rope.acceleration[:] = 2.5, 0.4
+    check_newton_step(system._replace(moving_cable=moving), state, work)
+
+
+def test_newton_step_with_a_counterweight():
+    """The end of the cable moves along an oblique line, beyond the limit of its travel."""
+    system, state, work = setup(2)
+    along = np.array([0.8, 0.36, 0.48])
+    projector = system.cable.end_projector.copy()
+    projector[1, 0] = np.outer(along, along).ravel()
+    weight = system.counterweights._replace(
+        direction=np.stack([along, along]),
+        mass=np.array([0.0, 7.0]),
+        force=np.array([0.0, 300.0]),
+        travel=np.array([[-np.inf, np.inf], [-0.5, -0.1]]),
+        stiffness=np.full(2, 4e3),
+        damping=np.full(2, 0.1),
+    )
+    state.nodes.velocity[-1, 0] = 0.3 * along
+    system = system._replace(cable=system.cable._replace(end_projector=projector), counterweights=weight)
+    check_newton_step(system, state, work)
+
+
+def test_newton_step_of_a_clamped_and_of_a_free_end():
+    """A clamp leaves the slope only its length."""
+    along = np.array([0.8, 0.36, 0.48])
+    projector = np.stack([np.stack([np.zeros(9), np.outer(along, along).ravel()]), np.tile(np.eye(3).ravel(), (2, 1))])
+    check_newton_step(*setup(1, cable={**ELASTIC, "end_projector": projector}))
+
+
+@pytest.mark.parametrize("feedback", [0.0, 3.0])
+@pytest.mark.parametrize(("bodies", "held"), [(1, 1), (3, 1), (3, 2)])
+def test_right_side_of_the_constraints(bodies, held, feedback):
+    """γ: second differences of all gaps along a motion without accelerations, and Baumgarte's terms: to 1e-6."""
+    system, state, work = setup(bodies, held=held)
+    start = Rotation.random(bodies, random_state=4)  # nothing is at right angles
+    state.bodies.position[:, 3:] = start.as_quat()
+
+    def along(t):
+        turned = Rotation.from_rotvec(t * state.bodies.velocity[:, 3:]) * Rotation.from_quat(
+            state.bodies.position[:, 3:]
+        )
+        places = state.bodies.position[:, :3] + t * state.bodies.velocity[:, :3]
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + t * state.nodes.velocity,
+            bodies_position=np.hstack([places, turned.as_quat()]),
+            joints_position=state.joints.position + t * state.joints.velocity,
+        )
+        return chain(system, moved).gaps()
+
+    rate = difference(lambda t: along(t[0]), np.zeros(1), 1e-3)[:, 0]
+    exact = second_difference(along, 1e-3) + 2.0 * feedback * rate + feedback**2 * along(0.0)
+    measure_gap_accelerations(system, state, feedback, work)
+    holding = [work.held_gap[body, : system.carriages.held[body]] for body in range(bodies)]
+    np.testing.assert_allclose(np.concatenate([work.joint_gap.ravel(), *holding]), exact, atol=1e-6)
+
+
+def on_towers(depth=0.03, aside=0.004, friction=0.3, damping=0.2):
+    """A cable in general position pressed onto three contacts, a little off the middle of their grooves."""
+    places = np.array([0.3, 0.9, 1.6])
+    system = make_system(3, towers={"contacts": 3}, cable=ELASTIC)
+    state, work = disturbed_state(system)
+    position, normal = [], []
+    for s in places:
+        element = int(np.searchsorted(system.cable.node_arc_length, s, side="right")) - 1
+        within = s - system.cable.node_arc_length[element], system.cable.element_length[element]
+        e = state.nodes.position[element : element + 2].reshape(4, 3)
+        r, r_x = np.array(shape_functions(*within)) @ e, np.array(shape_functions_x(*within)) @ e
+        t = r_x / np.linalg.norm(r_x)
+        up = np.array([0.1, -0.3, 1.0]) - t * (t @ [0.1, -0.3, 1.0])
+        up /= np.linalg.norm(up)
+        position.append(r + depth * up + aside * np.cross(t, up))
+        normal.append(up)
+    towers = system.towers._replace(
+        position=np.array(position), normal=np.array(normal), friction=np.full(3, friction), damping=np.full(3, damping)
+    )
+    state.contact_arc_length[:] = places + 0.05
+    state.contact_origin[:] = places - 0.004
+    state.contact_deflection[:] = 0.2
+    return system._replace(towers=towers), state, work
+
+
+@pytest.mark.parametrize(
+    ("case", "tolerance"),
+    [({"aside": 0.0, "friction": 0.0}, 1e-9), ({"aside": 0.0}, 1e-2), ({"friction": 0.0}, 3e-2), ({}, 3e-2)],
+    ids=["middle of the groove", "friction", "aside", "both"],
+)
+def test_tangent_of_towers(case, tolerance):
+    """Exact in the middle of a groove; beside it, and of friction in space, what turns with the rope is left out."""
+    system, state, work = on_towers(**case)
+
+    def right_side(change, rate=RATE_FACTOR, stiffness=0.0):
+        moved = changed(
+            state,
+            nodes_position=state.nodes.position + change.reshape(state.nodes.position.shape),
+            nodes_velocity=state.nodes.velocity + RATE_FACTOR * change.reshape(state.nodes.position.shape),
+            contact_arc_length=state.contact_arc_length.copy(),
+        )
+        for array in (work.right_side, work.diagonal, work.upper, work.lower):
+            array[:] = 0.0
+        add_towers(system.cable, system.towers, moved, rate, stiffness, work)
+        return work.right_side.ravel().copy()
+
+    exact = -difference(right_side, np.zeros(state.nodes.position.size), 2e-5)
+    right_side(np.zeros(state.nodes.position.size), RATE_FACTOR, 1.0)
+    got = dense_blocks(work)
+    np.testing.assert_allclose(got, exact, rtol=0, atol=tolerance * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
+def test_newton_step_with_a_damper_against_the_rope(mode):
+    """Its rate is taken as a part of its turn, which is not exact: to a tenth where all is in violent motion."""
+    check_newton_step(*setup(3, mode, turning=False, **SPRINGS, **FIRST_DAMPERS), tolerance=0.1)
