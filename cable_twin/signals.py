@@ -15,7 +15,8 @@ import numpy as np
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import ENDS, Columns, Layout
 
-Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers"]
+Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air"]
+AXES = ("x", "y", "z")
 
 
 class Driven(NamedTuple):
@@ -52,6 +53,7 @@ class Signal:
         view: title of its plot in rerun, without unit; none where it is not in the view.
         legend: of its lines there, where they are not called after what has it.
         everywhere: whether each of them has it; where not, NaN is no gap.
+        space: whether there is none of it in a plane.
     """
 
     name: str
@@ -63,13 +65,16 @@ class Signal:
     view: str = ""
     legend: tuple[str, ...] = ()
     everywhere: bool = True
+    space: bool = False
 
     def names(self, layout: Layout) -> Sequence[str]:
         """What has it."""
-        return NAMES[self.whose](layout)
+        return () if self.space and not layout.space else NAMES[self.whose](layout)
 
     def values(self, layout: Layout, c: Columns) -> FloatArray:
         """Values (..., names) in one frame, or in several; NaN is a gap, of what is off the cable."""
+        if self.space and not layout.space:
+            return np.empty((*c.time.shape[:-1], 0))
         values = self.read(layout, c)
         if self.whose not in ("vehicles", "bodies"):
             return values
@@ -84,6 +89,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "bodies": lambda layout: layout.bodies,
     "supports": lambda layout: layout.supports,
     "towers": lambda layout: layout.supports[len(ENDS) :],
+    "air": lambda _: AXES,
 }
 
 
@@ -113,6 +119,37 @@ SIGNALS: Mapping[str, Signal] = {
             legend=("highest", "at the start", "at the end"),
         ),
         Signal("swing", "deg", "bodies", lambda _, c: np.degrees(c.body_angles[..., 1]), "pitch", "swing", "Swing"),
+        Signal(
+            "roll",
+            "deg",
+            "bodies",
+            lambda _, c: np.degrees(c.body_angles[..., 0]),
+            "roll",
+            "across",
+            "Swing across the track",
+            space=True,
+        ),
+        Signal(
+            "lateral",
+            "m",
+            "bodies",
+            lambda _, c: c.body_position[..., 1],
+            "y, to the left",
+            "across",
+            "Place y, to the left",
+            space=True,
+        ),
+        Signal(
+            "wind",
+            "m/s",
+            "air",
+            lambda _, c: c.wind,
+            "wind",
+            "across",
+            "Wind",
+            legend=("x, along", "y, from the right", "z, up"),
+            space=True,
+        ),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
         Signal("drive_power", "W", "driven", _power, "power", "drive"),
         Signal(
@@ -156,6 +193,7 @@ PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in whi
     "tension": "Rope tension",
     "speed": "Speed and place along the rope",
     "swing": "Swing along the track",
+    "across": "Across the track: swing, place, wind",
     "drive": "Drive",
     "contact_forces": "Forces on carriages and supports",
 }

@@ -57,6 +57,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "moving_cable_force": ("drives",),
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
+    "wind": (3,),
 }
 T = TypeVar("T")
 
@@ -70,6 +71,7 @@ class Layout:
         carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
+        space: whether things move across the track too.
         arc_lengths: (samples,) m, unstrained, where the cable is shown.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
@@ -87,9 +89,11 @@ class Layout:
         *,
         carriers: int = 0,
         hauled: Sequence[str] = (),
+        space: bool = False,
     ) -> None:
         """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
+        self.space = space
         names = tuple(self.vehicles)
         self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
         self.supports, self.drives, self.hauled = tuple(supports), tuple(drives), tuple(hauled)
@@ -122,6 +126,7 @@ class Layout:
             np.linspace(0.0, scenario.cable.unstrained_length, samples, dtype=np.float64),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
             hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
+            space=scenario.dim == 3,
         )
 
     def columns(self, numbers: FloatArray) -> Columns:
@@ -221,14 +226,8 @@ class Snapshot:
     def bodies(self) -> BodyColumns:
         """All bodies as columns."""
         c = self.columns
-        return BodyColumns(
-            self.layout.bodies,
-            c.body_position,
-            c.body_orientation,
-            c.body_velocity,
-            c.body_angular_velocity,
-            c.body_angles,
-        )
+        places, turns = (c.body_position, c.body_orientation), (c.body_velocity, c.body_angular_velocity)
+        return BodyColumns(self.layout.bodies, *places, *turns, c.body_angles)
 
     @property
     def carriages(self) -> Mapping[str, CarriageState]:

@@ -3,10 +3,10 @@
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
 that time, and so is what it never has: sheaves, energies, velocities of centres of mass, what has no topic.
 The cable and what is known of carriers by their forces is in single precision; the pitch of a body below another one is
-a sum of joints, right but for its last bits. Of a tower a log has the force; its size stands for the normal load
-(friction adds to it, the turn of the rope takes from it), and that in the first frame for the load at rest, where no
-snapshot that the run went on from has it. The travel of a counterweight follows from the end of the cable, payloads
-from the commands.
+a sum of joints, right but for its last bits; roll and yaw are those of its pose. Of a tower a log has the force; its
+size stands for the normal load (friction adds to it, the turn of the rope takes from it), and that in the first frame
+for the load at rest, where no snapshot that the run went on from has it. The travel of a counterweight follows from the
+end of the cable, payloads and wind from the commands.
 """
 
 from __future__ import annotations
@@ -118,14 +118,14 @@ class _Frames:
         self._clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()], dtype=bool)
         self._rest_loads = np.full(len(layout.supports), nan)  # N, of towers at rest, else in the first frame
         self._lowest_loads = np.full(len(layout.supports), nan)  # N, since the start or the last reset
-        self._payloads = self._first_payloads()
+        self._payloads, self._wind = self._first_payloads(), np.array(in_space(scenario.air.wind))
         self._names_checked = False
         self._absolute = log.files[0].absolute
         self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
             self._rest_loads[len(ENDS) :] = self._full.start.tower_load[:, 0]
-            self._go_to(self._full.state.payload, self._full.state.tower_load)
+            self._go_to(self._full.state.payload, self._full.state.wind, self._full.state.tower_load)
         self.readers = self._make_readers()
 
     def _make_readers(self) -> dict[str, Callable[[bytes], None]]:
@@ -163,7 +163,8 @@ class _Frames:
         if self._empty:
             return None
         c = self._columns
-        c.payload[:] = self._payloads
+        c.payload[:], c.wind[:] = self._payloads, self._wind
+        self._turn_bodies()
         # what is off a moving cable hangs exactly at one of its ends
         ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
@@ -178,11 +179,13 @@ class _Frames:
         if applied.command.kind == "payload":
             for name, mass in applied.command.values.items():
                 self._payloads[[*self._layout.vehicles].index(name)] = mass
+        elif applied.command.kind == "wind":
+            self._wind = np.array([applied.command.values.get(axis, 0.0) for axis in "xyz"])
         elif applied.command.kind == "reset":
             if self._full is not None:
-                self._go_to(self._full.start.payload, self._full.start.tower_load)
+                self._go_to(self._full.start.payload, self._full.start.wind, self._full.start.tower_load)
                 return
-            self._payloads = self._first_payloads()
+            self._payloads, self._wind = self._first_payloads(), np.array(in_space(self._scenario.air.wind))
             self._lowest_loads = self._rest_loads.copy()
 
     def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
@@ -196,7 +199,7 @@ class _Frames:
         """Take over what was attached to a file, where commands before it are lost."""
         if (full := _full_state(file.snapshot())) is not None:
             self._full = full
-            self._go_to(full.state.payload, full.state.tower_load)
+            self._go_to(full.state.payload, full.state.wind, full.state.tower_load)
 
     def _time(self, stamp_ns: int) -> float:
         """Simulated time (s) of a stamp."""
@@ -211,9 +214,9 @@ class _Frames:
         vehicles = self._scenario.vehicles.values()
         return np.array([0.0 if vehicle.payload is None else vehicle.payload.mass for vehicle in vehicles])
 
-    def _go_to(self, payloads: FloatArray, tower_loads: FloatArray) -> None:
-        """Take over what no frame tells: payloads (vehicles,) in kg, loads (towers, 2) in N, now and least."""
-        self._payloads = payloads.copy()
+    def _go_to(self, payloads: FloatArray, wind: FloatArray, tower_loads: FloatArray) -> None:
+        """Take over what no frame tells: payloads (vehicles,) in kg, wind (dim,) in m/s, loads (towers, 2) in N."""
+        self._payloads, self._wind = payloads.copy(), np.array(in_space(tuple(wind)))
         self._lowest_loads[len(ENDS) :] = tower_loads[:, 1]
 
     def _read_joints(self, data: bytes) -> None:
@@ -241,6 +244,14 @@ class _Frames:
         points = cloud_points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
 
+    def _turn_bodies(self) -> None:
+        """Roll and yaw of bodies in space, about z, then about their own y, then about their own x."""
+        if self._scenario.dim == 3:
+            x, y, z, w = self._columns.body_orientation.T
+            angles = self._columns.body_angles
+            angles[:, 0] = np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+            angles[:, 2] = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+
     def _judge_supports(self) -> None:
         """What is known of supports by their forces and the shape of the cable."""
         c = self._columns
@@ -254,7 +265,7 @@ class _Frames:
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
-                direction = np.array(in_space(end.direction)) / np.hypot(*end.direction)
+                direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
                 moved = c.rope_position[-row] - np.array(in_space(end.position))
                 c.support_travel[row] = float(moved @ direction)
 
