@@ -126,7 +126,7 @@ SIGNALS: Mapping[str, Signal] = {
             lambda _, c: np.degrees(c.body_angles[..., 0]),
             "roll",
             "across",
-            "Swing across the track",
+            "Swing across",
             space=True,
         ),
         Signal(
@@ -136,7 +136,7 @@ SIGNALS: Mapping[str, Signal] = {
             lambda _, c: c.body_position[..., 1],
             "y, to the left",
             "across",
-            "Place y, to the left",
+            "Place to the left",
             space=True,
         ),
         Signal(

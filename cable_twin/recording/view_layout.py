@@ -19,7 +19,7 @@ LEGEND_LINES = 12  # of a plot, up to which it has a legend
 TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
 EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
 IN_A_ROW = 3  # plots and close-ups, of about one height and width; in space there are more of them
-IN_SPACE_IN_A_ROW = 4
+IN_SPACE_IN_A_ROW = 5
 
 
 def lay_out(

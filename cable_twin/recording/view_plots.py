@@ -20,6 +20,7 @@ from cable_twin.snapshot import Columns, Layout
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 LEGENDS = "legends"  # entities of the names of lines
+LEGEND_GAP = 4  # letters between two of them
 Values = Callable[[Columns, FloatArray], FloatArray]
 
 
@@ -87,7 +88,9 @@ class Plots:
         plots = [plot for plot in self._plots if plot.path.split("/")[1] == name]
         titles = [title for plot in plots for title in plot.names]
         colors = np.array([color for plot in plots for color in plot.colors], dtype=np.uint32)
-        places = [(float(column), 0.0) for column in range(len(titles))]
+        widths = np.array([len(title) + LEGEND_GAP for title in titles])  # a long name takes more of the row
+        middles = (np.cumsum(widths) - 0.5 * widths) * len(titles) / widths.sum() - 0.5
+        places = [(middle, 0.0) for middle in middles]
         names = rr.Points2D(places, colors=colors, radii=[0.0], labels=titles, show_labels=True)
         stream.log(f"{LEGENDS}/{name}", names, static=True)
 

@@ -26,7 +26,8 @@ STRIP = 0.04  # of the track, how far the ground reaches to either side of what 
 ARM = 1.2  # of the width of the widest vehicle, from the rope to the middle of the mast; assumed
 NARROW = 0.004  # of the track, an arm at least
 WIND, RIBS = 0x2FA0C8FF, 0xA8977EFF
-FROM = (-0.2, -0.48, 0.2)  # of the track, from its middle, where it is seen from
+BELOW = 0.03  # of the track, below its middle: what is looked at, as there is ground below it
+FROM = (-0.2, -0.55, 0.2)  # of the track, from its middle, where it is seen from
 BEHIND = (-4.0, -1.2, 0.6)  # of the height of a vehicle, from its bodies, the same
 FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
 
@@ -107,10 +108,10 @@ class Space:
             stream.log(group.path, mesh, static=True)
         for path, row in self._followed.items():
             color = CARRIAGE_COLORS[row % len(CARRIAGE_COLORS)]
-            stream.log(path, rr.Points3D.from_fields(colors=[color], radii=pixels(3.0)), static=True)
+            stream.log(path, rr.Points3D.from_fields(colors=[color], radii=pixels(5.0)), static=True)
         for path in (OVERVIEW_WIND, NEAR_WIND):
             stream.log(path, rr.Arrows3D.from_fields(colors=[WIND], radii=pixels(3.0)), static=True)
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (low + high) - [0.0, 0.0, BELOW * self._span]
         self._sky = np.array([middle[0], middle[1], high[2] + 0.05 * self._span])
         away = np.array(FROM) * self._span
         self.overview = Eye(middle + away, middle)
@@ -165,7 +166,7 @@ class Space:
     def _send_wind(self, stream: rr.RecordingStream, times: FloatArray, wind: FloatArray, joints: FloatArray) -> None:
         """Send the wind (frames, 3) in m/s as arrows: above the track, and at joints (frames, vehicles, 3) in m."""
         over = rr.Arrows3D.columns(
-            vectors=wind * (0.4 * self._span / FASTEST), origins=np.broadcast_to(self._sky, wind.shape)
+            vectors=wind * (0.7 * self._span / FASTEST), origins=np.broadcast_to(self._sky, wind.shape)
         )
         stream.send_columns(OVERVIEW_WIND, [time_column(times)], over, strict=True)
         known = rows_without_gaps(joints)
