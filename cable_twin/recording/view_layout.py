@@ -49,7 +49,6 @@ def lay_out(
         eyes: From where the whole is seen in space, and each entity that has a close-up there; None in a plane.
     """
     x, width = low[0], max(high[0] - low[0], high[1] - low[1])
-    paths = [(plot.path, len(plot.names)) for plot in plots]
     track: rrb.View | rrb.Container = rrb.Spatial2DView(
         name="Track, rope coloured by tension",
         origin="track",
@@ -58,11 +57,7 @@ def lay_out(
             y_range=[-top - 0.03 * width, -low[1] + 0.02 * width],
         ),
     )
-    drawn = {path.split("/")[1] for path, _ in paths}
-    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
-    cells: list[rrb.View | rrb.Container] = [
-        _plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()
-    ]
+    cells = _plot_views(plots, unit, window, spans)
     if followed:
         cells.insert(0, _close_ups(followed, boxes))
     if eyes is not None:
@@ -121,6 +116,16 @@ def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
             position=eye.position, look_target=eye.target, eye_up=(0.0, 0.0, 1.0), tracking_entity=followed
         ),
     )
+
+
+def _plot_views(
+    plots: Iterable[Plot], unit: str, window: float | None, spans: Mapping[str, tuple[float, float]]
+) -> list[rrb.View | rrb.Container]:
+    """Return a view of each signal that is plotted."""
+    paths = [(plot.path, len(plot.names)) for plot in plots]
+    drawn = {path.split("/")[1] for path, _ in paths}
+    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
+    return [_plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()]
 
 
 def plot_titles(unit: str) -> dict[str, str]:

@@ -159,8 +159,9 @@ class Space:
             joints = c.joint_position[rows, row]
             known = rows_without_gaps(joints)
             if known.any():
-                columns = rr.Points3D.columns(positions=joints[known])
-                stream.send_columns(path, [time_column(times[known])], columns, strict=True)
+                stream.send_columns(
+                    path, [time_column(times[known])], rr.Points3D.columns(positions=joints[known]), strict=True
+                )
         self._send_wind(stream, times, c.wind[rows], c.joint_position[rows][:, list(self._followed.values())])
 
     def _send_wind(self, stream: rr.RecordingStream, times: FloatArray, wind: FloatArray, joints: FloatArray) -> None:
@@ -189,12 +190,11 @@ def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_A
         for number, body in enumerate(bodies):
             solid = look.solids[vehicle][body]
             color = BODY_COLORS[number % len(BODY_COLORS)]
+            path = entity_path(entity_path(f"{SPACE}/carriages", vehicle), body)
+            alike: object = path
             if vehicle in carriers:
-                path, key = f"{SPACE}/carriers/{len(groups)}", (solid.vertices.tobytes(), color)
-            else:
-                path = entity_path(entity_path(f"{SPACE}/carriages", vehicle), body)
-                key = path
-            groups.setdefault(key, _Alike(path, [], solid, color)).rows.append(first + number)
+                path, alike = f"{SPACE}/carriers/{len(groups)}", (solid.vertices.tobytes(), color)
+            groups.setdefault(alike, _Alike(path, [], solid, color)).rows.append(first + number)
     return list(groups.values())
 
 

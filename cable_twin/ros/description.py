@@ -27,6 +27,7 @@ Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Transform = ros2_jazzy.geometry_msgs__msg__Transform
 TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
 
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 UNLIMITED = 1e9  # m/s or N, for what a drive does not limit: a URDF has to have a number
 COLORS = ("0.78 0.49 0 1", "0.18 0.56 0.89 1")  # of hangers, of boxes
 Element = ElementTree.Element
@@ -118,8 +119,9 @@ def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> Non
         link = _add(robot, "link", name=f"{prefix}{centre}")
         inertial = _add(link, "inertial")
         _add(inertial, "mass", value=f"{body.mass:.9g}")
-        moment = f"{body.inertia:.9g}"  # about y; the others stand for what a plane does not have
-        _add(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+        # about y; in a plane the others stand for what it does not have
+        moments = (*(body.inertia_tensor or 3 * (body.inertia,)), 0.0, 0.0, 0.0)
+        _add(inertial, "inertia", **{axes: f"{moment:.9g}" for axes, moment in zip(MOMENTS, moments, strict=False)})
         _shapes(link, body)
         above, hook = centre, in_space(body.lower_pivot or (0.0, 0.0))
 
