@@ -25,6 +25,7 @@ LAYOUT = Layout(
     np.linspace(0.0, 1.0, 3),
     carriers=1,
     hauled=["VEHICLE"],
+    space=True,
 )
 KINDS = {"encoder": "cabin", "load_cell": "start", "inclinometer": "cabin", "imu": "cabin"}
 SENSORS = load_scenario("aerial_tramway", {"sensors": {kind: {"kind": kind, "of": of} for kind, of in KINDS.items()}})
