@@ -13,7 +13,7 @@ pytest.importorskip("rerun")
 
 from drawn_run import column, rerun_command
 from rerun.chunk import RrdReader
-from small_tramway import TRAMWAY
+from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.geometry.solids import body_solid
 from cable_twin.recording.run import open_view
@@ -26,15 +26,6 @@ from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-IN_SPACE = {
-    **TRAMWAY,
-    "cable": {
-        **TRAMWAY["cable"],
-        "start": {"position": [0.0, 0.0, 0.0]},
-        "end": {**TRAMWAY["cable"]["end"], "position": [120.0, 0.0, 18.0], "direction": [1.0, 0.0, 0.1]},
-    },
-    "towers": {"tower_1": {**TRAMWAY["towers"]["tower_1"], "position": [60.0, 0.3, 11.0]}},
-}
 LIGHT, DARK = 1.0, 0.004  # luminance of what rerun draws on
 READABLE = 2.0  # of a line; 3 of letters
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
-from small_tramway import TRAMWAY
+from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.messages import (
     MARKERS,
@@ -40,16 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 STAMP = 1_700_000_000_500_000_000
 TYPES = {MARKERS: "visualization_msgs/msg/MarkerArray", TF: "tf2_msgs/msg/TFMessage"}
 FRAME_ID, PREFIX = "valley", "south/"
-WINDY = {  # the tramway with its tower beside the straight line, and a wind from its right
-    **TRAMWAY,
-    "cable": {
-        **TRAMWAY["cable"],
-        "start": {"position": [0.0, 0.0, 0.0]},
-        "end": {**TRAMWAY["cable"]["end"], "position": [120.0, 0.0, 18.0], "direction": [1.0, 0.0, 0.1]},
-    },
-    "towers": {"tower_1": {**TRAMWAY["towers"]["tower_1"], "position": [60.0, 0.4, 11.0]}},
-    "air": {"wind": [2.0, 12.0, 0.0]},
-}
+WINDY = {**IN_SPACE, "air": {"wind": [2.0, 12.0, 0.0]}}
 
 
 def test_a_cabin_in_the_wind_is_shown_with_its_roll():
