@@ -183,7 +183,8 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
         speed = law(motion)
         if speed is None:
             print(
-                f"{NAME}: strongest wind {law.strongest:.1f} m/s, largest roll {math.degrees(law.largest):.1f} deg",
+                f"{NAME}: strongest wind {law.strongest:.1f} m/s; largest swing across the track, or roll, "
+                f"{math.degrees(law.largest):.1f} deg in it",
                 flush=True,
             )
         return speed

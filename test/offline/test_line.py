@@ -99,7 +99,7 @@ def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
 def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
     """A panel more, with the rope as far aside as a level one of its weight hangs down, by wind over weight."""
     drag = 0.5 * 1.225 * 1.2 * 0.05 * 20.0**2  # N/m
-    changes = {"space": 3, "cable.diameter": 0.05, "cable.mass_per_length": 3.0, "carriages.car.arc_length": 1.0}
+    changes = {"space": 3, "cable.diameter": 0.05, "cable.mass_per_length": 3.0, "carriages.car.arc_length": 3.0}
     heights = {}
     for wind in (0.0, 20.0):
         line = plan_line(load_scenario(SPAN, {**changes, "air.wind": [0.0, wind, 0.0]}), 2, None)

@@ -118,6 +118,9 @@ def test_plots_show_roll_place_and_wind(drawn):
     assert rolls[-1] == [pytest.approx(np.degrees(cabin.roll))]
     assert places[-1] == [pytest.approx(cabin.position[1])]
     np.testing.assert_array_equal(wind, np.where(times[:, None] > 0.96, [3.0, 15.0, 0.0], 0.0))
+    _, texts = column(path, "/readout", "TextDocument:text")
+    assert "| wind across | **15.0 m/s** |" in texts[-1][0]
+    assert f"| swing across | **{np.degrees(cabin.roll):.1f} deg** |" in texts[-1][0]
     _, arrows = column(path, "/space/wind", "Arrows3D:vectors")
     direction = np.array(arrows[-1][0]) / np.linalg.norm(arrows[-1][0])
     np.testing.assert_allclose(direction, np.array([3.0, 15.0, 0.0]) / np.hypot(3.0, 15.0), atol=1e-6)

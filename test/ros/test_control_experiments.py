@@ -359,7 +359,7 @@ def test_it_goes_slower_in_the_wind_of_a_running_twin_and_stands_in_a_storm(tmp_
         sim.kill()
     assert "wind 6.0 m/s" in driver.output
     assert ": 3.00 m/s" in driver.output  # half way from 4 to 2 m/s
-    assert "strongest wind 6.0 m/s, largest roll" in driver.output
+    assert "strongest wind 6.0 m/s; largest swing across" in driver.output
     assert "done after" in driver.output
     log = read_log(sim.run_directory)
     snapshots = [item for item in read_snapshots(log) if isinstance(item, Snapshot)]
