@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 
 import numpy as np
 import pytest
@@ -64,3 +65,17 @@ def test_review_plots_and_exports_what_goes_across(run, tmp_path):
     assert max(rolls) > 1.0
     assert float(rows[-1]["wind/y [m/s]"]) == 14.0
     assert max(float(row["lateral/cabin/cabin [m]"]) for row in rows if row["lateral/cabin/cabin [m]"]) > 0.1
+
+
+def test_runs_are_compared_in_space_too(run, tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    from rerun.chunk import RrdReader  # noqa: PLC0415
+
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    copies = [shutil.copytree(run, tmp_path / name) for name in ("calm", "windy")]
+    assert review.main([*map(str, copies)]) == 0
+    (recording,) = copies[0].glob("*.rrd")
+    entities = {chunk.entity_path for chunk in RrdReader(recording).stream()}
+    for root in "ab":
+        assert {f"/{root}/space/rope", f"/{root}/space/carriages/cabin/cabin", f"/{root}/plots/wind"} <= entities
