@@ -8,7 +8,7 @@ from setuptools import find_packages, setup
 
 COMMANDS = ("sim", "drive", "simulate", "line", "review", "replay")  # console scripts of setup.cfg
 SHARED = "examples/control_experiment.py"  # what the controllers have in common
-CONTROLLERS = ("examples/swing_damping.py", "examples/tower_pass.py", "examples/trapezoid_driver.py")
+CONTROLLERS = tuple(f"examples/{name}.py" for name in ("swing_damping", "tower_pass", "trapezoid_driver", "wind_speed"))
 RELAY = """\
 #!/bin/sh
 exec "$(dirname "$0")/../../bin/$(basename "$0")" "$@"

@@ -15,7 +15,8 @@ import numpy as np
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import ENDS, Columns, Layout
 
-Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers"]
+Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air"]
+AXES = ("x", "y", "z")
 
 
 class Driven(NamedTuple):
@@ -88,6 +89,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "bodies": lambda layout: layout.bodies,
     "supports": lambda layout: layout.supports,
     "towers": lambda layout: layout.supports[len(ENDS) :],
+    "air": lambda _: AXES,
 }
 
 
@@ -124,6 +126,28 @@ SIGNALS: Mapping[str, Signal] = {
             lambda _, c: np.degrees(c.body_angles[..., 0]),
             "roll",
             "across",
+            "Swing across",
+            space=True,
+        ),
+        Signal(
+            "lateral",
+            "m",
+            "bodies",
+            lambda _, c: c.body_position[..., 1],
+            "y, to the left",
+            "across",
+            "Place to the left",
+            space=True,
+        ),
+        Signal(
+            "wind",
+            "m/s",
+            "air",
+            lambda _, c: c.wind,
+            "wind",
+            "across",
+            "Wind",
+            legend=("x, along", "y, from the right", "z, up"),
             space=True,
         ),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
@@ -178,7 +202,7 @@ PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in whi
     "tension": "Rope tension",
     "speed": "Speed and place along the rope",
     "swing": "Swing along the track",
-    "across": "Across the track: swing",
+    "across": "Across the track: swing, place, wind",
     "drive": "Drive",
     "contact_forces": "Forces on carriages and supports",
     "lateral_forces": "Lateral forces of towers",

@@ -224,14 +224,8 @@ class Snapshot:
     def bodies(self) -> BodyColumns:
         """All bodies as columns."""
         c = self.columns
-        return BodyColumns(
-            self.layout.bodies,
-            c.body_position,
-            c.body_orientation,
-            c.body_velocity,
-            c.body_angular_velocity,
-            c.body_angles,
-        )
+        places, turns = (c.body_position, c.body_orientation), (c.body_velocity, c.body_angular_velocity)
+        return BodyColumns(self.layout.bodies, *places, *turns, c.body_angles)
 
     @property
     def carriages(self) -> Mapping[str, CarriageState]:

@@ -75,7 +75,7 @@ class Link:
         self._next_command = 0.0  # s of the experiment
         self._over = False
         self._node = rclpy.create_node("control_experiment")
-        twin = "/" + twin.strip("/")
+        self._twin = twin = "/" + twin.strip("/")
         self._publisher = self._node.create_publisher(JointState, f"{twin}/joint_commands", 10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
@@ -118,6 +118,10 @@ class Link:
                     "It names every refusal in its own terminal"
                 )
         return self._over
+
+    def listen(self, message_type: Any, topic: str, take: Callable[[Any], None]) -> None:
+        """Have messages of one more topic of the twin taken, while the law is followed."""
+        self._node.create_subscription(message_type, f"{self._twin}/{topic}", take, 50)
 
     def close(self) -> None:
         """Tell the twin to stop, and leave."""
@@ -295,12 +299,17 @@ def distance_to(link: Link, destination: float) -> float:
         ExperimentError: it does not stand, or the place is not on the rope.
     """
     assert link.motion is not None
-    length = link.scenario["cable"]["unstrained_length"]
-    if not 0.0 < destination < length:
-        raise ExperimentError(f"arc length {destination:g} m given; allowed: more than 0 and less than {length:g} m")
+    check_place(link, destination)
     if abs(link.motion.speed) > REST:
         raise ExperimentError(f"'{link.name}' moves at {link.motion.speed:.2f} m/s; it has to stand at the start")
     return destination - link.motion.arc_length
+
+
+def check_place(link: Link, place: float) -> None:
+    """Raise ExperimentError where an arc length (m) is not on the rope."""
+    length = link.scenario["cable"]["unstrained_length"]
+    if not 0.0 < place < length:
+        raise ExperimentError(f"arc length {place:g} m given; allowed: more than 0 and less than {length:g} m")
 
 
 def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, argparse.Namespace], Law]) -> int:

@@ -56,3 +56,13 @@ TRAMWAY: dict[str, Any] = {
     "terrain": [[0.0, -12.0], [58.0, 2.0], [62.0, 2.0], [120.0, 8.0]],
     "solver": {"step": 0.005},
 }
+
+IN_SPACE: dict[str, Any] = {  # the same with its tower beside the straight line
+    **TRAMWAY,
+    "cable": {
+        **TRAMWAY["cable"],
+        "start": {"position": [0.0, 0.0, 0.0]},
+        "end": {**TRAMWAY["cable"]["end"], "position": [120.0, 0.0, 18.0], "direction": [1.0, 0.0, 0.1]},
+    },
+    "towers": {"tower_1": {**TRAMWAY["towers"]["tower_1"], "position": [60.0, 0.3, 11.0]}},
+}

@@ -1,6 +1,8 @@
 """The shipped ropeways: each starts, runs and keeps the limits of its key figures; drives are balanced by forces."""
 
+import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +14,13 @@ from verification import JIT
 
 pytestmark = pytest.mark.skipif(not JIT, reason="minutes without compilation")
 
-SPEEDS = {"aerial_tramway": ("cabin", 5.0), "chairlift": ("haul_rope", 2.5), "gondola": ("haul_rope", 6.0)}
+SPEEDS = {
+    "aerial_tramway": ("cabin", 5.0),
+    "windy_tramway": ("cabin", 5.0),
+    "chairlift": ("haul_rope", 2.5),
+    "gondola": ("haul_rope", 6.0),
+}
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "scenarios.md"
 KEPT = ("rope safety factor", "tension over transverse load", "swing along the track", "drive force")
 
 
@@ -111,3 +119,44 @@ def test_a_chair_passes_a_tower_smoothly():
     assert accelerations.max() < 1.5  # m/s^2
     weight = 550.0 * 9.81
     assert 0.8 * weight < min(loads) < max(loads) < 1.2 * weight
+
+
+ACROSS = {  # what the tramway in space has that the one in its plane has not
+    *("name", "description", "space"),
+    *("cable.start.position", "cable.start.direction", "cable.end.position"),
+    *("towers.tower.position", "towers.tower.groove", "air.wind"),
+    *(f"carriages.cabin.bodies.{body}.inertia_tensor" for body in ("running_carriage", "hanger", "cabin")),
+    *("carriages.cabin.bodies.running_carriage.roll_damping", "carriages.cabin.bodies.hanger.damping"),
+    *("carriages.cabin.bodies.hanger.drag_area", "carriages.cabin.bodies.cabin.drag_area"),
+}
+
+
+def leaves(data, path=""):
+    """Values by dotted key."""
+    if not isinstance(data, dict):
+        return {path: data}
+    return {
+        key: value for name, item in data.items() for key, value in leaves(item, f"{path}.{name}".strip(".")).items()
+    }
+
+
+def test_the_tramway_in_the_wind_is_the_default_but_for_what_goes_across():
+    plane, space = (leaves(load_scenario(name).resolved()) for name in ("aerial_tramway", "windy_tramway"))
+    assert {key for key in plane.keys() | space.keys() if plane.get(key) != space.get(key)} == ACROSS
+    for name in ("cable.start", "cable.end", "towers.tower"):
+        x, y, z = space[f"{name}.position"]
+        assert ([x, z], y) == (plane[f"{name}.position"], 0.0)
+
+
+def test_the_page_says_how_a_cabin_hangs_in_the_wind(capsys):
+    """Its Python as it stands; across the track it hangs along the resultant of weight and drag."""
+    text = PAGE.read_text(encoding="utf-8")
+    (block,) = [one for one in re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S) if "windy_tramway" in one]
+    exec(block, {})  # of this repository
+    printed = capsys.readouterr().out
+    assert printed.splitlines() == re.findall(r"^# (.*)$", block, re.M)
+    empty = [float(word) for word in re.findall(r"[\d.]+", printed)][1]
+    drag = 0.5 * 1.1 * 20.0**2  # Pa
+    moment = drag * (2.0 * 2.7 + 14.9 * 6.7)  # N m about the rope: hanger and cabin by the depth of their middles
+    weight = 9.81 * (1500.0 * 0.2 + 1000.0 * 2.9 + 3100.0 * 6.9)  # N m for each rad
+    assert np.radians(empty) == pytest.approx(moment / weight, rel=0.1)

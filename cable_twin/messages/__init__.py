@@ -13,6 +13,7 @@ from cable_twin.messages.texts import (
     statuses_of_message,
 )
 from cable_twin.messages.topics import (
+    AIR_WIND,
     APPLIED_COMMANDS,
     CABLE,
     CABLE_PATH,
@@ -39,6 +40,7 @@ from cable_twin.messages.topics import (
 )
 
 __all__ = [
+    "AIR_WIND",
     "APPLIED_COMMANDS",
     "CABLE",
     "CABLE_FIELDS",

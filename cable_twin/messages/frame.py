@@ -23,6 +23,7 @@ from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
 from cable_twin.messages.topics import (
+    AIR_WIND,
     CABLE,
     CABLE_PATH,
     CARRIER_FORCES,
@@ -38,6 +39,7 @@ from cable_twin.messages.topics import (
     PoseArray,
     PoseStamped,
     TFMessage,
+    Vector3Stamped,
     WrenchStamped,
     contact_force_topic,
     haul_force_topic,
@@ -118,6 +120,8 @@ class MessageEncoder:
             self._makers[support_force_topic(support)] = _maker(_wrench, self._header_at(support), force)
         if layout.grooves:
             self._makers[DERAILMENTS] = partial(DerailmentMessage, layout, self._columns)
+        if layout.space:
+            self._makers[AIR_WIND] = _maker(_vector, self._header, self._columns.wind)
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -267,8 +271,11 @@ def _body_pose(header: Header, position: FloatArray, orientation: FloatArray) ->
 
 def _wrench(header: Header, force: FloatArray) -> Template:
     """WrenchStamped of a force (3,) in N without a moment."""
-    message = WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0)))
-    return Template(message, [force])
+    return Template(WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0))), [force])
+
+
+def _vector(header: Header, vector: FloatArray) -> Template:
+    return Template(Vector3Stamped(header, Vector3(*map(float, marks(3)))), [vector])
 
 
 def _transform(

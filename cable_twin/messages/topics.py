@@ -19,6 +19,7 @@ from cable_twin.snapshot import Layout
 String = ros2_jazzy.std_msgs__msg__String
 Clock = ros2_jazzy.rosgraph_msgs__msg__Clock
 PoseStamped = ros2_jazzy.geometry_msgs__msg__PoseStamped
+Vector3Stamped = ros2_jazzy.geometry_msgs__msg__Vector3Stamped
 PoseArray = ros2_jazzy.geometry_msgs__msg__PoseArray
 WrenchStamped = ros2_jazzy.geometry_msgs__msg__WrenchStamped
 TFMessage = ros2_jazzy.tf2_msgs__msg__TFMessage
@@ -29,6 +30,7 @@ MarkerArray = ros2_jazzy.visualization_msgs__msg__MarkerArray
 DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
 JOINT_STATES = "joint_states"
+AIR_WIND = "air/wind"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
 CARRIER_POSES = "carriers/poses"
@@ -106,6 +108,8 @@ def topics(
     ]
     if layout.grooves:
         table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
+    if layout.space:
+        table.append(Topic(AIR_WIND, Vector3Stamped.__msgtype__, group="forces"))
     table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:

@@ -15,6 +15,7 @@ from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.run import open_view
 from cable_twin.recording.view_layout import frame, plot_titles
 from cable_twin.recording.view_plots import PLOT_COLORS
+from cable_twin.recording.view_space import SPACE
 from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.scenario import Scenario
 from cable_twin.signals import SIGNALS
@@ -96,6 +97,7 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")
         for root, title in zip(roots, titles, strict=True)
     ]
+    spaces = [rrb.Spatial3DView(name=f"{root}: in space", origin=f"{root}/{SPACE}", line_grid=False) for root in roots]
     plots = [
         rrb.TimeSeriesView(
             name=title,
@@ -117,7 +119,11 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
     ]
     return frame(
         rrb.Horizontal(
-            rrb.Vertical(rrb.Horizontal(*tracks), rrb.Grid(*plots, grid_columns=2), row_shares=[2, 3]),
+            rrb.Vertical(
+                rrb.Horizontal(*tracks, *(spaces if layout.space else ())),
+                rrb.Grid(*plots, grid_columns=3 if layout.space else 2),
+                row_shares=[2, 3],
+            ),
             rrb.Vertical(*commands),
             column_shares=[5, 1],
         )

@@ -1,4 +1,4 @@
-"""Picture of a static line calculation: line and terrain, tension over arc length, clearance and loads of towers."""
+"""Picture of a line at rest: with terrain, from above, tension over arc length, clearance and loads of towers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cable_twin.offline.line_places import Line
-from cable_twin.offline.plots import COLORS, INK, QUIET, STYLE
+from cable_twin.offline.plots import ASIDE, COLORS, INK, QUIET, STYLE
+from cable_twin.scenario import in_space
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
@@ -28,6 +29,8 @@ def write_line_plot(line: Line, path: Path) -> None:
         OSError: it cannot be written.
     """
     panels = [_profile, _tension]
+    if _sideways(line) > ASIDE:
+        panels.insert(1, _plan)
     if line.scenario.terrain:
         panels.append(_clearance)
     if line.scenario.towers:
@@ -67,6 +70,28 @@ def _profile(axes: Axes, line: Line) -> None:
     axes.set_xlabel("x, along the track [m]")
     axes.set_ylabel("z, height [m]")
     axes.legend(ncols=4, **HEAD)
+
+
+def _sideways(line: Line) -> float:
+    """How far (m) rope, bodies and towers reach across the track."""
+    towers = [tower.position[1] for tower in line.scenario.towers.values() if len(tower.position) == 3]
+    places = [y for columns in line.columns for y in (columns.rope_position[:, 1], columns.body_position[:, 1])]
+    return float(np.abs(np.concatenate([*places, towers])).max())
+
+
+def _plan(axes: Axes, line: Line) -> None:
+    """The same from above: what bends in plan, or is blown aside; towers where the rope lies on them."""
+    for number, columns in enumerate(line.columns):
+        rope = columns.rope_position
+        axes.plot(rope[:, 0], rope[:, 1], color=COLORS[0], linewidth=0.4, label="" if number else "rope")
+        here = np.repeat(columns.attached > 0.0, np.diff(_layout(line).first_body))
+        places = columns.body_position[here]
+        axes.plot(places[:, 0], places[:, 1], ".", color=COLORS[1], markersize=2.5, label="" if number else "vehicles")
+    towers = np.array([in_space(tower.position) for tower in line.scenario.towers.values()]).reshape(-1, 3)
+    axes.plot(towers[:, 0], towers[:, 1], "s", color=QUIET, markersize=5.0, label="towers")
+    axes.set_xlabel("x, along the track [m]")
+    axes.set_ylabel("y, to the left [m]")
+    axes.legend(ncols=3, **HEAD)
 
 
 def _tension(axes: Axes, line: Line) -> None:

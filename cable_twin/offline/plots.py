@@ -54,6 +54,7 @@ STYLE = {
     "lines.linewidth": 1.3,
     "savefig.dpi": 130,
 }
+ASIDE = 0.01  # m across the track, from which on a rope is drawn from above
 SCALED = ("N", "W")  # units that may get a prefix
 
 
@@ -211,29 +212,35 @@ def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float,
 
 
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
-    """The rope at a row of times, coloured by time, and below it how far it is from its chord."""
+    """The rope at a row of times, coloured by time, below it how far it is from its chord; in space from above, too."""
+    shapes = [run.signals.shapes() for run in runs]
+    rows: list[tuple[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]] = [
+        ("z, height [m]", lambda points, _: points[:, 2]),
+        ("z above the chord [m]", _height),
+    ]
+    if max(np.abs(shape.positions[:, 1]).max() for several in shapes for shape in several) > ASIDE:
+        rows.append(("y, to the left [m]", lambda points, _: points[:, 1]))
     width = 10.0 if len(runs) == 1 else max(14.0, 4.5 * len(runs))
-    figure, rows = plt.subplots(2, len(runs), figsize=(width, 6.6), sharex="col", sharey="row", squeeze=False)
-    end = max(run.signals.shapes()[-1].time for run in runs)
-    norm = Normalize(0.0, end or 1.0)
-    for column, run in enumerate(runs):
-        shapes = run.signals.shapes()
-        colors = plt.get_cmap("viridis")(norm([shape.time for shape in shapes]))
-        ropes = [shape.positions for shape in shapes]
-        depths = [np.column_stack([rope[:, 0], _height(rope, rope)]) for rope in ropes]
-        for axes, lines in ((rows[0, column], ropes), (rows[1, column], depths)):
+    size = (width, 3.3 * len(rows))
+    figure, grid = plt.subplots(len(rows), len(runs), figsize=size, sharex="col", sharey="row", squeeze=False)
+    norm = Normalize(0.0, max(several[-1].time for several in shapes) or 1.0)
+    for column, (run, several) in enumerate(zip(runs, shapes, strict=True)):
+        colors = plt.get_cmap("viridis")(norm([shape.time for shape in several]))
+        for axes, (_, seen) in zip(grid[:, column], rows, strict=True):
+            lines = [
+                np.column_stack([shape.positions[:, 0], seen(shape.positions, shape.positions)]) for shape in several
+            ]
             axes.add_collection(LineCollection(lines, colors=colors, linewidths=1.0))
             axes.autoscale_view()
-        for shape, color in zip(shapes, colors, strict=True):
-            joints = np.array(list(shape.carriages.values())).reshape(-1, 2)
-            size = 4.0 if len(joints) <= MANY else 2.0
-            rows[0, column].plot(joints[:, 0], joints[:, 1], "o", color=color, markersize=size)
-            rows[1, column].plot(joints[:, 0], _height(joints, shape.positions), "o", color=color, markersize=size)
-        rows[1, column].set_xlabel("x, along the track [m]")
+            for shape, color in zip(several, colors, strict=True):
+                joints = np.array(list(shape.carriages.values())).reshape(-1, 3)
+                dots = 4.0 if len(joints) <= MANY else 2.0
+                axes.plot(joints[:, 0], seen(joints, shape.positions), "o", color=color, markersize=dots)
+        grid[-1, column].set_xlabel("x, along the track [m]")
         if run.label:
-            rows[0, column].set_title(run.label)
-    rows[0, 0].set_ylabel("z, height [m]")
-    rows[1, 0].set_ylabel("z above the chord [m]")
+            grid[0, column].set_title(run.label)
+    for axes, (label, _) in zip(grid[:, 0], rows, strict=True):
+        axes.set_ylabel(label)
     _title(figure, runs, "Rope over time, with the places of the carriages", right=0.9)
     bar = figure.add_axes((0.915, 0.12, 0.015, 0.7))
     figure.colorbar(ScalarMappable(norm, "viridis"), cax=bar, label="simulated time [s]")
@@ -241,10 +248,11 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
 
 
 def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
-    """Height (m) of points above the chord of a rope; above its start where the chord is vertical."""
+    """Height (m) of points (n, 3) above the chord of a rope; above its start where the chord is vertical."""
     chord = rope[-1] - rope[0]
-    slope = chord[1] / chord[0] if chord[0] else 0.0
-    return points[:, 1] - rope[0, 1] - slope * (points[:, 0] - rope[0, 0])
+    slope = chord[2] / chord[0] if chord[0] else 0.0
+    height: np.ndarray = points[:, 2] - rope[0, 2] - slope * (points[:, 0] - rope[0, 0])
+    return height
 
 
 __all__ = ["PlottedRun", "write_plots"]

@@ -86,8 +86,8 @@ class Shape:
     """The rope and where its carriages are at one time."""
 
     time: float  # s
-    positions: FloatArray  # (n, 2) m, x and z
-    carriages: Mapping[str, FloatArray]  # (2,) m, x and z of the joint
+    positions: FloatArray  # (n, 3) m
+    carriages: Mapping[str, FloatArray]  # (3,) m, of the joint
 
 
 class Signals:
@@ -123,8 +123,8 @@ class Signals:
 def _shape(snapshot: Snapshot) -> Shape:
     c = snapshot.columns
     rows = [(name, row) for row, name in enumerate(snapshot.layout.vehicles) if c.attached[row] == 1.0]
-    joints = {name: c.joint_position[row, [0, 2]] for name, row in rows if not np.isnan(c.joint_position[row, 0])}
-    return Shape(snapshot.time, c.rope_position[:, [0, 2]], joints)
+    joints = {name: c.joint_position[row].copy() for name, row in rows if not np.isnan(c.joint_position[row, 0])}
+    return Shape(snapshot.time, c.rope_position.copy(), joints)
 
 
 @dataclass(slots=True)

@@ -1,7 +1,8 @@
 """Draw the twin in rerun: a recording file (.rrd) with its blueprint embedded, a live view, or both.
 
 Layout: the whole track with the rope coloured by tension, close-ups that move with carriages, plots (speed, tension,
-swing, drive force, tower load), a readout and the commands. Everything lies on the one timeline `sim_time`.
+swing, drive force, tower load), a readout and the commands. A scenario in space is drawn there as well, with plots of
+what goes across the track. Everything lies on the one timeline `sim_time`.
 
 Snapshots are collected as rows of numbers and drawn in batches, a column an entity; `flush` draws those that wait.
 Plots take every snapshot, the rest is thinned out, see `RerunView`.
@@ -22,6 +23,7 @@ from cable_twin.recording.view_geometry import plane, time_column
 from cable_twin.recording.view_picture import Look, Picture
 from cable_twin.recording.view_plots import CommandedSpeeds
 from cable_twin.recording.view_readout import describe_command
+from cable_twin.recording.view_space import InSpace
 from cable_twin.recording.view_stream import flush_stream, open_stream, split_stream
 from cable_twin.recording.web_view import LIVE_PORT, live_url
 from cable_twin.records import AppliedCommand, Command
@@ -56,6 +58,7 @@ class RerunView:
         rope_rate: float = 10.0,
         batch_frames: int | None = None,
         stream: rr.RecordingStream | None = None,
+        space: InSpace | None = None,
     ) -> None:
         """Open the file and the server; the picture is laid out with the first snapshot.
 
@@ -77,6 +80,7 @@ class RerunView:
             batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
                 live, else 500, for a small file and a small index; a flush sends what there is.
             stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
+            space: What is drawn in space as well, beside the plane of the track.
 
         Raises:
             ValueError: When neither a file, a live view nor a stream is given, or the unit is unknown.
@@ -103,6 +107,7 @@ class RerunView:
             carriers=tuple(carriers),
             geometry_rate=geometry_rate,
             rope_rate=rope_rate,
+            space=space,
         )
         self.flush_period = 0.5 if live else 5.0
 

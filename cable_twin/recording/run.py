@@ -9,13 +9,16 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cable_twin.geometry.outlines import body_outlines
+from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, in_space
 from cable_twin.simulation import SAMPLES, Simulation
 
 if TYPE_CHECKING:
@@ -117,7 +120,12 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         OSError: When the file cannot be created or the port is in use.
     """
     from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
+    from cable_twin.recording.view_space import InSpace  # noqa: PLC0415
 
+    space = None
+    if scenario.dim == 3:
+        towers = {name: np.array(in_space(tower.position)) for name, tower in scenario.towers.items()}
+        space = InSpace(body_solids(scenario), towers)
     return RerunView(
         scenario.name,
         body_outlines(scenario),
@@ -126,6 +134,7 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         ground=scenario.terrain or None,
         support_positions={name: (tower.position[0], tower.position[-1]) for name, tower in scenario.towers.items()},
         carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
+        space=space,
         **options,
     )
 

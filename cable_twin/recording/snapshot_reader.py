@@ -3,10 +3,11 @@
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
 that time, and so is what it never has: sheaves, energies, velocities of centres of mass, what has no topic.
 The cable and what is known of carriers by their forces is in single precision; the pitch of a body below another one is
-a sum of joints, right but for its last bits. Of a tower a log has the force; its size stands for the normal load
-(friction adds to it, the turn of the rope takes from it), and that in the first frame for the load at rest, where no
-snapshot that the run went on from has it; its part across the line is what the groove bears. The travel of a
-counterweight follows from the end of the cable, payloads and wind from the commands.
+a sum of joints, right but for its last bits; roll and yaw are those of its pose. Of a tower a log has the force; its
+size stands for the normal load (friction adds to it, the turn of the rope takes from it), and that in the first frame
+for the load at rest, where no snapshot that the run went on from has it; its part across the line is what the groove
+bears. The travel of a counterweight follows from the end of the cable, payloads from the commands, and the wind too
+where it has no topic.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.messages import (
+    AIR_WIND,
     APPLIED_COMMANDS,
     CABLE,
     CABLE_FIELDS,
@@ -135,6 +137,7 @@ class _Frames:
         """A reader for each topic that a log may hold."""
         layout, c = self._layout, self._columns
         readers: dict[str, Callable[[bytes], None]] = {JOINT_STATES: self._read_joints, CABLE: self._read_cable}
+        readers[AIR_WIND] = reader(3, [c.wind])
         for row, (name, bodies) in enumerate(layout.vehicles.items()):
             readers[pose_topic(name)] = reader(POSE, [c.joint_position[row]])
             readers[contact_force_topic(name)] = reader(6, [c.contact_force[row]])
@@ -168,7 +171,8 @@ class _Frames:
         if self._empty:
             return None
         c = self._columns
-        c.payload[:], c.wind[:] = self._payloads, self._winds[1]
+        c.payload[:], c.wind[:] = self._payloads, np.where(np.isnan(c.wind), self._winds[1], c.wind)
+        self._turn_bodies()
         # what is off a moving cable hangs exactly at one of its ends
         ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
@@ -267,7 +271,7 @@ class _Frames:
         for row, name in enumerate(ENDS):
             end = getattr(self._scenario.cable, name)
             if end.support == "counterweight":
-                direction = np.array(in_space(end.direction)) / np.hypot(*end.direction)
+                direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
                 moved = c.rope_position[-row] - np.array(in_space(end.position))
                 c.support_travel[row] = float(moved @ direction)
 

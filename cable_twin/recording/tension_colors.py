@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from cable_twin.records import FloatArray
 
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
-COLOR_STOPS = (0x3B8BFFFF, 0x35C9E0FF, 0x6FE08AFF, 0xF4E04DFF, 0xFF9838FF, 0xFF4338FF)
+# seen on dark ground and on light one
+COLOR_STOPS = (0x3B8BFFFF, 0x1FAFC8FF, 0x45BB66FF, 0xCCA40AFF, 0xF08324FF, 0xF03E34FF)
 
 
 class TensionColors:

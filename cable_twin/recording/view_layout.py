@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 
 from cable_twin.recording.view_geometry import TIMELINE
 from cable_twin.recording.view_plots import LEGENDS, Plot
+from cable_twin.recording.view_space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye
 from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
 from cable_twin.signals import SIGNALS
@@ -17,7 +18,8 @@ from cable_twin.signals import SIGNALS
 LEGEND_LINES = 12  # of a plot, up to which it has a legend
 TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
 EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
-IN_A_ROW = 3  # plots and close-ups, of about one height and width
+IN_A_ROW = 3  # plots and close-ups, of about one height and width; in space there are more of them
+IN_SPACE_IN_A_ROW = 5
 
 
 def lay_out(
@@ -30,6 +32,7 @@ def lay_out(
     unit: str,
     window: float | None,
     spans: Mapping[str, tuple[float, float]],
+    eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
 ) -> rrb.Blueprint:
     """Return the layout of the whole picture.
 
@@ -43,10 +46,10 @@ def lay_out(
         unit: Of forces.
         window: s, how much time before and after the cursor the plots show; None shows the whole run.
         spans: Signal -> lowest and highest value of its plot, where they are known.
+        eyes: From where the whole is seen in space, and each entity that has a close-up there; None in a plane.
     """
     x, width = low[0], max(high[0] - low[0], high[1] - low[1])
-    paths = [(plot.path, len(plot.names)) for plot in plots]
-    track = rrb.Spatial2DView(
+    track: rrb.View | rrb.Container = rrb.Spatial2DView(
         name="Track, rope coloured by tension",
         origin="track",
         visual_bounds=rrb.VisualBounds2D(
@@ -54,14 +57,15 @@ def lay_out(
             y_range=[-top - 0.03 * width, -low[1] + 0.02 * width],
         ),
     )
-    drawn = {path.split("/")[1] for path, _ in paths}
-    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
-    cells: list[rrb.View | rrb.Container] = [
-        _plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()
-    ]
+    cells = _plot_views(plots, unit, window, spans)
     if followed:
         cells.insert(0, _close_ups(followed, boxes))
-    rows = -(-len(cells) // IN_A_ROW)
+    if eyes is not None:
+        overview, near = eyes
+        track = rrb.Horizontal(track, _in_space(overview), column_shares=[1, 1])
+        if near:
+            cells.insert(1, _together([_in_space(eye, entity) for entity, eye in near.items()]))
+    rows = -(-len(cells) // (IN_A_ROW if eyes is None else IN_SPACE_IN_A_ROW))
     lower = [rrb.Horizontal(*cells[len(cells) * row // rows : len(cells) * (row + 1) // rows]) for row in range(rows)]
     return frame(
         rrb.Horizontal(
@@ -91,7 +95,37 @@ def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View 
         for path, reach in list(followed.items())[:CLOSE_UPS]
         for name in [path.rpartition("/")[2]]
     ]
+    return _together(views)
+
+
+def _together(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
+    """Return views one behind the other."""
     return views[0] if len(views) == 1 else rrb.Tabs(*views)
+
+
+def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
+    """Return a view in space, from a place; it moves with an entity where it follows one."""
+    hidden = NEAR_WIND if followed is None else OVERVIEW_WIND
+    name = "In space" if followed is None else f"{followed.rpartition('/')[2]} in space"
+    return rrb.Spatial3DView(
+        name=name,
+        origin=SPACE,
+        contents=["+ $origin/**", f"- /{hidden}", *([] if followed is None else [f"- /{SPACE}/names"])],
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            position=eye.position, look_target=eye.target, eye_up=(0.0, 0.0, 1.0), tracking_entity=followed
+        ),
+    )
+
+
+def _plot_views(
+    plots: Iterable[Plot], unit: str, window: float | None, spans: Mapping[str, tuple[float, float]]
+) -> list[rrb.View | rrb.Container]:
+    """Return a view of each signal that is plotted."""
+    paths = [(plot.path, len(plot.names)) for plot in plots]
+    drawn = {path.split("/")[1] for path, _ in paths}
+    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
+    return [_plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()]
 
 
 def plot_titles(unit: str) -> dict[str, str]:

@@ -15,6 +15,7 @@ from cable_twin.recording.view_plots import CommandedSpeeds, Plots
 from cable_twin.recording.view_readout import describe_moment
 from cable_twin.recording.view_rope import Rope
 from cable_twin.recording.view_scene import draw_scene, extent, scene_of
+from cable_twin.recording.view_space import InSpace, Space
 from cable_twin.recording.view_vehicles import Vehicles
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
@@ -35,6 +36,7 @@ class Look:
     carriers: Collection[str]
     geometry_rate: float  # Hz
     rope_rate: float  # Hz
+    space: InSpace | None  # what is drawn in space, where it is drawn there as well
 
 
 class Picture:
@@ -52,8 +54,9 @@ class Picture:
         self._unit = look.force_unit or _unit(first_known(c))
         self._scale = 1e-3 if self._unit == "kN" else 1.0
         self._plots = Plots(layout, look.carriers, self._scale)
-        self._rope = Rope(layout.arc_lengths, self._scale, self._unit)
+        self._rope = Rope(layout.arc_lengths, self._scale, self._unit, space=look.space is not None)
         self._vehicles = Vehicles(layout, look.outlines, look.carriers)
+        self._space = look.space and Space(layout, look.space, look.carriers, self._vehicles.followed)
         self._rope_times = Thinning(look.rope_rate)
         self._pose_times = Thinning(look.geometry_rate)
         self._readout_times = Thinning(READOUT_RATE)
@@ -77,6 +80,8 @@ class Picture:
         self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
         self._vehicles.begin(stream, first, 0.045 * width)
         self._plots.begin(stream)
+        if self._space:
+            self._space.begin(stream, first, scene.ground)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
         self._corners = low, high, top
         self._lay_out(stream)
@@ -90,7 +95,8 @@ class Picture:
     def _lay_out(self, stream: rr.RecordingStream) -> None:
         vehicles, plots, window = self._vehicles, self._plots, self._look.plot_window
         shown = vehicles.close_ups, vehicles.boxes
-        stream.send_blueprint(lay_out(*self._corners, *shown, plots, self._unit, window, plots.spans))
+        eyes = (self._space.overview, self._space.close_ups) if self._space else None
+        stream.send_blueprint(lay_out(*self._corners, *shown, plots, self._unit, window, plots.spans, eyes))
 
     def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
         """Draw a batch of at least one frame."""
@@ -100,6 +106,8 @@ class Picture:
             self._rope.send(stream, c, rows)
         if (rows := self._pose_times.rows(times)).size:
             self._vehicles.send(stream, c, rows)
+            if self._space:
+                self._space.send(stream, c, rows)
         if (rows := self._readout_times.rows(times)).size:
             moments = [frame(c, row) for row in rows]
             texts = [describe_moment(self._layout, one, self._look.title, self._scale, self._unit) for one in moments]

@@ -1,4 +1,4 @@
-"""What is plotted of a run: speeds beside those commanded, tensions, swings, drive forces and loads of towers."""
+"""What is plotted of a run: speeds beside those commanded, tensions, swings, drive forces, loads of towers, wind."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from cable_twin.snapshot import Columns, Layout
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 LEGENDS = "legends"  # entities of the names of lines
+LEGEND_GAP = 4  # letters between two of them
 Values = Callable[[Columns, FloatArray], FloatArray]
 
 
@@ -87,7 +88,9 @@ class Plots:
         plots = [plot for plot in self._plots if plot.path.split("/")[1] == name]
         titles = [title for plot in plots for title in plot.names]
         colors = np.array([color for plot in plots for color in plot.colors], dtype=np.uint32)
-        places = [(float(column), 0.0) for column in range(len(titles))]
+        widths = np.array([len(title) + LEGEND_GAP for title in titles])  # a long name takes more of the row
+        middles = (np.cumsum(widths) - 0.5 * widths) * len(titles) / widths.sum() - 0.5
+        places = [(middle, 0.0) for middle in middles]
         names = rr.Points2D(places, colors=colors, radii=[0.0], labels=titles, show_labels=True)
         stream.log(f"{LEGENDS}/{name}", names, static=True)
 
@@ -177,7 +180,12 @@ def _speed(signal: Signal, layout: Layout, index: int, c: Columns, commanded: Fl
 
 
 def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
-    """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one."""
+    """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one.
+
+    What else bodies have is drawn alike.
+    """
+    if not signal.names(layout):
+        return
     color = 0
     together: list[_Bodies] = []
     for name, (first, last) in zip(layout.vehicles, pairwise(layout.first_body), strict=True):
@@ -185,7 +193,9 @@ def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float)
         if name in carriers:
             together.append(bodies)
         elif bodies.rows:
-            yield Plot(entity_path("plots/swing", name), bodies.titles, partial(_swing, signal, layout, bodies), color)
+            yield Plot(
+                entity_path(f"plots/{signal.name}", name), bodies.titles, partial(_swing, signal, layout, bodies), color
+            )
             color += len(bodies.rows)
     if together:
         every = _Bodies(
@@ -195,7 +205,10 @@ def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float)
         if every.rows:
             titles = ["least", "most", *together[0].titles]
             yield Plot(
-                "plots/swing/carriers", titles, partial(_spread, signal, layout, every, len(together[0].rows)), color
+                f"plots/{signal.name}/carriers",
+                titles,
+                partial(_spread, signal, layout, every, len(together[0].rows)),
+                color,
             )
 
 
@@ -215,17 +228,23 @@ def _titles(layout: Layout, name: str) -> list[str]:
 
 
 def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
-    """Swing (frames, bodies) in degrees of bodies on the rope, NaN of those that hang in a station."""
+    """Swing (frames, bodies) of bodies on the rope, NaN of those that hang in a station."""
     return signal.values(layout, c)[:, bodies.rows]
 
 
 def _spread(
     signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns, commanded: FloatArray
 ) -> FloatArray:
-    """Least and most swing (frames, 2 + first) in degrees of all bodies, and that of the `first` ones."""
+    """Least and most swing (frames, 2 + first) of all bodies, and that of the `first` ones."""
     swings = _swing(signal, layout, bodies, c, commanded)
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 
 
 # signals that are drawn otherwise than all together
-MAKERS: Mapping[str, Maker] = {"speed": _speeds, "swing": _swings, "drive_force": _one_by_one}
+MAKERS: Mapping[str, Maker] = {
+    "speed": _speeds,
+    "swing": _swings,
+    "roll": _swings,
+    "lateral": _swings,
+    "drive_force": _one_by_one,
+}

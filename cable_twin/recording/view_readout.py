@@ -31,6 +31,13 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
             ("on the line", 0.0, f"{on_line.sum()} of {len(layout.vehicles)}"),
             ("largest swing", swing, f"{np.rad2deg(swing):.1f} deg"),
         )
+    if layout.space:
+        roll = float(np.degrees(np.abs(c.body_angles[:, 0]).max(initial=0.0)))
+        lines += (
+            ("swing across", roll, f"{roll:.1f} deg"),
+            ("wind along", float(c.wind[0]), f"{c.wind[0]:.1f} m/s"),
+            ("wind across", float(c.wind[1]), f"{c.wind[1]:.1f} m/s"),
+        )
     low, high = float(c.rope_tension.min()) * scale, float(c.rope_tension.max()) * scale
     lines.append(("tension", low + high, f"{low:.4g} … {high:.4g} {unit}"))
     first = len(ENDS)

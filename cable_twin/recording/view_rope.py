@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -30,19 +32,23 @@ class Rope:
         arc_lengths: (samples,) m, where frames hold it.
         scale: That forces are drawn with.
         unit: Of forces.
+        space: Draw it in space as well.
     """
 
-    def __init__(self, arc_lengths: FloatArray, scale: float, unit: str) -> None:
+    def __init__(self, arc_lengths: FloatArray, scale: float, unit: str, *, space: bool = False) -> None:
         self._arc_lengths = arc_lengths
         self._scale = scale
         self._unit = unit
+        self._drawn = (IN_PLANE, IN_SPACE) if space else (IN_PLANE,)
         self._colors: TensionColors | None = None  # until a tension is known
         self._legend_place = (0.0, 0.0, 1.0)
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
         """Log what does not change; the legend is at x, z and so wide (m), and valid from `time` (s) on."""
         self._legend_place = legend_place
-        stream.log("track/rope", rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
+        stream.log(IN_PLANE.path, rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
+        if IN_SPACE in self._drawn:
+            stream.log(IN_SPACE.path, rr.LineStrips3D.from_fields(radii=pixels(2.5)), static=True)
         if self._colors is not None:
             self._log_legend(stream, time, self._colors)
 
@@ -56,10 +62,10 @@ class Rope:
         places = np.where(on_rope, c.arc_length[rows], np.nan)
         points, tensions = with_joints(
             self._arc_lengths,
-            planar(c.rope_position[rows]),
+            c.rope_position[rows],
             c.rope_tension[rows] * self._scale,
             places,
-            planar(c.joint_position[rows]),
+            c.joint_position[rows],
         )
         known = tensions[~np.isnan(tensions)]
         bins = np.zeros((len(points), points.shape[1] - 1), dtype=np.intp)
@@ -71,8 +77,9 @@ class Rope:
             if self._colors.widen(known) or first:
                 self._log_legend(stream, float(times[0]), self._colors)
             bins = self._colors.bins(tensions)
-        stream.send_columns("track/rope", [time_column(times)], rope_columns(points, bins), strict=True)
-        time.sleep(0)  # the frame loop may be waiting for the interpreter
+        for form in self._drawn:
+            stream.send_columns(form.path, [time_column(times)], rope_columns(points, bins, form), strict=True)
+            time.sleep(0)  # the frame loop may be waiting for the interpreter
 
     def _log_legend(self, stream: rr.RecordingStream, time: float, colors: TensionColors) -> None:
         """Draw the bar of tension colours with its ends in numbers, as valid from `time` (s) on."""
@@ -100,13 +107,13 @@ def with_joints(
 
     Args:
         arc_lengths: (n,) m, of the samples.
-        points: (frames, n, 2) m.
+        points: (frames, n, 3) m.
         tensions: (frames, n).
         places: (frames, joints) m, arc lengths; NaN where one is not on the rope, which puts it on the last sample.
-        joints: (frames, joints, 2) m.
+        joints: (frames, joints, 3) m.
 
     Returns:
-        Points (frames, n + joints, 2) and tensions (frames, n + joints) in the order along the rope.
+        Points (frames, n + joints, 3) and tensions (frames, n + joints) in the order along the rope.
     """
     frames, count = tensions.shape
     absent = np.isnan(places) | np.isnan(joints).any(axis=2)
@@ -119,12 +126,39 @@ def with_joints(
     return np.take_along_axis(np.hstack([points, joints]), order[..., None], axis=1), tensions
 
 
-def rope_columns(points: FloatArray, bins: NDArray[np.intp]) -> list[rr.ComponentColumn]:
+class Form(NamedTuple):
+    """How the rope is drawn: in the plane of the track, or in space."""
+
+    path: str
+    seen: Callable[[FloatArray], FloatArray]  # points (..., 3) in m as they are drawn
+    points: Any
+    lines: Any
+    type: pa.DataType
+
+
+IN_PLANE = Form(
+    "track/rope",
+    lambda points: plane(planar(points)),
+    rr.components.Position2DBatch,
+    rr.LineStrips2D,
+    rr.components.LineStrip2DBatch([]).as_arrow_array().type,
+)
+IN_SPACE = Form(
+    "space/rope",
+    lambda points: points,
+    rr.components.Position3DBatch,
+    rr.LineStrips3D,
+    rr.components.LineStrip3DBatch([]).as_arrow_array().type,
+)
+
+
+def rope_columns(points: FloatArray, bins: NDArray[np.intp], form: Form) -> list[rr.ComponentColumn]:
     """Return the rope of several frames as lines of one colour each.
 
     Args:
-        points: (frames, n, 2) m, in x and z.
+        points: (frames, n, 3) m.
         bins: (frames, n - 1) colour of each stretch.
+        form: How it is drawn.
     """
     frames, count = bins.shape
     starts = np.ones((frames, count), dtype=bool)
@@ -132,13 +166,11 @@ def rope_columns(points: FloatArray, bins: NDArray[np.intp]) -> list[rr.Componen
     # A sample between two colours ends one line and starts the next.
     copies = np.ones((frames, count + 1), dtype=np.intp)
     copies[:, 1:-1] += starts[:, 1:]
-    flat = np.repeat(plane(points).astype(np.float32).reshape(-1, 2), copies.ravel(), axis=0)
+    seen = form.seen(points).astype(np.float32)
+    flat = np.repeat(seen.reshape(-1, seen.shape[-1]), copies.ravel(), axis=0)
     first = np.flatnonzero(starts)
     lengths = np.diff(first, append=starts.size) + 1
     offsets = np.concatenate(([0], np.cumsum(lengths))).astype(np.int32)
-    lines = pa.ListArray.from_arrays(offsets, rr.components.Position2DBatch(flat).as_arrow_array(), type=_LINES_TYPE)
-    columns = rr.LineStrips2D.columns(strips=lines, colors=COLOR_TABLE[bins.ravel()[first]])
+    lines = pa.ListArray.from_arrays(offsets, form.points(flat).as_arrow_array(), type=form.type)
+    columns = form.lines.columns(strips=lines, colors=COLOR_TABLE[bins.ravel()[first]])
     return [column.partition(starts.sum(axis=1)) for column in columns]
-
-
-_LINES_TYPE = rr.components.LineStrip2DBatch([]).as_arrow_array().type

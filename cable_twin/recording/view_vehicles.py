@@ -67,6 +67,7 @@ class Vehicles:
     Attributes:
         close_ups: entity -> m, what close-ups follow, and how far the vehicle reaches from its joint.
         boxes: entities that stand for vehicles where the whole track is shown.
+        followed: names of the vehicles that close-ups follow, one behind the other.
 
     Args:
         layout: What is drawn.
@@ -92,6 +93,7 @@ class Vehicles:
             entity_path("track/close_ups", self._names[index]): index
             for index in (self._together[int(place)] for place in spread)
         }
+        self.followed = [self._names[index] for index in (*self._alone, *self._followed.values())][:CLOSE_UPS]
         self.close_ups: dict[str, float] = {}
         self.boxes = [
             entity_path(entity_path("track/carriages", self._names[index]), "(box)")

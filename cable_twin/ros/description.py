@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from math import dist
 from xml.etree import ElementTree
 
-import numpy as np
 from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.geometry.outlines import body_box
+from cable_twin.geometry.solids import THICK, body_bars
 from cable_twin.messages import header, serialize
 from cable_twin.messages.topics import TFMessage
 from cable_twin.scenario import Scenario, in_space
@@ -27,7 +27,7 @@ Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Transform = ros2_jazzy.geometry_msgs__msg__Transform
 TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
 
-THICK = 0.06  # of its length, how thick a hanger is drawn
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 UNLIMITED = 1e9  # m/s or N, for what a drive does not limit: a URDF has to have a number
 COLORS = ("0.78 0.49 0 1", "0.18 0.56 0.89 1")  # of hangers, of boxes
 Element = ElementTree.Element
@@ -119,27 +119,19 @@ def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> Non
         link = _add(robot, "link", name=f"{prefix}{centre}")
         inertial = _add(link, "inertial")
         _add(inertial, "mass", value=f"{body.mass:.9g}")
-        moment = f"{body.inertia:.9g}"  # about y; the others stand for what a plane does not have
-        _add(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, ixy="0", ixz="0", iyz="0")
+        # about y; in a plane the others stand for what it does not have
+        moments = (*(body.inertia_tensor or 3 * (body.inertia,)), 0.0, 0.0, 0.0)
+        _add(inertial, "inertia", **{axes: f"{moment:.9g}" for axes, moment in zip(MOMENTS, moments, strict=False)})
         _shapes(link, body)
         above, hook = centre, in_space(body.lower_pivot or (0.0, 0.0))
 
 
 def _shapes(link: Element, body: Body) -> None:
     """What a body looks like: a bar from its pins to its centre, and a box where it is one."""
+    for bar in body_bars(body):
+        (x, z), wide = bar.centre, THICK * bar.length
+        _visual(link, f"{wide:.6g} {wide:.6g} {bar.length:.9g}", f"{x:.9g} 0 {z:.9g}", f"0 {bar.pitch:.9g} 0", 0)
     box = body_box(body)
-    height = 0.0 if box is None else 0.5 * float(box[2])
-    top, low = ((v[0], v[-1]) if v else None for v in (body.upper_pivot, body.lower_pivot))
-    bars = [((0.0, height), top), ((0.0, -height), low)]
-    if top and box is None and low is None:
-        bars[1] = ((0.0, 0.0), (-top[0], -top[1]))  # a rod, as long on the other side
-    for start, end in bars:
-        if end is None or (length := dist(start, end)) < 1e-9:
-            continue
-        turn = np.arctan2(end[0] - start[0], end[1] - start[1])
-        place = f"{0.5 * (start[0] + end[0]):.9g} 0 {0.5 * (start[1] + end[1]):.9g}"
-        wide = THICK * length
-        _visual(link, f"{wide:.6g} {wide:.6g} {length:.9g}", place, f"0 {turn:.9g} 0", 0)
     if box is not None:
         _visual(link, " ".join(f"{side:.9g}" for side in box), "0 0 0", "0 0 0", 1)
 

@@ -19,7 +19,7 @@ from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.recording.tension_colors import TensionColors
 from cable_twin.records import FloatArray
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, in_space
 from cable_twin.snapshot import ENDS, Columns, Layout
 
 Marker = ros2_jazzy.visualization_msgs__msg__Marker
@@ -55,7 +55,7 @@ class Markers:
         """
         self._columns, self._layout = columns, layout
         self._header = Header(STAMP, frame_id)
-        self._span = max(float(np.ptp(columns.rope_position[:, axis])) for axis in (0, 2))
+        self._span = max(float(np.ptp(columns.rope_position[:, axis])) for axis in range(3))
         rope = len(layout.arc_lengths) + len(layout.vehicles)
         self._rope, self._colors = np.empty((rope, 3)), np.empty((rope, 4))
         self._tension_colors = TensionColors()
@@ -64,7 +64,7 @@ class Markers:
         boxes = [body_box(body) for body in bodies]
         self._boxed = [row for row, box in enumerate(boxes) if box is not None]
         self._box_position, self._box_turn = np.empty((len(self._boxed), 3)), np.empty((len(self._boxed), 4))
-        self._towers = [tower.position for tower in scenario.towers.values()]
+        self._towers = [in_space(tower.position) for tower in scenario.towers.values()]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
         self._scales = self._scales_of_forces()
         self._sources = [
@@ -111,7 +111,7 @@ class Markers:
     def _points_of_action(self) -> FloatArray:
         """Where forces act (vehicles + supports, 3): on joints, on the ends of the rope, on towers."""
         c = self._columns
-        towers = np.array([(x, 0.0, z) for x, z in self._towers]).reshape(-1, 3)
+        towers = np.array(self._towers).reshape(-1, 3)
         return np.vstack([c.joint_position, c.rope_position[[0, -1]], towers])
 
     def _scales_of_forces(self) -> FloatArray:
@@ -141,20 +141,21 @@ class Markers:
             reached = [np.vstack([joint, c.body_position]) for joint in c.joint_position]
             ground = default_ground(c.rope_position[:, ::2], [points[:, ::2] for points in reached])
         half, mast = 0.02 * self._span, 0.002 * self._span
-        left, right = ([(x, side, z) for x, z in ground] for side in (-half, half))
+        ends = [in_space(end.position) for end in (scenario.cable.start, scenario.cable.end)]
+        sides = [y for _, y, _ in (*ends, *self._towers)]
+        left, right = ([(x, side, z) for x, z in ground] for side in (min(sides) - half, max(sides) + half))
         corners = [
             (*left[k], *right[k], *left[k + 1], *right[k], *right[k + 1], *left[k + 1]) for k in range(len(ground) - 1)
         ]
         points = np.array(corners).reshape(-1, 3)
         markers = [self._marker("ground", 0, Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), GROUND, points=points)]
-        ends = [scenario.cable.start.position, scenario.cable.end.position]
-        for row, (x, z) in enumerate(chain(ends, self._towers)):
+        for row, (x, y, z) in enumerate(chain(ends, self._towers)):
             foot = float(np.interp(x, ground[:, 0], ground[:, 1]))
             top, wide = max(z, foot + mast), 3.0 * mast if row < len(ENDS) else mast
             box = (wide, 2.0 * wide, top - foot)
-            markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, 0.0, 0.5 * (top + foot))))
+            markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, y, 0.5 * (top + foot))))
             name = self._marker(
-                "names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=(x, 0.0, top + 6.0 * mast)
+                "names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=(x, y, top + 6.0 * mast)
             )
             name.text = self._layout.supports[row]
             markers.append(name)

@@ -151,7 +151,7 @@ def target_of(scenario: Scenario, name: str, place: str) -> float:
             return metres
         raise ValueError(f"--to {place!r} given for '{name}', which moves the cable; allowed: cable gone by, in m")
     length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, scenario.carriages[name])
-    start, end = scenario.cable.start.position[1], scenario.cable.end.position[1]
+    start, end = scenario.cable.start.position[-1], scenario.cable.end.position[-1]
     ends = {"start": stroke, "end": length - stroke}
     ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=start > end)
     target = ends.get(place, metres)

@@ -14,6 +14,9 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("matplotlib")
+import matplotlib.pyplot as plt
+
+from cable_twin.offline.line_plot import write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {
@@ -91,6 +94,22 @@ def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
     assert factor["kept"] is True
     assert factor["value"] == min(row[rows[0].index("rope safety factor [-]")] for row in content["rows"])
     assert files["png"].read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
+    """A panel more, with the rope as far aside as a level one of its weight hangs down, by wind over weight."""
+    drag = 0.5 * 1.225 * 1.2 * 0.05 * 20.0**2  # N/m
+    changes = {"space": 3, "cable.diameter": 0.05, "cable.mass_per_length": 3.0, "carriages.car.arc_length": 3.0}
+    heights = {}
+    for wind in (0.0, 20.0):
+        line = plan_line(load_scenario(SPAN, {**changes, "air.wind": [0.0, wind, 0.0]}), 2, None)
+        calculate(line, lambda _: None)
+        write_line_plot(line, tmp_path / "line.png")
+        heights[wind] = plt.imread(tmp_path / "line.png").shape[0]
+        rope = line.columns[0].rope_position
+        middle = rope[len(rope) // 2]
+    assert heights[20.0] > 1.2 * heights[0.0]
+    assert middle[1] / -middle[2] == pytest.approx(drag / (3.0 * 9.81), rel=0.05)
 
 
 def test_what_is_for_programs_is_alone_on_the_output(capsys):

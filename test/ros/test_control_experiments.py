@@ -13,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_tramway import IN_SPACE
 from twin_process import COMPILING, PATIENCE, TwinProcess, environment
 
 from cable_twin.key_figures import KeyFigures
@@ -26,6 +27,7 @@ from verification.supports import tramway
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SCRIPTS = ("trapezoid_driver.py", "swing_damping.py", "tower_pass.py")
+WIND_SPEED = "wind_speed.py"
 DESTINATION = 110.0  # m
 ATTEMPTS = 3
 LONGEST_GAP = 0.3  # s of simulated time between two commands: more, and the machine was too busy for control
@@ -108,6 +110,61 @@ def test_model_ahead_feels_a_tower(plans, capsys):
     assert calm.keeps(options)
     with pytest.raises(plans.ExperimentError, match="--at 'pylon' given; allowed: an arc length in m, tower"):
         tower_pass.find_place(link, Namespace(at="pylon"))
+
+
+@pytest.fixture
+def wind_law(plans):
+    """A trip of 500 m at 7 m/s, slower from 10 m/s of wind on, none from 20 m/s on, and its module."""
+    specification = spec_from_file_location("wind_speed", EXAMPLES / WIND_SPEED)
+    module = module_from_spec(specification)
+    specification.loader.exec_module(module)
+    options = Namespace(
+        **{"speed": 7.0, "slow_speed": 2.0, "full_speed_wind": 10.0, "stop_wind": 20.0, "roll_limit": 11.5},
+        settle=5.0,
+    )
+    return module, module.WindLaw(options, 500.0, 0.45)
+
+
+def test_speed_goes_down_with_the_wind_and_its_gusts_are_remembered(plans, wind_law, capsys):
+    module, law = wind_law
+    speeds = {}
+    for tenth in range(1000):
+        time = 0.1 * tenth
+        wind = 5.0 if time < 10.0 else 15.0 if time < 11.0 else 5.0 if time < 40.0 else 25.0 if time < 45.0 else 8.0
+        law.wind.take(time, wind)
+        speeds[tenth] = law(plans.Motion(time, 100.0, 5.0, {}))
+    assert speeds[50] == 7.0
+    assert speeds[105] == speeds[205] == pytest.approx(4.5)  # half way from 7 to 2 m/s, and 10 s on
+    assert speeds[215] == 7.0
+    standing = [tenth for tenth, speed in speeds.items() if speed == 0.0]
+    assert standing == list(range(400, standing[-1] + 1))
+    assert 0.1 * standing[-1] == pytest.approx(44.9 + module.HELD + module.CALM, abs=0.3)
+    assert speeds[999] == 7.0
+    assert len(capsys.readouterr().out.splitlines()) == 5  # not a line each time
+
+
+def test_roll_and_key_figures_count_and_the_way_has_an_end(plans, wind_law):
+    _, law = wind_law
+    assert law(plans.Motion(0.0, 100.0, 0.0, {})) == 0.0  # no wind is known yet
+    law.wind.take(0.0, 3.0)
+    law.roll.take(0.0, math.radians(12.0))
+    assert law(plans.Motion(0.1, 100.0, 0.0, {})) == 0.0
+
+    def status(name, value):
+        values = [SimpleNamespace(key="value", value=str(value)), SimpleNamespace(key="limit", value="0.2")]
+        return SimpleNamespace(name=name, values=values)
+
+    law.judged("cabin", SimpleNamespace(status=[status("cabin: speed", 9.0), status("cabin: swing across", 0.15)]))
+    assert law.allowed(0.0) == 7.0
+    law.judged("cabin", SimpleNamespace(status=[status("cabin: swing across", 0.17)]))
+    assert law.allowed(0.0) == 2.0
+    law.roll.take(1.0, 0.0)
+    place, speed, time = 480.0, 0.0, 50.0
+    law(plans.Motion(time, place, speed, {}))
+    while (speed := law(plans.Motion(time, place, speed, {}))) is not None:
+        place, time = place + 0.1 * speed, time + 0.1
+        assert abs(speed) <= 2.0
+    assert place == pytest.approx(500.0, abs=0.1)
 
 
 pytest.importorskip("rclpy")
@@ -245,7 +302,7 @@ def test_pass_is_predicted_driven_and_compared_and_interrupts_stop_the_twin(twin
         assert "Traceback" not in process.output
 
 
-@pytest.mark.parametrize("script", SCRIPTS)
+@pytest.mark.parametrize("script", [*SCRIPTS, WIND_SPEED])
 def test_help_has_an_example_and_bad_options_are_one_line(tmp_path, script):
     def run(*arguments):
         return subprocess.run(
@@ -275,3 +332,39 @@ def test_without_a_twin_it_says_so(domain, tmp_path):
         "trapezoid_driver.py: no twin that moves on answers as /cable_twin after 2 s: is `sim` running, not paused, "
         "and with the same ROS_DOMAIN_ID?"
     )
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_it_goes_slower_in_the_wind_of_a_running_twin_and_stands_in_a_storm(tmp_path):
+    """Wind as an anemometer's node would send it: before the trip, so that it is known from `air/wind` alone."""
+    scenario = {**IN_SPACE, "air": {"wind": [0.0, 6.0, 0.0]}}
+    (tmp_path / "windy.yaml").write_text(load_scenario(scenario).to_yaml())
+    fast = ["--frame-rate", "50", "--real-time-factor", "3", "--command-timeout", "5", "--rerun", "none"]
+    sim = TwinProcess(tmp_path, "--scenario", str(tmp_path / "windy.yaml"), *fast)
+    trip = ["cabin", "--to", "30", "--speed", "4", "--full-speed-wind", "4", "--stop-wind", "8", "--settle", "1"]
+    try:
+        sim.wait_for("runs at 50 Hz")
+        driver = start(tmp_path, WIND_SPEED, *trip, domain=sim.domain)
+        try:
+            assert driver.wait(TRIP_TIMEOUT) == 0, driver.output
+            storm = start(tmp_path, WIND_SPEED, *trip[:2], "60", "--stop-wind", "5", "--full-speed-wind", "4",
+                          domain=sim.domain)  # fmt: skip
+            storm.wait_for(": 0.00 m/s")
+            storm.send(signal.SIGINT)
+            assert storm.wait() == 0, storm.output
+        finally:
+            driver.kill()
+        assert sim.end() == 0, sim.output
+    finally:
+        sim.kill()
+    assert "wind 6.0 m/s" in driver.output
+    assert ": 3.00 m/s" in driver.output  # half way from 4 to 2 m/s
+    assert "strongest wind 6.0 m/s; largest swing across" in driver.output
+    assert "done after" in driver.output
+    log = read_log(sim.run_directory)
+    snapshots = [item for item in read_snapshots(log) if isinstance(item, Snapshot)]
+    speeds = [item.carriages["cabin"].speed for item in snapshots]
+    assert 2.8 < max(speeds) < 3.3
+    places = [item.carriages["cabin"].arc_length for item in snapshots]
+    assert max(places) < 31.0  # none of the second trip
+    assert "Traceback" not in driver.output + storm.output

@@ -15,7 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from small_tramway import TRAMWAY
+from scipy.spatial.transform import Rotation
+from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.messages import (
     MARKERS,
@@ -32,23 +33,52 @@ from cable_twin.messages.topics import String
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.ros.description import robot_description, still_transforms
 from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers, Repeated
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import in_space, load_scenario
 from cable_twin.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 STAMP = 1_700_000_000_500_000_000
 TYPES = {MARKERS: "visualization_msgs/msg/MarkerArray", TF: "tf2_msgs/msg/TFMessage"}
 FRAME_ID, PREFIX = "valley", "south/"
+WINDY = {**IN_SPACE, "air": {"wind": [2.0, 12.0, 0.0]}}
 
 
-@pytest.fixture(scope="module", params=["tramway", "chairlift"])
+def test_a_cabin_in_the_wind_is_shown_with_its_roll():
+    """In poses, `/tf` and markers alike, and in a description with its whole inertia."""
+    changes = {"carriages.cabin.bodies.cabin.inertia_tensor": [120.0, 150.0, 90.0, 0.0, 5.0, 0.0]}
+    simulation = Simulation(load_scenario(WINDY, changes))
+    encoder = MessageEncoder(simulation.layout, STAMP)
+    encoder.offer(MARKERS, partial(Markers, simulation.scenario, simulation.layout, frame_id="map"))
+    snapshot = simulation.advance_to(3.0)
+    names = ["carriages/cabin/cabin/pose", TF, MARKERS]
+    pose, tf, markers = (data for _, data in encoder.frame(snapshot, names))
+    cabin = snapshot.carriages["cabin"].bodies["cabin"]
+    assert math.degrees(cabin.roll) > 2.0  # blown to the left
+    assert cabin.position[1] > 0.05
+    found = {one.child_frame_id: one.transform for one in decode(tf, TYPES[TF]).transforms}
+    box = markers_of({MARKERS: markers})["bodies", 0].pose
+    body = decode(pose, "geometry_msgs/msg/PoseStamped").pose
+    for turn in (found["cabin/cabin"].rotation, box.orientation, body.orientation):
+        np.testing.assert_array_equal(numbers(turn), cabin.orientation)
+        roll = Rotation.from_quat(numbers(turn)).as_euler("ZYX")[2]
+        assert roll == pytest.approx(cabin.roll, abs=1e-12)
+    for place in (found["cabin/cabin"].translation, box.position, body.position):
+        np.testing.assert_array_equal(xyz(place), cabin.position)
+    robot = ElementTree.fromstring(robot_description(simulation.scenario))
+    (inertia,) = [link.find("inertial/inertia") for link in robot.findall("link") if link.get("name") == "cabin/cabin"]
+    assert {axes: float(value) for axes, value in inertia.attrib.items()} == {
+        **{"ixx": 120.0, "iyy": 150.0, "izz": 90.0, "ixy": 0.0, "ixz": 5.0, "iyz": 0.0}
+    }
+
+
+@pytest.fixture(scope="module", params=["tramway", "chairlift", "windy"])
 def shown(request):
     """A scenario that has moved for a while, and an encoder that was laid out at its start."""
-    simulation = Simulation(load_scenario(TRAMWAY if request.param == "tramway" else "chairlift"))
+    simulation = Simulation(load_scenario({"tramway": TRAMWAY, "windy": WINDY}.get(request.param, "chairlift")))
     encoder = MessageEncoder(simulation.layout, STAMP)
     encoder.offer(MARKERS, partial(Markers, simulation.scenario, simulation.layout, frame_id="map"))
     first = dict(encoder.frame(simulation.snapshot, [MARKERS, TF]))
-    simulation.command("cabin" if request.param == "tramway" else "haul_rope", speed=2.0)
+    simulation.command("haul_rope" if request.param == "chairlift" else "cabin", speed=2.0)
     snapshot = simulation.advance_to(8.0)
     return simulation, snapshot, first, dict(encoder.frame(snapshot, [MARKERS, TF]))
 
@@ -232,9 +262,9 @@ def test_frames_are_one_tree_with_supports_and_pins(shown):
     assert not any(frame.startswith("/") or not frame for frame in found)
     cable = simulation.scenario.cable
     for name, place in (("start", cable.start.position), ("end", cable.end.position)):
-        np.testing.assert_array_equal(placed(found, name)[0], [place[0], 0.0, place[1]])
+        np.testing.assert_array_equal(placed(found, name)[0], in_space(place))
     for name, tower in simulation.scenario.towers.items():
-        np.testing.assert_array_equal(placed(found, name)[0], [tower.position[0], 0.0, tower.position[1]])
+        np.testing.assert_array_equal(placed(found, name)[0], in_space(tower.position))
     for row, (name, bodies) in enumerate(simulation.layout.vehicles.items()):  # the first pin is at the joint
         place = placed(found, f"{name}/{bodies[0]}/pivot")[0]
         np.testing.assert_allclose(place, snapshot.columns.joint_position[row], atol=gap(snapshot, row))
@@ -302,6 +332,10 @@ def test_the_chain_of_the_description_is_where_tf_says(shown):
             before = [*states].index(body) - 1
             angle = states[body].pitch - (states[[*states][before]].pitch if before >= 0 else 0.0)
             turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+            if simulation.layout.space:  # a joint of a URDF has one angle: the rest is in `/tf` alone
+                own = Rotation.from_quat(states[body].orientation)
+                above_it = states[[*states][before]].orientation if before >= 0 else (0.0, 0.0, 0.0, 1.0)
+                turn = (Rotation.from_quat(above_it).inv() * own).as_matrix()
         else:
             turn = np.eye(3)
         return above + turned @ origin, turned @ turn

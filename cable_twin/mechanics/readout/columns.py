@@ -66,7 +66,7 @@ class Columns(NamedTuple):
     moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
     rope_position: FloatArray  # (samples, 3) m
     rope_tension: FloatArray  # (samples,) N
-    wind: FloatArray  # (3,) m/s
+    wind: FloatArray  # (3,) m/s, as it was commanded last, or by the scenario
     connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes; these and below not by `observe`
     pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
     pantograph_position: FloatArray  # (pantographs, 3) m, of the head
@@ -91,6 +91,7 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     observe_vehicles(system, state, columns)
     observe_bodies(system, state, columns)
     observe_supports(system, state, rest_loads, columns)
+    store_in_space(load(state.wind, cable.gravity), columns.wind)
     for drive in range(columns.drive_position.size):
         columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
         columns.moving_cable_force[drive] = moving_rope_force(system, state)

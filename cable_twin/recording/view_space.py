@@ -1,0 +1,217 @@
+"""A run in space: ground as a strip, towers with arms, rope, vehicles as solids, and the wind as an arrow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from cable_twin.geometry.solids import Solid
+from cable_twin.recording.view_geometry import entity_path, pixels, rows_without_gaps, time_column
+from cable_twin.recording.view_scene import GROUND, QUIET
+from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
+from cable_twin.records import FloatArray
+from cable_twin.snapshot import Columns, Layout
+
+SPACE = "space"
+CLOSE_UPS = f"{SPACE}/close_ups"
+OVERVIEW_WIND, NEAR_WIND = f"{SPACE}/wind", f"{SPACE}/wind_at_vehicles"
+STRIP = 0.04  # of the track, how far the ground reaches to either side of what is above it; assumed
+ARM = 1.2  # of the width of the widest vehicle, from the rope to the middle of the mast; assumed
+NARROW = 0.004  # of the track, an arm at least
+WIND, RIBS = 0x2FA0C8FF, 0xA8977EFF
+BELOW = 0.03  # of the track, below its middle: what is looked at, as there is ground below it
+FROM = (-0.2, -0.55, 0.2)  # of the track, from its middle, where it is seen from
+BEHIND = (-4.0, -1.2, 0.6)  # of the height of a vehicle, from its bodies, the same
+FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
+
+
+@dataclass(frozen=True)
+class InSpace:
+    """What of a scenario is drawn in space, beside its frames.
+
+    Attributes:
+        solids: Vehicle -> body -> its triangles.
+        towers: Name -> (3,) m.
+    """
+
+    solids: Mapping[str, Mapping[str, Solid]]
+    towers: Mapping[str, FloatArray]
+
+
+class Eye(NamedTuple):
+    """From where a view looks."""
+
+    position: FloatArray  # (3,) m
+    target: FloatArray  # (3,) m
+
+
+class _Alike(NamedTuple):
+    """Bodies of one look, drawn as one entity."""
+
+    path: str
+    rows: list[int]  # of the bodies
+    solid: Solid
+    color: int
+
+
+class Space:
+    """All that is drawn in space of one layout.
+
+    Args:
+        layout: What is drawn.
+        look: How.
+        carriers: Names of the vehicles that are drawn together.
+        followed: Names of those that close-ups follow.
+
+    Attributes:
+        overview: from where the whole is seen.
+        close_ups: entity that a close-up follows -> from where it is seen.
+    """
+
+    def __init__(self, layout: Layout, look: InSpace, carriers: Collection[str], followed: Collection[str]) -> None:
+        self._look = look
+        self._alike = _groups(layout, look, carriers)
+        self._followed = {
+            entity_path(CLOSE_UPS, name): row for row, name in enumerate(layout.vehicles) if name in followed
+        }
+        self._supports = layout.supports
+        self._reach = 1.0  # m, of an arrow of the wind beside a vehicle
+        self._span = 1.0  # m, of the track
+        self._sky = np.zeros(3)  # m, where the arrow of the wind is
+        self.overview = Eye(np.zeros(3), np.zeros(3))
+        self.close_ups: dict[str, Eye] = {}
+
+    def begin(self, stream: rr.RecordingStream, c: Columns, ground: FloatArray) -> None:
+        """Log what never changes, around a first frame and the ground (n, 2), x and z in m."""
+        stream.log(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        rope = c.rope_position[~np.isnan(c.rope_position).any(axis=1)]
+        points = np.vstack([rope, *self._look.towers.values()]) if len(rope) else np.zeros((2, 3))
+        low, high = points.min(axis=0), points.max(axis=0)
+        self._span = float(max(high - low)) or 1.0
+        side = STRIP * self._span
+        _draw_ground(stream, ground, low[1] - side, high[1] + side)
+        self._draw_supports(stream, points[[0, len(rope) - 1]] if len(rope) else points, ground)
+        for group in self._alike:
+            mesh = rr.Mesh3D(
+                vertex_positions=group.solid.vertices,
+                vertex_normals=group.solid.normals,
+                triangle_indices=group.solid.triangles,
+                albedo_factor=group.color,
+            )
+            stream.log(group.path, mesh, static=True)
+        for path, row in self._followed.items():
+            color = CARRIAGE_COLORS[row % len(CARRIAGE_COLORS)]
+            stream.log(path, rr.Points3D.from_fields(colors=[color], radii=pixels(5.0)), static=True)
+        for path in (OVERVIEW_WIND, NEAR_WIND):
+            stream.log(path, rr.Arrows3D.from_fields(colors=[WIND], radii=pixels(3.0)), static=True)
+        middle = 0.5 * (low + high) - [0.0, 0.0, BELOW * self._span]
+        self._sky = np.array([middle[0], middle[1], high[2] + 0.05 * self._span])
+        away = np.array(FROM) * self._span
+        self.overview = Eye(middle + away, middle)
+        self._reach = max((_height(group.solid) for group in self._alike), default=1.0)
+        self.close_ups = {}
+        for path, row in self._followed.items():
+            place = c.joint_position[row]
+            if not np.isnan(place).any():
+                target = place - [0.0, 0.0, self._reach]
+                self.close_ups[path] = Eye(target + np.array(BEHIND) * self._reach, target)
+
+    def _draw_supports(self, stream: rr.RecordingStream, ends: FloatArray, ground: FloatArray) -> None:
+        """Log stations as masts, towers as masts beside the rope with an arm above it, and their names."""
+        arm = max(
+            ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
+        )
+        strips, names, places = [], [], []
+        for name in self._supports:
+            tower = self._look.towers.get(name)
+            top = ends[0 if name == "start" else -1] if tower is None else tower
+            foot = float(np.interp(top[0], ground[:, 0], ground[:, 1]))
+            beside = top if tower is None else top - [0.0, arm, 0.0]
+            strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
+            names.append(name)
+            places.append([beside[0], beside[1], foot - 0.02 * self._span])
+        stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
+        labels = rr.Points3D(places, colors=[QUIET], radii=[0.0], labels=names, show_labels=True)
+        stream.log(f"{SPACE}/names", labels, static=True)
+
+    def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
+        """Send where vehicles are in some frames of a batch, and the wind."""
+        times = c.time[rows, 0]
+        for group in self._alike:
+            places, turns = c.body_position[rows][:, group.rows], c.body_orientation[rows][:, group.rows]
+            known = rows_without_gaps(places, turns)
+            if not known.any():
+                continue
+            poses = rr.InstancePoses3D.columns(
+                translations=places[known].reshape(-1, 3), quaternions=turns[known].reshape(-1, 4)
+            )
+            columns = [column.partition([len(group.rows)] * int(known.sum())) for column in poses]
+            stream.send_columns(group.path, [time_column(times[known])], columns, strict=True)
+            time.sleep(0)  # the frame loop may be waiting for the interpreter
+        for path, row in self._followed.items():
+            joints = c.joint_position[rows, row]
+            known = rows_without_gaps(joints)
+            if known.any():
+                stream.send_columns(
+                    path, [time_column(times[known])], rr.Points3D.columns(positions=joints[known]), strict=True
+                )
+        self._send_wind(stream, times, c.wind[rows], c.joint_position[rows][:, list(self._followed.values())])
+
+    def _send_wind(self, stream: rr.RecordingStream, times: FloatArray, wind: FloatArray, joints: FloatArray) -> None:
+        """Send the wind (frames, 3) in m/s as arrows: above the track, and at joints (frames, vehicles, 3) in m."""
+        over = rr.Arrows3D.columns(
+            vectors=wind * (0.7 * self._span / FASTEST), origins=np.broadcast_to(self._sky, wind.shape)
+        )
+        stream.send_columns(OVERVIEW_WIND, [time_column(times)], over, strict=True)
+        known = rows_without_gaps(joints)
+        count = joints.shape[1]
+        if not count or not known.any():
+            return
+        vectors = np.repeat(wind[known][:, None] * (3.0 * self._reach / FASTEST), count, axis=1)
+        heights = np.array([0.0, 0.0, -self._reach])
+        near = rr.Arrows3D.columns(
+            vectors=vectors.reshape(-1, 3), origins=(joints[known] + heights - 1.5 * vectors).reshape(-1, 3)
+        )
+        columns = [column.partition([count] * int(known.sum())) for column in near]
+        stream.send_columns(NEAR_WIND, [time_column(times[known])], columns, strict=True)
+
+
+def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_Alike]:
+    """Each body of a carriage by itself, those of carriers together that look alike."""
+    groups: dict[object, _Alike] = {}
+    for (vehicle, bodies), (first, _) in zip(layout.vehicles.items(), pairwise(layout.first_body), strict=True):
+        for number, body in enumerate(bodies):
+            solid = look.solids[vehicle][body]
+            color = BODY_COLORS[number % len(BODY_COLORS)]
+            path = entity_path(entity_path(f"{SPACE}/carriages", vehicle), body)
+            alike: object = path
+            if vehicle in carriers:
+                path, alike = f"{SPACE}/carriers/{len(groups)}", (solid.vertices.tobytes(), color)
+            groups.setdefault(alike, _Alike(path, [], solid, color)).rows.append(first + number)
+    return list(groups.values())
+
+
+def _height(solid: Solid) -> float:
+    return float(np.ptp(solid.vertices[:, 2]))
+
+
+def _draw_ground(stream: rr.RecordingStream, ground: FloatArray, right: float, left: float) -> None:
+    """Log the profile (n, 2), x and z in m, as a strip between two places across the track (m)."""
+    edges = [np.column_stack([ground[:, 0], np.full(len(ground), y), ground[:, 1]]) for y in (right, left)]
+    number = np.arange(len(ground) - 1)
+    last = number + len(ground)
+    triangles = np.vstack([np.column_stack([number, number + 1, last]), np.column_stack([number + 1, last + 1, last])])
+    mesh = rr.Mesh3D(vertex_positions=np.vstack(edges), triangle_indices=triangles, albedo_factor=GROUND)
+    stream.log(f"{SPACE}/ground", mesh, static=True)
+    ribs = rr.LineStrips3D([*edges, *np.stack(edges, axis=1)], colors=[RIBS], radii=pixels(0.7))
+    stream.log(f"{SPACE}/ground/ribs", ribs, static=True)
+
+
+__all__ = ["InSpace", "Space"]

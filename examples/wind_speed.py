@@ -1,0 +1,207 @@
+#!/usr/bin/env python3
+"""Control experiment (d): a trip whose speed goes down with the wind, and that stands still where it is too strong.
+
+The law, with the horizontal wind w (m/s) of the topic `air/wind`, the highest of the last 10 s, and the roll of the
+vehicle from its pose, likewise:
+
+    v(w) = v                          up to the wind of full speed
+    v(w) = v + (v_slow - v) (w - w_full) / (w_stop - w_full)    up to the wind at which the ropeway stops
+    v(w) = 0                          from there on, or with more roll than is allowed, until it was calmer for 20 s
+
+At the end of the way it is no faster than sqrt(2 0.5 a s) and 0.3 s, with s (m) to go. `key_figures` are the twin's own
+judgement: where one of its figures of the swing of this vehicle comes to 0.8 of its limit, the trip goes on at v_slow.
+A ropeway has such speeds and winds in its permit; those that are the defaults here are assumed, of a usual size.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections import deque
+from typing import Any
+
+from control_experiment import (
+    ExperimentError,
+    Law,
+    Link,
+    Motion,
+    check_place,
+    limits_of,
+    main,
+    parser,
+    positive,
+)
+
+NAME = "wind_speed.py"
+HELD = 10.0  # s, for which a gust is remembered
+CALM = 20.0  # s below the limits after which it goes on
+CALMER = 0.9  # of the limits, below which it is
+SHARE = 0.5  # of the drive's deceleration, with which it stops at the end
+ENDING = 0.3  # 1/s, speed for what is left of the way, on its last metres
+NEAR = 0.8  # of the limit of a key figure
+ARRIVED = 0.1  # m
+SAID = 0.5  # m/s, by which the speed changes before it is said
+EPILOG = """\
+exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
+
+example, with `sim windy_tramway` running in another terminal, and `drive --wind 0 0 18` in a third:
+  python examples/wind_speed.py cabin --to 500 --speed 7
+"""
+
+
+class Peak:
+    """The highest of what was measured in the last `HELD` seconds."""
+
+    def __init__(self) -> None:
+        self._measured: deque[tuple[float, float]] = deque()
+
+    @property
+    def known(self) -> bool:
+        """Whether anything was measured."""
+        return bool(self._measured)
+
+    def take(self, time: float, value: float) -> None:
+        """Take a value at a time (s); what is lower and older is of no use any more."""
+        while self._measured and self._measured[-1][1] <= value:
+            self._measured.pop()
+        self._measured.append((time, value))
+
+    def at(self, time: float) -> float:
+        """The highest at a time (s), 0 where nothing was measured; the last one holds on."""
+        while len(self._measured) > 1 and self._measured[0][0] < time - HELD:
+            self._measured.popleft()
+        return max((value for _, value in self._measured), default=0.0)
+
+
+class WindLaw:
+    """The speed for a wind, and what is said about it.
+
+    Args:
+        options: as given.
+        target: m, arc length to go to.
+        deceleration: m/s^2, that the drive is capable of.
+    """
+
+    def __init__(self, options: argparse.Namespace, target: float, deceleration: float) -> None:
+        self._options, self._target, self._deceleration = options, target, deceleration
+        self.wind, self.roll = Peak(), Peak()
+        self.now = 0.0  # s of the experiment
+        self.careful = ""  # key figure that has come near its limit
+        self.strongest, self.largest = 0.0, 0.0  # m/s, rad
+        self._calm_since = -math.inf  # s; nan while it is not calm
+        self._arrived = math.nan  # s
+        self._said = -1.0  # m/s
+
+    def allowed(self, wind: float) -> float:
+        """Speed (m/s) that a wind (m/s) allows, but for a stop."""
+        full, stop = self._options.full_speed_wind, self._options.stop_wind
+        share = min(max((wind - full) / (stop - full), 0.0), 1.0)
+        slow = min(self._options.slow_speed, self._options.speed)
+        return slow if self.careful else self._options.speed + share * (slow - self._options.speed)
+
+    def stands(self, wind: float, roll: float) -> bool:
+        """Whether wind (m/s) or roll (rad) is too strong, or was so lately."""
+        share = max(wind / self._options.stop_wind, math.degrees(roll) / self._options.roll_limit)
+        if share >= 1.0:
+            self._calm_since = math.nan
+        elif math.isnan(self._calm_since) and share < CALMER:
+            self._calm_since = self.now
+        return not self.now - self._calm_since >= CALM
+
+    def __call__(self, motion: Motion) -> float | None:
+        """Speed (m/s) along the rope; None at the end."""
+        self.now = motion.time
+        if not self.wind.known:
+            if self.now > HELD:
+                raise ExperimentError(f"nothing heard of the wind for {HELD:g} s: the twin has no topic air/wind")
+            return 0.0
+        wind, roll = self.wind.at(self.now), self.roll.at(self.now)
+        self.strongest, self.largest = max(self.strongest, wind), max(self.largest, roll)
+        if not math.isnan(self._arrived):
+            return 0.0 if self.now < self._arrived + self._options.settle else None
+        allowed = 0.0 if self.stands(wind, roll) else self.allowed(wind)
+        self._say(motion, wind, roll, allowed)
+        left = self._target - motion.arc_length
+        if abs(left) < ARRIVED:
+            self._arrived = self.now
+            return 0.0
+        ending = min(math.sqrt(2.0 * SHARE * self._deceleration * abs(left)), ENDING * abs(left))
+        return math.copysign(min(allowed, ending), left)
+
+    def judged(self, name: str, message: Any) -> None:
+        """Take in what the twin says of its key figures: whether one of the swing of this vehicle is near its limit."""
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            if not status.name.startswith(f"{name}: swing") or "limit" not in values or self.careful:
+                continue
+            if float(values["value"]) > NEAR * float(values["limit"]):
+                self.careful = status.name
+
+    def _say(self, motion: Motion, wind: float, roll: float, allowed: float) -> None:
+        if abs(allowed - self._said) >= SAID or (allowed == 0.0) != (self._said == 0.0):
+            why = f", {self.careful} is near its limit" if self.careful else ""
+            print(
+                f"{NAME}: {motion.time:6.1f} s, {motion.arc_length:7.1f} m: wind {wind:.1f} m/s, "
+                f"roll {math.degrees(roll):.1f} deg{why}: {allowed:.2f} m/s",
+                flush=True,
+            )
+            self._said = allowed
+
+
+def experiment(link: Link, options: argparse.Namespace) -> Law:
+    """Listen to wind, roll and key figures; the law goes by them."""
+    from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - as rclpy in control_experiment
+    from geometry_msgs.msg import PoseStamped, Vector3Stamped  # noqa: PLC0415
+
+    acceleration, _ = limits_of(link, options)
+    check_place(link, options.to)
+    if options.stop_wind <= options.full_speed_wind:
+        raise ExperimentError(
+            f"--stop-wind {options.stop_wind:g} m/s given; allowed: more than that of full speed, "
+            f"{options.full_speed_wind:g} m/s"
+        )
+    if link.scenario["space"] != 3 and len(link.scenario["cable"]["start"]["position"]) < 3:
+        name = link.scenario["name"]
+        raise ExperimentError(f"scenario '{name}' is one in a plane; needed is one in space, as windy_tramway")
+    deceleration = link.scenario["carriages"][link.name]["drive"]["limits"].get("deceleration") or acceleration
+    law = WindLaw(options, options.to, deceleration)
+
+    def measure_wind(message: Any) -> None:
+        law.wind.take(law.now, math.hypot(message.vector.x, message.vector.y))
+
+    def measure_roll(message: Any) -> None:
+        q = message.pose.orientation
+        law.roll.take(law.now, abs(math.atan2(2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))))
+
+    body = [*link.scenario["carriages"][link.name]["bodies"]][-1]
+    link.listen(Vector3Stamped, "air/wind", measure_wind)
+    link.listen(PoseStamped, f"carriages/{link.name}/{body}/pose", measure_roll)
+    link.listen(DiagnosticArray, "key_figures", lambda message: law.judged(link.name, message))
+
+    def drive(motion: Motion) -> float | None:
+        speed = law(motion)
+        if speed is None:
+            print(
+                f"{NAME}: strongest wind {law.strongest:.1f} m/s; largest swing across the track, or roll, "
+                f"{math.degrees(law.largest):.1f} deg in it",
+                flush=True,
+            )
+        return speed
+
+    return drive
+
+
+if __name__ == "__main__":
+    arguments = parser(NAME, "Drive a carriage to a place, slower in wind and not at all in a storm.", EPILOG)
+    for option, unit, default, what in (
+        ("--to", "m", 500.0, "arc length (m) to go to"),
+        ("--full-speed-wind", "m/s", 10.0, "wind (m/s) up to which it goes at full speed"),
+        ("--stop-wind", "m/s", 20.0, "wind (m/s) in which it stands"),
+        ("--slow-speed", "m/s", 2.0, "speed (m/s) just below that wind"),
+        ("--roll-limit", "deg", 11.5, "roll (deg) with which it stands"),
+    ):
+        arguments.add_argument(
+            option, type=positive(unit), default=default, metavar=unit.upper(), help=f"{what}; default: {default:g}"
+        )
+    sys.exit(main(arguments.parse_args(), NAME, experiment))
