@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from twin_process import PATIENCE, TwinProcess, environment, run_module, write_quick_scenario
+from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
 
 from cable_twin.records import Command
 
@@ -16,6 +16,7 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.ros.drive import main
 from cable_twin.ros.trip import STATIONS, target_of
 from cable_twin.scenario import load_scenario
 
@@ -205,7 +206,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         ),
     ],
 )
-def test_bad_options_are_named_in_a_line(tmp_path, arguments, said):
-    result = run_module("ros.drive", *arguments, directory=tmp_path)
-    assert result.returncode == 1
-    assert result.stderr == f"drive: {said}; all options: drive --help\n"
+def test_bad_options_are_named_in_a_line(capsys, arguments, said):
+    with pytest.raises(SystemExit, match="1"):
+        main(arguments)
+    assert capsys.readouterr().err == f"drive: {said}; all options: drive --help\n"
