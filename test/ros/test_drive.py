@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import re
 import signal
 import subprocess
@@ -60,8 +62,21 @@ def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
     twin.until(lambda: twin.speed == 0.0, what="stop")
     assert "command_timeout" not in {applied.source for applied in twin.applied}
     line = process.output.splitlines()[-1]
-    assert "commanded     +3.00 m/s  cabin:" in line
+    assert "commanded +3.00 m/s  cabin:" in line
     assert line.rstrip().endswith("kN")
+
+
+def test_its_line_fits_a_terminal(running, twin):
+    process, _ = running
+    reader, writer = pty.openpty()
+    command = [sys.executable, "-m", "cable_twin.ros.drive", "cabin", "--speed", "1", "--duration", "0.6"]
+    variables = {**environment(process.directory, process.domain), "COLUMNS": "60"}
+    subprocess.run(command, stdout=writer, stderr=writer, env=variables, check=True, timeout=PATIENCE)
+    os.close(writer)
+    lines = os.read(reader, 4096).decode().split("\r")
+    os.close(reader)
+    assert sum("commanded +1.00 m/s  cabin:" in line for line in lines) > 1
+    assert all(len(line.strip("\n")) < 60 for line in lines)
 
 
 def test_it_goes_to_a_place_and_stops_there(twin, drive):
