@@ -25,7 +25,7 @@ from benchmarks import (
     startup,
 )
 from benchmarks.measure import BenchmarkError, Effort
-from benchmarks.report import merge, print_part, write
+from benchmarks.report import merge, print_part, read, write
 from cable_twin.scenario import ScenarioError
 
 FILE_WIDTH = 120  # columns where the output is no terminal
@@ -110,6 +110,11 @@ def main() -> int:
     for name in ("minutes", "scenario"):
         if getattr(options, name) is not None and "live" not in chosen:
             parser.error(f"--{name} is of the part live, which was not asked for")
+    try:
+        earlier = read(options.output) if options.output else {}
+    except (OSError, ValueError) as error:  # before minutes are spent
+        print(f"{parser.prog}: --output {options.output}: {error}", file=sys.stderr)
+        return FAILED
     repetitions = options.repetitions or (1 if options.quick else 5)
     effort = Effort(options.quick, repetitions, options.minutes, tuple(options.scenario or ()))
     console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
@@ -127,8 +132,8 @@ def main() -> int:
         faults += parts[name].faults
     if options.output is not None:
         try:
-            files = write(options.output, merge(options.output, parts, order=list(PARTS)), parts)
-        except (OSError, ValueError) as error:
+            files = write(options.output, merge(earlier, parts, order=list(PARTS)), parts)
+        except OSError as error:
             print(f"{parser.prog}: --output {options.output}: {error}", file=sys.stderr)
             return FAILED
         for file in files:

@@ -89,18 +89,23 @@ def print_part(part: Part, console: Console) -> None:
         console.print(Markdown(f"- {note}"))
 
 
-def merge(directory: Path, parts: Mapping[str, Part], order: list[str]) -> dict[str, Any]:
-    """Put what was measured now over what `directory` has from earlier runs.
+def read(directory: Path) -> dict[str, Any]:
+    """What `directory` has from earlier runs.
 
     Raises:
-        OSError: the earlier file cannot be read.
+        OSError: the file cannot be read.
         ValueError: it is not one of ours.
     """
     path = directory / "benchmarks.json"
     records = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     if not isinstance(records, dict) or not all(isinstance(one, dict) and "tables" in one for one in records.values()):
         raise ValueError(f"{path} is not from here; remove it or choose another directory")
-    records.update({name: part.record() for name, part in parts.items()})
+    return records
+
+
+def merge(earlier: Mapping[str, Any], parts: Mapping[str, Part], order: list[str]) -> dict[str, Any]:
+    """Put what was measured now over what there was from earlier runs."""
+    records = {**earlier, **{name: part.record() for name, part in parts.items()}}
     return {name: records[name] for name in order if name in records}
 
 

@@ -58,14 +58,14 @@ class OneLineParser(argparse.ArgumentParser):
         Args:
             prog: name of the command.
             description: what it does.
-            epilog: examples and exit codes, shown as they are.
+            epilog: examples and exit codes; paragraphs are filled, lists with indented lines stay as they are.
             failure: exit code for a wrong option.
         """
         super().__init__(
             prog=prog,
             description=description,
             epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Filled,
             allow_abbrev=False,
         )
         self._failure = failure
@@ -94,6 +94,16 @@ class OneLineParser(argparse.ArgumentParser):
         if plain is not None and named is not None:
             self.error(f"scenario '{plain}' and --scenario '{named}' are given; one is allowed")
         return plain if named is None else named
+
+
+class _Filled(argparse.HelpFormatter):
+    """Paragraphs in the width of the terminal, examples as they stand, to be copied."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n\n".join(
+            paragraph if "\n " in paragraph else super(_Filled, self)._fill_text(paragraph, width, indent)
+            for paragraph in text.strip("\n").split("\n\n")
+        )
 
 
 class _PrintLines(argparse.Action):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
+from cable_twin.ros.middleware import keep_types_to_itself
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
 DISCOVERY = 10.0  # s of the clock to find the twin, where --wait does not say it
@@ -82,15 +83,24 @@ class Link:
         self._node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 50)
         self._node.create_subscription(JointState, f"{twin}/applied_commands", self._on_applied, 50)
         deadline = time.monotonic() + wait
-        while not (self._publisher.get_subscription_count() and self.scenario and self.motion) and not ending.is_set():
+        while (missing := self._missing()) and not ending.is_set():
             self._spin_once(self._node, timeout_sec=0.05)
             if self.scenario and name not in (known := self.scenario["carriages"]):
                 raise ExperimentError(f"the twin has no carriage '{name}'; it has: {', '.join(known) or 'none'}")
             if time.monotonic() > deadline:
                 raise ExperimentError(
-                    f"no twin that moves on answers as {twin} after {wait:g} s: is `sim` running, not paused, "
-                    "and with the same ROS_DOMAIN_ID?"
+                    f"no twin that moves on answers as {twin} after {wait:g} s ({', '.join(missing)}): "
+                    "is `sim` running, not paused, and with the same ROS_DOMAIN_ID?"
                 )
+
+    def _missing(self) -> list[str]:
+        """What has not come yet of a twin."""
+        there = {
+            "no listener to joint_commands": self._publisher.get_subscription_count(),
+            "no scenario": self.scenario,
+            "no joint_states": self.motion,
+        }
+        return [what for what, found in there.items() if not found]
 
     @property
     def ended(self) -> bool:
@@ -328,6 +338,7 @@ def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, 
         print_hint(command, error)
         return 1
     ending.starting = False
+    keep_types_to_itself()
     rclpy.init(args=[command], signal_handler_options=SignalHandlerOptions.NO)
     link = None
     try:

@@ -15,11 +15,23 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """With `-n`: the tests of a file share twins and runs, so one process has all of them; in the files' order."""
+    """With `-n`: the tests of a file share twins and runs, so one process has all of them; in the order given."""
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - only there with `-n`
 
     config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """With `-n`: files that wait for twins stand among those that compute, so that no core is idle."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    files = list(dict.fromkeys(item.path for item in items))
+    waiting = [file for file in files if file.parent.name == "ros"]
+    computing = [file for file in files if file.parent.name != "ros"]
+    places = {file: (index + 0.5) / len(kind) for kind in (waiting, computing) for index, file in enumerate(kind)}
+    items.sort(key=lambda item: places[item.path])
 
 
 @pytest.fixture(scope="session", autouse=True)

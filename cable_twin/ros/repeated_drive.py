@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import os
+import shutil
 import sys
 import time
 from typing import Any
@@ -111,7 +112,7 @@ class Driver:
                 self._send(value)
                 next_command = max(next_command + 1.0 / RATE, now)
                 if now >= next_line:
-                    self._print_state(now - started, f"{value:+9.2f} {unit}", terminal)
+                    self._print_state(now - started, f"{value:+.2f} {unit}", terminal)
                     next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
             self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
             fault = self._fault()
@@ -158,10 +159,13 @@ class Driver:
         name = self._options.name
         arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
         line = (
-            f"{elapsed:7.1f} s  commanded {commanded}  {name}: "
-            f"{speed:+7.2f} m/s at {arc_length:8.2f} m, drive {force / 1e3:+9.3f} kN{self._note()}"
+            f"{elapsed:6.1f} s  commanded {commanded}  {name}: "
+            f"{speed:+.2f} m/s at {arc_length:.2f} m{self._note()}, drive {force / 1e3:+.2f} kN"
         )
-        print(f"\r{line}  " if terminal else line, end="" if terminal else "\n", flush=True)
+        if terminal:
+            width = shutil.get_terminal_size().columns - 1  # a line that wraps is not written over
+            line = f"\r{line[:width]:<{width}}"
+        print(line, end="" if terminal else "\n", flush=True)
 
     def _spin(self, seconds: float) -> None:
         import rclpy  # noqa: PLC0415

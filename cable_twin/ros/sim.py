@@ -78,6 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
         from cable_twin.ros.executor import new_executor  # noqa: PLC0415
+        from cable_twin.ros.middleware import keep_types_to_itself  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
     except ImportError as error:
@@ -86,6 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
     from cable_twin.simulation import EquilibriumError, SnapshotError  # noqa: PLC0415
 
+    keep_types_to_itself()
     try:
         rclpy.init(args=["sim", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:

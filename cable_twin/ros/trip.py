@@ -100,7 +100,7 @@ class Trip(Driver):
         return None
 
     def _note(self) -> str:
-        return f", {self._target - self._states[self._options.name][0]:+9.2f} m to go"
+        return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"
 
     def _tell_end(self, elapsed: float) -> None:
         place = self._states[self._options.name][0]

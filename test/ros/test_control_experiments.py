@@ -329,8 +329,8 @@ def test_without_a_twin_it_says_so(domain, tmp_path):
     process = start(tmp_path, "trapezoid_driver.py", "cabin", "--wait", "2", domain=domain)
     assert process.wait() == 1
     assert process.output.strip() == (
-        "trapezoid_driver.py: no twin that moves on answers as /cable_twin after 2 s: is `sim` running, not paused, "
-        "and with the same ROS_DOMAIN_ID?"
+        "trapezoid_driver.py: no twin that moves on answers as /cable_twin after 2 s (no listener to joint_commands, "
+        "no scenario, no joint_states): is `sim` running, not paused, and with the same ROS_DOMAIN_ID?"
     )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import re
 import signal
 import subprocess
 import sys
 
 import pytest
-from twin_process import PATIENCE, TwinProcess, environment, run_module, write_quick_scenario
+from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
 
 from cable_twin.records import Command
 
@@ -16,6 +18,7 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.ros.drive import main
 from cable_twin.ros.trip import STATIONS, target_of
 from cable_twin.scenario import load_scenario
 
@@ -59,8 +62,21 @@ def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
     twin.until(lambda: twin.speed == 0.0, what="stop")
     assert "command_timeout" not in {applied.source for applied in twin.applied}
     line = process.output.splitlines()[-1]
-    assert "commanded     +3.00 m/s  cabin:" in line
+    assert "commanded +3.00 m/s  cabin:" in line
     assert line.rstrip().endswith("kN")
+
+
+def test_its_line_fits_a_terminal(running, twin):
+    process, _ = running
+    reader, writer = pty.openpty()
+    command = [sys.executable, "-m", "cable_twin.ros.drive", "cabin", "--speed", "1", "--duration", "0.6"]
+    variables = {**environment(process.directory, process.domain), "COLUMNS": "60"}
+    subprocess.run(command, stdout=writer, stderr=writer, env=variables, check=True, timeout=PATIENCE)
+    os.close(writer)
+    lines = os.read(reader, 4096).decode().split("\r")
+    os.close(reader)
+    assert sum("commanded +1.00 m/s  cabin:" in line for line in lines) > 1
+    assert all(len(line.strip("\n")) < 60 for line in lines)
 
 
 def test_it_goes_to_a_place_and_stops_there(twin, drive):
@@ -205,7 +221,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         ),
     ],
 )
-def test_bad_options_are_named_in_a_line(tmp_path, arguments, said):
-    result = run_module("ros.drive", *arguments, directory=tmp_path)
-    assert result.returncode == 1
-    assert result.stderr == f"drive: {said}; all options: drive --help\n"
+def test_bad_options_are_named_in_a_line(capsys, arguments, said):
+    with pytest.raises(SystemExit, match="1"):
+        main(arguments)
+    assert capsys.readouterr().err == f"drive: {said}; all options: drive --help\n"

@@ -1,0 +1,67 @@
+"""What the participants of the twin ask of the middleware."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import time
+from contextlib import closing
+
+import pytest
+from twin_process import COMPILING, write_quick_scenario
+
+from cable_twin.ros.middleware import OLDER_PROFILES, PROFILES, keep_types_to_itself
+
+rclpy = pytest.importorskip("rclpy")
+
+BUILTIN_ENDPOINT_SET = 0x0058  # a parameter of what participants announce: RTPS 2.5, table 9.14
+TYPE_LOOKUP = 0xF000  # its bits of the service that asks for types: XTypes 1.3, 7.6.3.3.3
+DATA, PARTICIPANTS = 0x15, bytes.fromhex("000100c2")
+PEERS = 32  # participants of a machine that rmw_fastrtps announces itself to, with LOCALHOST
+
+
+def test_profiles_of_the_user_are_left_alone(monkeypatch):
+    for name in (PROFILES, OLDER_PROFILES):
+        monkeypatch.delenv(PROFILES, raising=False)
+        monkeypatch.delenv(OLDER_PROFILES, raising=False)
+        monkeypatch.setenv(name, "mine.xml")
+        keep_types_to_itself()
+        assert os.environ.get(name) == "mine.xml"
+        assert (PROFILES in os.environ) == (name == PROFILES)
+
+
+@pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")
+def test_twin_asks_nobody_for_types(processes, domain, tmp_path):
+    processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", domain=domain)
+    assert announced_endpoints(domain, COMPILING) & TYPE_LOOKUP == 0
+
+
+def announced_endpoints(domain: int, timeout: float) -> int:
+    """The built-in endpoints of the participant that announces itself in a domain, as bits."""
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as peer:
+        peer.bind(("127.0.0.1", 7400 + 250 * domain + 10 + 2 * (PEERS - 1)))
+        peer.settimeout(timeout)
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            packet = peer.recv(65536)
+            place = 20  # behind the header
+            while place + 24 <= len(packet):
+                kind, flags, length = packet[place], packet[place + 1], packet[place + 2 : place + 4]
+                order = "<" if flags & 1 else ">"
+                content = packet[place + 4 : place + 4 + struct.unpack(f"{order}H", length)[0]]
+                if kind == DATA and content[8:12] == PARTICIPANTS:
+                    return parameter(content[24:], order)
+                place += 4 + len(content)
+    raise AssertionError("no participant has announced itself")
+
+
+def parameter(content: bytes, order: str) -> int:
+    """The built-in endpoints out of a list of parameters."""
+    place = 0
+    while place + 8 <= len(content):
+        number, length = struct.unpack_from(f"{order}HH", content, place)
+        if number == BUILTIN_ENDPOINT_SET:
+            return int(struct.unpack_from(f"{order}I", content, place + 4)[0])
+        place += 4 + length
+    raise AssertionError("a participant says nothing of its endpoints")
