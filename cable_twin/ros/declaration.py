@@ -60,8 +60,6 @@ def declare_parameters(node: Node) -> dict[str, Any]:
             node.undeclare_parameter(parameter.name)
             node.declare_parameter(parameter.name, value, _descriptor(parameter), ignore_override=True)
         values[parameter.name] = value
-    if values["snapshot"] and "scenario" in node._parameter_overrides:
-        faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
     if not faults:
         faults = splitting_of(values).faults("parameter '{}'".format)
     if faults:

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from cable_twin.command_line import INTERRUPTED
@@ -41,6 +42,7 @@ examples:
   drive --emergency-stop                 and drive --release
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
+  drive --load gondola                   the same twin with another scenario; also the path of a YAML file
   drive --list                           the twins of this domain
   drive cabin --speed 5 --ros-args -r __ns:=/b -r /b/cable_twin/joint_commands:=/b/desk
 """
@@ -63,6 +65,7 @@ def parser() -> OneLineParser:
         what.add_argument(f"--{action}", action="store_true", help=text)
     what.add_argument("--step", type=_count, metavar="N", help="N frames while paused")
     what.add_argument("--to", metavar="PLACE", help="drive to a place and stop there: m along the cable, or a station")
+    what.add_argument("--load", metavar="SCENARIO", help="begin anew with another scenario, in logs of its own")
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
     result.add_argument(
         "--at-most", type=_number, metavar="M/S", help="m/s on the way --to a place; default: the limit of the drive"
@@ -189,6 +192,8 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
     if kind is None:
         if options.step is not None:
             return client.step(options.step)
+        if options.load is not None:
+            return client.load(str(Path(options.load).absolute()) if Path(options.load).suffix else options.load)
         service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
         return client.call(service, switch)
     if kind.service:

@@ -1,9 +1,14 @@
-"""What calls the node's callbacks: the executor of events where this rclpy has one, which costs less."""
+"""What calls the node's callbacks: the executor of events where this rclpy has one, which costs less; waiting in it."""
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+from typing import Any
+
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.task import Future as RosFuture
 
 
 def new_executor(context: Context | None = None) -> Executor:
@@ -20,4 +25,17 @@ def new_executor(context: Context | None = None) -> Executor:
         return SingleThreadedExecutor(context=context)
 
 
-__all__ = ["new_executor"]
+async def done(future: Future[Any], node: Node) -> None:
+    """Wait in a callback of a node until another thread is done, while the executor calls others."""
+    waiting: RosFuture[None] = RosFuture()
+
+    def wake(_: Future[Any]) -> None:
+        waiting.set_result(None)
+        if node.executor is not None:
+            node.executor.wake()
+
+    future.add_done_callback(wake)
+    await waiting
+
+
+__all__ = ["done", "new_executor"]

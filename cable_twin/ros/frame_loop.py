@@ -142,9 +142,12 @@ class FrameLoop:
             stepping.count = 0
         self._asked.set()
 
-    def step(self, count: int = 1) -> Future[int]:
-        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused."""
-        stepping = Stepping(count)
+    def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
+        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused.
+
+        After each one `on_frame` gets how many there were, and says whether to go on.
+        """
+        stepping = Stepping(count, on_frame)
         self._stepping.append(stepping)
         self._asked.set()
         return stepping.future
