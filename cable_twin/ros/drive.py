@@ -35,7 +35,7 @@ examples:
   drive cabin --speed 5                  5 m/s along the cable, at the drive's own acceleration
   drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
   drive cabin --force 40000 --duration 10
-  drive cabin --to upper_station         there, and stop; also lower_station, start, end
+  drive cabin --to upper_station         there, and stop; also lower_station, start, end, and towers by name
   drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
   drive cabin --payload 3200             kg, in a station
   drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
@@ -64,7 +64,9 @@ def parser() -> OneLineParser:
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
     what.add_argument("--step", type=_count, metavar="N", help="N frames while paused")
-    what.add_argument("--to", metavar="PLACE", help="drive to a place and stop there: m along the cable, or a station")
+    what.add_argument(
+        "--to", metavar="PLACE", help="have the twin drive to a place: m along the cable, a station or a tower"
+    )
     what.add_argument("--load", metavar="SCENARIO", help="begin anew with another scenario, in logs of its own")
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
     result.add_argument(

@@ -111,6 +111,7 @@ class TwinNode(Node):
             before_command=self._begin,
             on_applied=self._tell_applied,
             on_fault=self._tell_fault,
+            on_goal=self._tell_goal,
             paused=self._settings["start_paused"],
         )
         real_time = self._settings["real_time_factor"] == 1.0
@@ -261,6 +262,9 @@ class TwinNode(Node):
 
     def _tell_fault(self, line: str) -> None:
         self.get_logger().error(line)
+
+    def _tell_goal(self, line: str, given_up: bool) -> None:
+        (self.get_logger().warning if given_up else self.get_logger().info)(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
