@@ -28,7 +28,6 @@ from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
 
 IDLE = 0.5  # s between two looks at the queue while paused and nobody wakes the loop
-CAPTURE = "capture"  # a request that is no command
 SHORT = 0.05  # s that the end of a run may have to wait for
 
 
@@ -77,7 +76,7 @@ class FrameLoop:
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self.goals = Goals(simulation, on_goal)
-        self._requests: deque[tuple[Command | Goal | None, str, Future[Any]]] = (
+        self._requests: deque[tuple[Command | Goal | Callable[[], Any], str, Future[Any]]] = (
             deque()
         )  # what the loop does between frames
         self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
@@ -136,9 +135,13 @@ class FrameLoop:
 
     def capture(self) -> Future[FullState]:
         """Copy the full state at the next frame boundary."""
-        return self._ask(None, CAPTURE)
+        return self.call(self._simulation.capture)
 
-    def _ask(self, command: Command | Goal | None, source: str) -> Future[Any]:
+    def call(self, function: Callable[[], Any]) -> Future[Any]:
+        """Have something done at the next frame boundary that raises nothing; the future gives what it returns."""
+        return self._ask(function, "")
+
+    def _ask(self, command: Command | Goal | Callable[[], Any], source: str) -> Future[Any]:
         future: Future[Any] = Future()
         self._requests.append((command, source, future))
         self._asked.set()
@@ -231,8 +234,8 @@ class FrameLoop:
             command, source, future = self._requests.popleft()
             if not future.set_running_or_notify_cancel():
                 continue
-            if command is None:
-                future.set_result(self._simulation.capture())
+            if callable(command):
+                future.set_result(command())
                 continue
             try:
                 if isinstance(command, Goal):

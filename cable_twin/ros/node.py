@@ -6,6 +6,7 @@ import gc
 import threading
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rcl_interfaces.msg import SetParametersResult
@@ -87,7 +88,7 @@ class TwinNode(Node):
         table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
         table += sensor_topics(self._simulation.scenario)
         self._endpoints = Endpoints(self, table)
-        self._senders = self._rviz.repeating(self._endpoints.senders)
+        self._senders = self._rviz.watching(self._endpoints)
         self._output = Output(
             self._simulation,
             table,
@@ -135,7 +136,8 @@ class TwinNode(Node):
         )
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_timer(REPEAT, self._rviz.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        look = partial(self._rviz.look, self._loop, self._output)
+        self.create_timer(REPEAT, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_pre_set_parameters_callback(as_meant)
         self.add_on_set_parameters_callback(LiveParameters(self, self._loop, self.loading).on_set)
 

@@ -10,11 +10,11 @@ import re
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from cable_twin.messages import SECOND, FrameNames
 from cable_twin.records import Command, CommandError
+from cable_twin.ros.declaration import is_installed
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import SERVICE_TIMEOUT, Services
@@ -225,7 +225,7 @@ def offer_simulation_services(
     frames: FrameNames,
 ) -> Any:
     """Create them below the name of a node, nothing where the package is not there; returns what to destroy."""
-    if find_spec(PACKAGE) is None:
+    if not is_installed(PACKAGE):
         return None
     from rclpy.action import ActionServer, CancelResponse  # noqa: PLC0415 - tests of the answers need no rclpy
     from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: PLC0415
