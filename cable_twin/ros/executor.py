@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Generator
 from concurrent.futures import Future
 from typing import Any
 
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.task import Future as RosFuture
+
+TURN = 0.005  # s for which a callback that waits holds the others up
 
 
 def new_executor(context: Context | None = None) -> Executor:
@@ -25,17 +27,23 @@ def new_executor(context: Context | None = None) -> Executor:
         return SingleThreadedExecutor(context=context)
 
 
-async def done(future: Future[Any], node: Node) -> None:
-    """Wait in a callback of a node until another thread is done, while the executor calls others."""
-    waiting: RosFuture[None] = RosFuture()
+async def done(future: Future[Any]) -> None:
+    """Wait in a callback of a node until another thread is done, while the executor calls others between two turns.
 
-    def wake(_: Future[Any]) -> None:
-        waiting.set_result(None)
-        if node.executor is not None:
-            node.executor.wake()
+    rclpy resumes a callback that waits for a future of its own again and again, as fast as it can: that took as much of
+    a core as the solver, and the interpreter from it.
+    """
+    ended = threading.Event()
+    future.add_done_callback(lambda _: ended.set())
+    while not ended.wait(TURN):
+        await _Turn()
 
-    future.add_done_callback(wake)
-    await waiting
+
+class _Turn:
+    """Gives other callbacks their turn."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
 
 
 __all__ = ["done", "new_executor"]

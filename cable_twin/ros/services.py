@@ -40,7 +40,7 @@ class Services:
 
     def offer(self, node: Node) -> None:
         """Create the services, below the name of the node."""
-        self._node, self._logger = node, node.get_logger()
+        self._logger = node.get_logger()
         for service, kinds in kinds_by_service().items():
             service_type = Trigger if None in kinds else SetBool
             node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
@@ -90,7 +90,7 @@ class Services:
         if not self._loop.paused:
             return False, "not paused: call ~/pause with true first"
         stepping = self._loop.step(count, on_frame)
-        await done(stepping, self._node)
+        await done(stepping)
         if stepping.cancelled():
             return False, "the twin ends"
         if stepping.result() < count:

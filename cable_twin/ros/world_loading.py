@@ -58,7 +58,7 @@ class WorldLoading:
     async def load(self, scenario: Scenario, source: str, *, paused: bool) -> str:
         """The same for a callback of the node, which waits without holding the executor."""
         future = self.begin(scenario, source, paused=paused)
-        await done(future, self._node)
+        await done(future)
         return future.result()
 
     def _load(self, scenario: Scenario, source: str, paused: bool, before: bool, future: Future[str]) -> None:
