@@ -237,11 +237,15 @@ def offer_simulation_services(
         name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind).lower()
         node.create_service(getattr(kinds, kind), f"~/{name}", handler, callback_group=group)
     action = import_module(f"{PACKAGE}.action").SimulateSteps
+
+    async def simulate_steps(goal: Any) -> Any:  # rclpy awaits functions that are seen to be coroutines alone
+        return await own.simulate_steps(goal, action.Result(), action.Feedback())
+
     return ActionServer(
         node,
         action,
         "~/simulate_steps",
-        lambda goal: own.simulate_steps(goal, action.Result(), action.Feedback()),
+        simulate_steps,
         cancel_callback=lambda _: CancelResponse.ACCEPT,
         callback_group=group,
     )
