@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.commands import INPUTS, KINDS, VECTOR, Kind, kinds_on
+from cable_twin.commands import INPUTS, JOINT_COMMANDS, KINDS, VECTOR, Kind, kinds_on
 from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
-from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.records import AppliedCommand, Command, CommandError, Goal
 
 
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
@@ -71,7 +71,7 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
     return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
 
 
-def command_from_message(topic: str, data: bytes) -> Command:
+def command_from_message(topic: str, data: bytes) -> Command | Goal:
     """Understand a message of a topic that brings commands; whether it can be done now is for the simulation to say.
 
     Args:
@@ -98,8 +98,10 @@ def command_from_joint_state(
     position: Collection[float],
     velocity: Collection[float],
     effort: Collection[float],
-) -> Command:
+) -> Command | Goal:
     """Understand a JointState of a topic; whether names and limits fit is for the simulation to say.
+
+    Positions of joint commands are places to go to, with velocities as what is allowed on the way.
 
     Joints that are not commanded may be named as well, with NaN beside the numbers of those that are: so a
     ros2_control hardware on topics sends all of its joints.
@@ -116,6 +118,8 @@ def command_from_joint_state(
     """
     kinds = kinds_on(topic)
     names, fields = _commanded(names, {"position": position, "velocity": velocity, "effort": effort})
+    if topic == JOINT_COMMANDS and len(fields["position"]):
+        return _goal(names, fields)
     if len(kinds) == 1:
         (kind,) = kinds.values()
         what = kind.name.replace("_", " ")
@@ -123,14 +127,35 @@ def command_from_joint_state(
     else:
         what = topic.removesuffix("s").replace("_", " ")
         kind = _kind_meant(kinds, what, len(names), fields)
+    _check_once(what, names)
     values = dict(zip(names, map(float, fields[kind.field]), strict=True))
-    if len(values) != len(names):
-        twice = next(name for name in names if list(names).count(name) > 1)
-        raise CommandError(f"{what} names {twice!r} more than once; name each one once")
     for name, value in values.items():
         if not math.isfinite(value):
             raise CommandError(f"{what} {kind.field} of {name!r} is {value}; give a finite number ({kind.unit})")
     return Command(kind.name, values)
+
+
+def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal:
+    """Where to go, by position, and with velocities how fast at most."""
+    if any(len(numbers) not in (0, len(names)) for numbers in fields.values()):
+        counts = ", ".join(f"{len(numbers)} of {field}" for field, numbers in fields.items())
+        raise CommandError(f"joint command with {len(names)} names and {counts}; give one value for each name")
+    if len(fields["effort"]):
+        raise CommandError("joint command with position and effort; give with a position (m) a velocity (m/s), or none")
+    _check_once("joint command", names)
+    places = dict(zip(names, map(float, fields["position"]), strict=True))
+    for name, place in places.items():
+        if not math.isfinite(place):
+            raise CommandError(f"joint command position of {name!r} is {place}; give a finite number (m)")
+    at_most = dict(zip(names, map(float, fields["velocity"]), strict=False))
+    return Goal(places, {name: abs(speed) for name, speed in at_most.items() if not math.isnan(speed)})
+
+
+def _check_once(what: str, names: Sequence[str]) -> None:
+    """Refuse names that stand twice."""
+    for name in names:
+        if list(names).count(name) > 1:
+            raise CommandError(f"{what} names {name!r} more than once; name each one once")
 
 
 def _commanded(
@@ -162,13 +187,10 @@ def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collec
 
 def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mapping[str, Collection[float]]) -> Kind:
     """The kind whose field has the numbers, one for each name."""
-    known = " or ".join(f"{field} ({kind.unit})" for field, kind in kinds.items())
+    known = " or ".join([*(f"{field} ({kind.unit})" for field, kind in kinds.items()), "position (m)"])
     given = [field for field, numbers in fields.items() if len(numbers)]
     if not names:
         raise CommandError(f"{what} without names; name at least one carriage or drive")
-    for field in given:
-        if field not in kinds:
-            raise CommandError(f"{what} with {len(fields[field])} {field}s; give {known}, {field}s are not taken")
     if len(given) != 1:
         which = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(kinds)}"
         raise CommandError(f"{what} with {which}; give one of them, {known}")

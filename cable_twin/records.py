@@ -46,6 +46,14 @@ class Command:
     values: Mapping[str, float]  # by name of a carriage or drive, or by axis, in the unit of the kind
 
 
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Places to go to, and to stop at: what speeds that takes is for whoever carries it out."""
+
+    places: Mapping[str, float]  # m along the cable by carriage, m of cable gone by of a drive
+    at_most: Mapping[str, float]  # m/s on the way, of those that are not to go as fast as their limits allow
+
+
 class CommandError(ValueError):
     """A command that is refused whole: one line with what was given, what is allowed and the unit."""
 

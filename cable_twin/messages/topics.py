@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.commands import INPUTS
-from cable_twin.rates import EVERY_FRAME, frames_between
+from cable_twin.rates import EVERY_FRAME, ONCE, frames_between
 from cable_twin.snapshot import Layout
 
 String = ros2_jazzy.std_msgs__msg__String
@@ -163,10 +163,18 @@ class Schedule:
     """
 
     def __init__(self, table: Sequence[Topic], frame_rate: float, *rates: Mapping[str, float]) -> None:
-        groups = list(dict.fromkeys(topic.group for topic in table if topic.group))
+        self._groups = groups = list(dict.fromkeys(topic.group for topic in table if topic.group))
         self._names = [tuple(topic.name for topic in table if topic.group == group) for group in groups]
-        self._periods = [[frames_between(frame_rate, one.get(group, EVERY_FRAME)) for group in groups] for one in rates]
+        self._given = [[frames_between(frame_rate, one.get(group, EVERY_FRAME)) for group in groups] for one in rates]
+        self._periods = [list(periods) for periods in self._given]
+        self._never = frames_between(frame_rate, ONCE)
         self._known: dict[tuple[bool, ...], Due] = {}
+
+    def listen(self, taker: int, group: str, listening: bool) -> None:
+        """Have a taker, by number, take a group at its rate, or nothing of it while nobody is behind that."""
+        if group in self._groups:
+            row = self._groups.index(group)
+            self._periods[taker][row] = self._given[taker][row] if listening else self._never
 
     def due(self, frame: int, *, everything: bool = False) -> Due:
         """Topics that are due at a frame, or all that ever are."""

@@ -78,6 +78,10 @@ class FrameOutput:
         """Have all messages laid out before time runs."""
         self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
 
+    def listen(self, group: str, listening: bool) -> None:
+        """Have the first taker get a group of topics at its rate, or nothing of it while nobody is behind that."""
+        self._schedule.listen(0, group, listening)
+
     def prepare(self, snapshot: Snapshot) -> Prepared:
         """Encode what is due with a new frame; the simulation is at its time."""
         split = None

@@ -60,8 +60,6 @@ def declare_parameters(node: Node) -> dict[str, Any]:
             node.undeclare_parameter(parameter.name)
             node.declare_parameter(parameter.name, value, _descriptor(parameter), ignore_override=True)
         values[parameter.name] = value
-    if values["snapshot"] and "scenario" in node._parameter_overrides:
-        faults.append("parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario")
     if not faults:
         faults = splitting_of(values).faults("parameter '{}'".format)
     if faults:
@@ -70,8 +68,9 @@ def declare_parameters(node: Node) -> dict[str, Any]:
 
 
 def is_installed(message_type: str) -> bool:
-    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage"."""
-    return find_spec(message_type.partition("/")[0]) is not None
+    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage", or has a package of such types."""
+    found = find_spec(message_type.partition("/")[0])
+    return found is not None and found.origin is not None  # None: the directory of its sources
 
 
 def as_meant(parameters: list[RosParameter]) -> list[RosParameter]:

@@ -99,6 +99,7 @@ class Diagnostics:
         stopped = self._simulation.emergency_stopped
         values = {key: str(count) for key, count in self.counts.items()}
         values["emergency_stop"] = str(stopped).lower()
+        values |= {f"goal_{name}": text for name, text in self._loop.goals.texts.items()}
         return (WARNING, "emergency stop in force", values) if stopped else (OK, "takes commands", values)
 
 

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from cable_twin.command_line import INTERRUPTED
@@ -36,13 +37,14 @@ examples:
   drive cabin --speed 5                  5 m/s along the cable, at the drive's own acceleration
   drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
   drive cabin --force 40000 --duration 10
-  drive cabin --to upper_station         there, and stop; also lower_station, start, end
+  drive cabin --to upper_station         there, and stop; also lower_station, start, end, and towers by name
   drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
   drive cabin --payload 3200             kg, in a station
   drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
   drive --emergency-stop                 and drive --release
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
+  drive --load gondola                   the same twin with another scenario; also the path of a YAML file
   drive --list                           the twins of this domain
   drive cabin --speed 5 --ros-args -r __ns:=/b -r /b/cable_twin/joint_commands:=/b/desk
 """
@@ -64,7 +66,10 @@ def parser() -> OneLineParser:
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
     what.add_argument("--step", type=_count, metavar="N", help="N frames while paused")
-    what.add_argument("--to", metavar="PLACE", help="drive to a place and stop there: m along the cable, or a station")
+    what.add_argument(
+        "--to", metavar="PLACE", help="have the twin drive to a place: m along the cable, a station or a tower"
+    )
+    what.add_argument("--load", metavar="SCENARIO", help="begin anew with another scenario, in logs of its own")
     what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
     result.add_argument(
         "--at-most", type=_number, metavar="M/S", help="m/s on the way --to a place; default: the limit of the drive"
@@ -192,6 +197,8 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
     if kind is None:
         if options.step is not None:
             return client.step(options.step)
+        if options.load is not None:
+            return client.load(str(Path(options.load).absolute()) if Path(options.load).suffix else options.load)
         service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
         return client.call(service, switch)
     if kind.service:

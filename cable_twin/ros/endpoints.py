@@ -36,11 +36,13 @@ class Endpoints:
         self._topics = {topic.name: topic for topic in table}
         self._remapped: dict[str, str] = {}
         self.senders: dict[str, Callable[[bytes], None]] = {}
+        self._publishers: dict[str, Any] = {}
         for topic in table:
             if not is_installed(topic.type):  # in the log all the same
                 self.senders[topic.name] = _nowhere
             elif topic.name not in INPUTS:
-                self.senders[topic.name] = self._create(topic, node.create_publisher).publish
+                self._publishers[topic.name] = self._create(topic, node.create_publisher)
+                self.senders[topic.name] = self._publishers[topic.name].publish
 
     def subscribe(self, take: Callable[[str, bytes], None]) -> None:
         """Have the bytes of all topics taken that bring commands, each with the name of its topic."""
@@ -56,6 +58,10 @@ class Endpoints:
     def names(self) -> TopicNames:
         """Full names of topics."""
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
+
+    def listeners(self, topic: str) -> int:
+        """How many subscribe to a topic."""
+        return self._publishers[topic].get_subscription_count() if topic in self._publishers else 0
 
     def warn_of_unknown(self) -> None:
         """Name the overrides that were given for what this node does not have."""

@@ -1,9 +1,16 @@
-"""What calls the node's callbacks: the executor of events where this rclpy has one, which costs less."""
+"""What calls the node's callbacks: the executor of events where this rclpy has one, which costs less; waiting in it."""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Generator
+from concurrent.futures import Future
+from typing import Any
+
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
+
+TURN = 0.005  # s for which a callback that waits holds the others up
 
 
 def new_executor(context: Context | None = None) -> Executor:
@@ -20,4 +27,23 @@ def new_executor(context: Context | None = None) -> Executor:
         return SingleThreadedExecutor(context=context)
 
 
-__all__ = ["new_executor"]
+async def done(future: Future[Any]) -> None:
+    """Wait in a callback of a node until another thread is done, while the executor calls others between two turns.
+
+    rclpy resumes a callback that waits for a future of its own again and again, as fast as it can: that took as much of
+    a core as the solver, and the interpreter from it.
+    """
+    ended = threading.Event()
+    future.add_done_callback(lambda _: ended.set())
+    while not ended.wait(TURN):
+        await _Turn()
+
+
+class _Turn:
+    """Gives other callbacks their turn."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
+
+
+__all__ = ["done", "new_executor"]

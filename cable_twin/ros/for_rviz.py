@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 
@@ -11,7 +11,10 @@ from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameName
 from cable_twin.messages.frame import Filled
 from cable_twin.messages.topics import String
 from cable_twin.ros.description import robot_description, still_transforms
-from cable_twin.ros.markers import Markers, Repeated
+from cable_twin.ros.endpoints import Endpoints
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.markers import Markers
+from cable_twin.ros.output import Output
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Columns
 
@@ -32,19 +35,31 @@ class ForRviz:
         self.present = {"tf": True, "markers": markers, "robot": True}
         make = partial(Markers, self._scenario, simulation.layout, frame_id=self._names["frame_id"])
         self.makers: dict[str, Callable[[Columns], Filled]] = {MARKERS: make} if markers else {}
-        self._repeated: Repeated | None = None
+        self._listeners: Callable[[], int] = int  # none
+        self._sent = self._seen = 0  # markers that were sent, in all and until the last look
 
-    def repeating(self, senders: Mapping[str, Callable[[bytes], None]]) -> dict[str, Callable[[bytes], None]]:
-        """The senders of topics by name, of which that of markers can repeat its last message."""
-        if MARKERS not in senders:
-            return dict(senders)
-        self._repeated = Repeated(senders[MARKERS])
-        return {**senders, MARKERS: self._repeated}
+    def watching(self, endpoints: Endpoints) -> dict[str, Callable[[bytes], None]]:
+        """The senders of topics by name, of which that of markers is watched."""
+        if MARKERS not in self.makers:
+            return dict(endpoints.senders)
+        self._listeners, send = partial(endpoints.listeners, MARKERS), endpoints.senders[MARKERS]
 
-    def repeat(self) -> None:
-        """Send the last markers again where none have come since the last call: the twin is paused, or slow."""
-        if self._repeated is not None:
-            self._repeated.repeat()
+        def sending(data: bytes) -> None:
+            self._sent += 1
+            send(data)
+
+        return {**endpoints.senders, MARKERS: sending}
+
+    def look(self, loop: FrameLoop, output: Output) -> None:
+        """Have markers made while somebody shows them, and sent again where none have come since the last call.
+
+        They are a fifth of what a frame without logs costs; the twin may be paused, or slow.
+        """
+        listening = self._listeners() > 0
+        output.listen(MARKERS, listening)
+        if listening and self._sent == self._seen:
+            loop.call(partial(output.send_again, MARKERS))
+        self._seen = self._sent
 
     def once(self) -> list[tuple[str, bytes]]:
         """Messages that are sent once, for whoever comes."""

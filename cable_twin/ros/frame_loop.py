@@ -14,11 +14,12 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
 from typing import Any
 
 from cable_twin.commands import KINDS
-from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.records import AppliedCommand, Command, CommandError, Goal
+from cable_twin.ros.frame_statistics import FrameStatistics
+from cable_twin.ros.goals import SOURCE, Goals
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.ros.stepping import Stepping
 from cable_twin.ros.time_slice import wake_promptly
@@ -27,32 +28,7 @@ from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.snapshot import Snapshot
 
 IDLE = 0.5  # s between two looks at the queue while paused and nobody wakes the loop
-CAPTURE = "capture"  # a request that is no command
 SHORT = 0.05  # s that the end of a run may have to wait for
-
-
-@dataclass(slots=True)
-class FrameStatistics:
-    """What the loop did since these were last taken."""
-
-    lateness: LatenessHistogram
-    steps: int = 0
-    iterations: int = 0
-    halvings: int = 0
-    constraint_residual: float = 0.0  # m, worst
-    simulated: float = 0.0  # s
-    since: float = field(default_factory=time.monotonic)
-
-    def summary(self) -> dict[str, float]:
-        """Figures by the names they have in the diagnostics."""
-        elapsed = max(time.monotonic() - self.since, 1e-9)
-        return {
-            "real_time_factor": self.simulated / elapsed,
-            **self.lateness.summary(),
-            "newton_iterations_per_step": self.iterations / max(self.steps, 1),
-            "halved_steps": self.halvings,
-            "constraint_residual_m": self.constraint_residual,
-        }
 
 
 class FrameLoop:
@@ -69,6 +45,7 @@ class FrameLoop:
         before_command: called before a command takes effect, be it the first thing that happens to a paused twin.
         on_applied: called with every command as it takes effect, before the frame that shows it.
         on_fault: called with a line about what failed.
+        on_goal: called with a line about a goal that is reached, and with True where it is given up.
         paused: wait for `pause(False)` or `step`.
     """
 
@@ -85,6 +62,7 @@ class FrameLoop:
         before_command: Callable[[], None],
         on_applied: Callable[[AppliedCommand], None],
         on_fault: Callable[[str], None],
+        on_goal: Callable[[str, bool], None] = lambda line, given_up: None,
         paused: bool = False,
     ) -> None:
         self.command_timeout = command_timeout
@@ -97,7 +75,10 @@ class FrameLoop:
         self._on_run, self._prepare, self._publish = on_run, prepare, publish
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
-        self._requests: deque[tuple[Command | None, str, Future[Any]]] = deque()  # what the loop does between frames
+        self.goals = Goals(simulation, on_goal)
+        self._requests: deque[tuple[Command | Goal | Callable[[], Any], str, Future[Any]]] = (
+            deque()
+        )  # what the loop does between frames
         self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
@@ -131,8 +112,8 @@ class FrameLoop:
         self._stepping.clear()
         self._requests.clear()
 
-    def submit(self, command: Command, source: str) -> Future[AppliedCommand | None]:
-        """Hand over a command; the future gives it as applied, or the `CommandError` that refused it."""
+    def submit(self, command: Command | Goal, source: str) -> Future[AppliedCommand | None]:
+        """Hand over a command; the future gives it as applied, None for a goal, or the `CommandError`."""
         return self._ask(command, source)
 
     def pause(self, paused: bool) -> None:
@@ -142,18 +123,25 @@ class FrameLoop:
             stepping.count = 0
         self._asked.set()
 
-    def step(self, count: int = 1) -> Future[int]:
-        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused."""
-        stepping = Stepping(count)
+    def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
+        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused.
+
+        After each one `on_frame` gets how many there were, and says whether to go on.
+        """
+        stepping = Stepping(count, on_frame)
         self._stepping.append(stepping)
         self._asked.set()
         return stepping.future
 
     def capture(self) -> Future[FullState]:
         """Copy the full state at the next frame boundary."""
-        return self._ask(None, CAPTURE)
+        return self.call(self._simulation.capture)
 
-    def _ask(self, command: Command | None, source: str) -> Future[Any]:
+    def call(self, function: Callable[[], Any]) -> Future[Any]:
+        """Have something done at the next frame boundary that raises nothing; the future gives what it returns."""
+        return self._ask(function, "")
+
+    def _ask(self, command: Command | Goal | Callable[[], Any], source: str) -> Future[Any]:
         future: Future[Any] = Future()
         self._requests.append((command, source, future))
         self._asked.set()
@@ -193,6 +181,8 @@ class FrameLoop:
                 if first or not self._paused:
                     self._on_run(first)
                 first = False
+            for command in self.goals.commands():
+                self._drive(command)
             snapshot = self._advance()
             if snapshot is not None:
                 frame = self._prepare(snapshot)
@@ -244,11 +234,14 @@ class FrameLoop:
             command, source, future = self._requests.popleft()
             if not future.set_running_or_notify_cancel():
                 continue
-            if command is None:
-                future.set_result(self._simulation.capture())
+            if callable(command):
+                future.set_result(command())
                 continue
             try:
-                applied = self._apply(command, source)
+                if isinstance(command, Goal):
+                    self._before_command()
+                    self.goals.take(command)
+                applied = None if isinstance(command, Goal) else self._apply(command, source)
             except CommandError as error:
                 future.set_exception(error)
             else:
@@ -258,11 +251,20 @@ class FrameLoop:
         if silent and not self._paused:
             self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
 
+    def _drive(self, command: Command) -> None:
+        """Give a speed towards a goal."""
+        try:
+            self._apply(command, SOURCE)
+        except CommandError as error:
+            for name in command.values:
+                self.goals.give_up(name, str(error))
+
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         self._before_command()
         applied = self._simulation.apply(command, source)
+        self.goals.note(applied.time, command, source)
         if KINDS[command.kind].drives:
-            self._hold(command)
+            self._hold(command, source)
         elif KINDS[command.kind].halts:
             self._deadlines.clear()
             self._hold_all()
@@ -274,13 +276,13 @@ class FrameLoop:
 
     def _hold_all(self) -> None:
         for command in self._simulation.commands.values():  # of a snapshot, or of a start in motion
-            self._hold(command)
+            self._hold(command, "")
 
-    def _hold(self, command: Command) -> None:
-        """Let a drive command hold until the time-out."""
+    def _hold(self, command: Command, source: str) -> None:
+        """Let a drive command hold until the time-out; one towards a goal needs nobody who repeats it."""
         until = time.monotonic() + self.command_timeout
         for name, value in command.values.items():
-            if value != 0.0 or command.kind == "force":  # without force it rolls on
+            if source != SOURCE and (value != 0.0 or command.kind == "force"):  # without force it rolls on
                 self._deadlines[name] = until
             else:
                 self._deadlines.pop(name, None)

@@ -6,7 +6,7 @@ of markers stay the same for a whole run, so each message takes the place of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from typing import Any
 
@@ -33,7 +33,7 @@ Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
 
 LIFETIME = 3  # s that a marker is shown after its last message: a twin that has ended leaves no ghost
-REPEAT = 1.0  # s after which the last message is sent again where none has come: a paused twin stays in sight
+REPEAT = 1.0  # s after which they are sent again where none have come: a paused twin stays in sight
 LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
 LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
 GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
@@ -219,24 +219,4 @@ class Markers:
         )
 
 
-class Repeated:
-    """Sends a topic, and its last message once more where no new one has come since."""
-
-    def __init__(self, publish: Callable[[bytes], None]) -> None:
-        self._publish = publish
-        self._last: bytes | None = None
-        self._new = False
-
-    def __call__(self, data: bytes) -> None:
-        """Send a message."""
-        self._last, self._new = data, True
-        self._publish(data)
-
-    def repeat(self) -> None:
-        """Called now and then: `REPEAT`."""
-        if self._last is not None and not self._new:
-            self._publish(self._last)
-        self._new = False
-
-
-__all__ = ["LIFETIME", "REPEAT", "Markers", "Repeated"]
+__all__ = ["LIFETIME", "REPEAT", "Markers"]

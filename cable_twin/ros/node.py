@@ -8,7 +8,6 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -16,19 +15,27 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rich.console import Console
 
-from cable_twin.command_messages import command_from_message
 from cable_twin.commands import JOINT_COMMANDS, KINDS
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
 from cable_twin.recording.run import start_run
-from cable_twin.records import AppliedCommand, CommandError
-from cable_twin.ros.declaration import as_meant, count_frame_steps, declare_parameters, own_topics, topic_rates
+from cable_twin.records import AppliedCommand
+from cable_twin.ros.declaration import (
+    ParameterError,
+    as_meant,
+    count_frame_steps,
+    declare_parameters,
+    own_topics,
+    topic_rates,
+)
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.incoming import Incoming
+from cable_twin.ros.live_parameters import LiveParameters, are_unchanged
 from cable_twin.ros.markers import REPEAT
-from cable_twin.ros.node_parameters import PARAMETERS, splitting_of
+from cable_twin.ros.node_parameters import splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
 from cable_twin.ros.recording_watch import RecordingWatch
@@ -36,18 +43,25 @@ from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import offer_simulation_services
 from cable_twin.ros.status import Status, live_hint
+from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.scenario import load_scenario
 from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation
 
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
-WARNING_PERIOD = 1.0  # s between two warnings of one kind
 
 
 class TwinNode(Node):
     """Publishes a simulation in real time and takes its commands.
 
     Nothing is opened on the disk before `start`, so that an interrupt before it leaves nothing behind.
+
+    Args:
+        simulation: what to run, where it is built already: by a twin that ran before in this process.
+        overrides: parameters that go before those of the command line.
+
+    Attributes:
+        loading: of another scenario, with which the owner of this node begins anew.
 
     Raises:
         ParameterError: a parameter is out of its range.
@@ -57,14 +71,13 @@ class TwinNode(Node):
         SecondTwinError: there is one of this name, and `allow_second` is false.
     """
 
-    def __init__(self) -> None:
-        super().__init__("cable_twin")
+    def __init__(self, simulation: Simulation | None = None, overrides: Sequence[RosParameter] = ()) -> None:
+        super().__init__("cable_twin", parameter_overrides=[*overrides])
         self._settings = declare_parameters(self)
         alone = not self._settings["allow_second"]
         self._held_name = hold_name(self) if alone else None
-        self._warned = -WARNING_PERIOD  # s, when a refused command was last named
-        self._simulation = self._build_simulation()
-        if alone:
+        self._simulation = simulation or self._build_simulation()
+        if alone and simulation is None:  # else the one before may still be seen
             check_others(self)
         self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self._simulation.step)
         layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
@@ -75,7 +88,7 @@ class TwinNode(Node):
         table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
         table += sensor_topics(self._simulation.scenario)
         self._endpoints = Endpoints(self, table)
-        self._senders = self._rviz.repeating(self._endpoints.senders)
+        self._senders = self._rviz.watching(self._endpoints)
         self._output = Output(
             self._simulation,
             table,
@@ -99,23 +112,34 @@ class TwinNode(Node):
             before_command=self._begin,
             on_applied=self._tell_applied,
             on_fault=self._tell_fault,
+            on_goal=self._tell_goal,
             paused=self._settings["start_paused"],
         )
         real_time = self._settings["real_time_factor"] == 1.0
         self._diagnostics = Diagnostics(
             self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
         )
-        self._endpoints.subscribe(self._on_command)
+        names, counts = self._endpoints.names, self._diagnostics.counts
+        incoming = Incoming(self._loop, counts, self.get_logger(), names.full, self._record_command)
+        self._endpoints.subscribe(incoming.take)
         self._endpoints.warn_of_unknown()
         self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
+        self.loading = WorldLoading(self, self._loop, self._check)
+        self._offer()
+
+    def _offer(self) -> None:
+        """Create the services, and what is called now and then."""
         self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
         self._offered.offer(self)
-        offer_simulation_services(self, self._simulation, self._loop, self._run_clock, self._offered, self._frames)
+        self._actions = offer_simulation_services(
+            self, self._simulation, self._loop, self._run_clock, self._offered, self.loading, self._frames
+        )
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.create_timer(REPEAT, self._rviz.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        look = partial(self._rviz.look, self._loop, self._output)
+        self.create_timer(REPEAT, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_pre_set_parameters_callback(as_meant)
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self.add_on_set_parameters_callback(LiveParameters(self, self._loop, self.loading).on_set)
 
     @property
     def failed(self) -> bool:
@@ -152,6 +176,8 @@ class TwinNode(Node):
     def stop(self) -> None:
         """Stop the loop and close the logs; the node itself is destroyed by its owner."""
         self._loop.stop()
+        if self._actions is not None:
+            self._actions.destroy()
         self._offered.close()
         if self._output.run is not None:
             self._begin()  # a log of a twin that never ran has its scenario, and is one
@@ -167,10 +193,24 @@ class TwinNode(Node):
 
     def _build_simulation(self) -> Simulation:
         """Build the simulation, and show how far it is when its kernels must be compiled first."""
+        given = self._settings["scenario"]
         with compilation_shown(Console(stderr=True), self.get_logger().info):
-            if self._settings["snapshot"]:
-                return Simulation.load(self._settings["snapshot"])
-            return Simulation(load_scenario(self._settings["scenario"]))
+            if not self._settings["snapshot"]:
+                return Simulation(load_scenario(given))
+            simulation = Simulation.load(self._settings["snapshot"])
+        name = simulation.scenario.name
+        if "scenario" in self._parameter_overrides and Path(given).stem != name:
+            raise ParameterError(
+                f"parameter 'scenario' is '{given}'; allowed beside this 'snapshot': '{name}', its own"
+            )
+        self.set_parameters([RosParameter("scenario", value=name)])
+        return simulation
+
+    def _check(self, simulation: Simulation) -> None:
+        """Raise ParameterError where the node's parameters do not fit a simulation."""
+        own_topics(self._settings, simulation.layout, simulation.scenario.name)
+        steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
+        topic_rates(self, self._settings, 1.0 / (steps * simulation.step))
 
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])
@@ -225,6 +265,9 @@ class TwinNode(Node):
     def _tell_fault(self, line: str) -> None:
         self.get_logger().error(line)
 
+    def _tell_goal(self, line: str, given_up: bool) -> None:
+        (self.get_logger().warning if given_up else self.get_logger().info)(line)
+
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
         self._output.apply(applied)
@@ -237,49 +280,19 @@ class TwinNode(Node):
                 f"from {applied.time:.2f} s of simulated time on"
             )
 
-    def _on_command(self, topic: str, data: bytes) -> None:
-        """A command on a topic of `INPUTS`: record it as it came, then apply it whole or refuse it whole."""
+    def _record_command(self, topic: str, data: bytes) -> None:
         self._begin()  # a twin that waits for its start is not as it was any more
         self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
-        try:
-            command = command_from_message(topic, data)
-        except CommandError as error:
-            self._refuse(topic, error)
-            return
-        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
-
-    def _on_obeyed(self, topic: str, future: Any) -> None:
-        if not future.cancelled() and future.exception() is not None:
-            self._refuse(topic, future.exception())
-
-    def _refuse(self, topic: str, error: BaseException) -> None:
-        counts = self._diagnostics.counts
-        counts["commands_refused"] += 1
-        now = time.monotonic()
-        if now - self._warned >= WARNING_PERIOD:
-            self._warned = now
-            self.get_logger().warning(
-                f"{self._endpoints.names.full(topic)}: command refused, "
-                f"the last good one stays: {error} ({counts['commands_refused']} refused so far)"
-            )
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
         counts = self._diagnostics.counts
         counts["parameters_refused"] += 1  # until it is taken: rclpy raises for a name that it does not know
-        result = super().set_parameters_atomically(parameter_list)
+        if are_unchanged(self, parameter_list):  # also what is read-only
+            result = SetParametersResult(successful=True)
+        else:
+            result = super().set_parameters_atomically(parameter_list)
         if result.successful:
             counts["parameters_refused"] -= 1
             counts["parameters_set"] += 1
         return result
-
-    def _on_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Only parameters of `CHANGING` may change while the twin runs."""
-        table = {parameter.name: parameter for parameter in PARAMETERS}
-        for parameter in parameters:
-            if parameter.name in table and (fault := table[parameter.name].fault(parameter.value)):
-                return SetParametersResult(successful=False, reason=fault)
-        for parameter in parameters:
-            if parameter.name == "command_timeout":
-                self._loop.command_timeout = float(parameter.value)
-        return SetParametersResult(successful=True)

@@ -12,7 +12,7 @@ from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("none", "file", "live", "web")
 FALSE = ("off", "false")  # what stands for none; YAML reads the former as the latter
-CHANGING = ("command_timeout", "step_count")  # may be set while the twin runs
+CHANGING = ("scenario", "command_timeout", "step_count")  # may be set while the twin runs
 
 
 @dataclass(frozen=True, slots=True)

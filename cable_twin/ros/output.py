@@ -104,6 +104,15 @@ class Output:
         if frame.split is not None:
             self.record(self._once, frame.stamp_ns)  # each file of a log stands alone
 
+    def listen(self, group: str, listening: bool) -> None:
+        """Publish a group of topics at its rate, or not at all while nobody subscribes."""
+        self._frames.listen(group, listening)
+
+    def send_again(self, topic: str) -> None:
+        """Publish a topic of frames as it is now, beside its rate; for the solver's thread."""
+        for name, data in self._frames.encoder.frame(self._simulation.snapshot, (topic,)):
+            self._publishers[name](data)
+
     def send(self, messages: Messages, stamp_ns: int) -> None:
         """Publish and record what is no part of a frame."""
         self._last_ns = stamp_ns

@@ -141,17 +141,17 @@ class Driver:
         """Say that the end was reached after so many seconds."""
 
     def _send(self, value: float) -> None:
-        self._publish(self._kind.field, value)
+        self._publish(**{self._kind.field: [value]})
 
     def _stop(self) -> None:
         """Tell the twin to stop; a force of zero would let the carriage roll down."""
         from rclpy.duration import Duration  # noqa: PLC0415
 
-        self._publish("velocity", 0.0)
+        self._publish(velocity=[0.0])
         self._publisher.wait_for_all_acked(Duration(seconds=1.0))
 
-    def _publish(self, field: str, value: float) -> None:
-        message = self._message_type(name=[self._options.name], **{field: [value]})
+    def _publish(self, **fields: list[float]) -> None:
+        message = self._message_type(name=[self._options.name], **fields)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
@@ -183,4 +183,7 @@ class Driver:
     def _on_applied(self, data: bytes) -> None:
         applied = applied_command_from_message(data)
         if self._options.name in applied.command.values and applied.source == self._kind.topic:
-            self._answered = time.monotonic()
+            self._note_answer()
+
+    def _note_answer(self) -> None:
+        self._answered = time.monotonic()

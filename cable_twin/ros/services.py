@@ -12,11 +12,11 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future as RosFuture
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.commands import Kind, kinds_by_service
 from cable_twin.records import Command, CommandError
+from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
@@ -40,7 +40,7 @@ class Services:
 
     def offer(self, node: Node) -> None:
         """Create the services, below the name of the node."""
-        self._node, self._logger = node, node.get_logger()
+        self._logger = node.get_logger()
         for service, kinds in kinds_by_service().items():
             service_type = Trigger if None in kinds else SetBool
             node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
@@ -81,23 +81,16 @@ class Services:
         response.success, response.message = await self.step(self._step_count())
         return response
 
-    async def step(self, count: int) -> tuple[bool, str]:
+    async def step(self, count: int, on_frame: Callable[[int], bool] | None = None) -> tuple[bool, str]:
         """Take frames while paused, as fast as they go, while the node takes commands; whether that was done, and how.
 
-        It waits without holding the executor, so that an emergency stop comes through.
+        It waits without holding the executor, so that an emergency stop comes through. After each frame `on_frame` gets
+        how many there were, in the solver's thread, and says whether to go on.
         """
         if not self._loop.paused:
             return False, "not paused: call ~/pause with true first"
-        stepping = self._loop.step(count)
-        done: RosFuture[None] = RosFuture()
-
-        def wake(_: Future[int]) -> None:
-            done.set_result(None)
-            if self._node.executor is not None:
-                self._node.executor.wake()
-
-        stepping.add_done_callback(wake)
-        await done
+        stepping = self._loop.step(count, on_frame)
+        await done(stepping)
         if stepping.cancelled():
             return False, "the twin ends"
         if stepping.result() < count:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import gc
 import json
 import sys
+import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.node_parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from cable_twin.ros.node import TwinNode
 
 EPILOG = """\
 Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and parameter files work as well.
@@ -24,6 +29,7 @@ examples:
   drive cabin --speed 5                  in another terminal: let the cabin go
 """
 
+LINGER = 0.5  # s in which whoever asked for another scenario gets the answer, before the node begins anew
 SWITCH_INTERVAL = 0.0005  # s a frame that is due may wait for another thread's Python; 5 ms where nobody says it
 
 
@@ -75,9 +81,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-        from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
-        from cable_twin.ros.executor import new_executor  # noqa: PLC0415
+        from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415
         from cable_twin.ros.middleware import keep_types_to_itself  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
@@ -104,22 +109,41 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _refuse_start(fault)
     ending.starting = False
     sys.setswitchinterval(SWITCH_INTERVAL)
+    try:
+        _run(node, ending)
+        while node.loading.loaded is not None and not ending.is_set():
+            gc.unfreeze()  # what was made of the one before may go
+            node = TwinNode(node.loading.loaded, inherited(node, node.loading))
+            _run(node, ending)
+    except (ParameterError, SecondTwinError) as error:
+        return _refuse_start(str(error))
+    finally:
+        rclpy.try_shutdown()
+        ending.close()
+    return 1 if node.failed else 0
+
+
+def _run(node: TwinNode, ending: Ending) -> None:
+    """Run a node until a signal, a fault of the program, or another scenario that is to run instead."""
+    from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415 - as above
+    from cable_twin.ros.executor import new_executor  # noqa: PLC0415
+
     executor = new_executor()
     executor.add_node(node)
     row = BottomRow(node.status.text, sys.stdout, sys.stderr)
     try:
         node.start()
         row.start()
-        while not ending.is_set() and not node.failed:
+        while not ending.is_set() and not node.failed and node.loading.loaded is None:
             executor.spin_once(timeout_sec=0.2)
+        until = time.monotonic() + LINGER
+        while node.loading.loaded is not None and time.monotonic() < until:
+            executor.spin_once(timeout_sec=0.05)
     finally:
         row.stop()
         node.stop()
         executor.shutdown()
         node.destroy_node()
-        rclpy.try_shutdown()
-        ending.close()
-    return 1 if node.failed else 0
 
 
 def _refuse_start(faults: str) -> int:

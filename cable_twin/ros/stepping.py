@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
@@ -11,13 +12,15 @@ class Stepping:
     """Frames that somebody has asked for."""
 
     count: int
+    on_frame: Callable[[int], bool] | None = None  # gets how many there were, says whether to go on
     taken: int = 0
     future: Future[int] = field(default_factory=Future)
 
     def took(self, took: bool) -> bool:
         """Note a frame that was taken, or failed; whether that was the last one."""
         self.taken += took
-        if took and self.taken < self.count:
+        on = took and (self.on_frame is None or self.on_frame(self.taken))
+        if on and self.taken < self.count:
             return False
         if self.future.set_running_or_notify_cancel():
             self.future.set_result(self.taken)

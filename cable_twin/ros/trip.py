@@ -1,103 +1,96 @@
-"""Drive something to a place: a trapezoid of speed within the limits of its drive, and a stop there.
-
-The way is reckoned from the commands that the twin has applied, at their simulated times, so that an elastic haul rope
-is not rocked by a loop over it. How far the vehicle is from there, the stretch of that rope, is filtered and added.
-"""
+"""Have the twin drive something to a place, and watch until it is there: the twin itself finds the speeds."""
 
 from __future__ import annotations
 
 import argparse
 import math
 import sys
+import time
 from typing import Any
+
+import numpy as np
 
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import KINDS
 from cable_twin.ros.command_line import Ending
-from cable_twin.ros.repeated_drive import RATE, Driver
+from cable_twin.ros.repeated_drive import Driver
+from cable_twin.ros.twin_client import REFUSED
 from cable_twin.scenario import Scenario, load_scenario
-
-TOLERANCE = 0.1  # m from the place, where it counts as there
-SETTLED = 2.0  # s of simulated time within that
-SHARE = 0.7  # of acceleration and deceleration that is asked for: the drive follows without being at its limits
-LANDING = 1.0  # s, time constant of the last decimetres
-STRETCHING, STIFF = 8.0, 1.0  # s, of the filter: with a haul rope, which bounces within a few seconds, and without
-STALLED = 30.0  # s of simulated time without coming nearer
-STATIONS = ("start", "end", "lower_station", "upper_station")
 
 
 class Trip(Driver):
-    """Sends speeds until a carriage, or the cable of a drive, has come to a place.
+    """Tells where to go, once, and waits until a carriage, or the cable of a drive, has come there.
 
     Args:
         node: of rclpy.
-        options: `name`, `to` (m, or a station), `at_most` (m/s or None), `node`, `wait` (s), as the command has them.
-        ending: whether to end.
+        options: `name`, `to` (m, a station or a tower), `at_most` (m/s or None), `node`, `wait` (s), of the command.
+        ending: whether to end: the twin is told to stop then.
     """
 
     def __init__(self, node: Any, options: argparse.Namespace, ending: Ending) -> None:
+        from rcl_interfaces.msg import Log  # noqa: PLC0415
+        from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
+
         super().__init__(node, KINDS["speed"], options.at_most or 0.0, options, ending)
         self._target = math.nan  # m
-        self._way: float | None = None  # m, that the commands have asked for
-        self._last = (0.0, 0.0)  # s and m/s of the newest applied command
+        self._given = False
+        self._asked = 0.0  # m/s, by the twin
         self._time = math.nan  # s, of the newest joint states
-        self._filters: list[float] | None = None  # m, place beside the way
-        self._filtered = math.nan  # s
         self._near_since: float | None = None
-        self._nearest = (math.inf, math.nan)  # m, and when
+        self._arrived, self._refusal = False, ""
+        self._rope: Any = None  # the newest cable
+        node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
+        node.create_subscription(Log, "/rosout", self._on_log, 50)
 
     def find_twin(self) -> str | None:
-        """As of any drive; then where the place is, and how fast one may go there."""
+        """As of any drive; then where the place is."""
+        from cable_twin.ros.approach import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
+
         fault = super().find_twin()
         if fault is not None or self._ending.is_set():
             return fault
         assert self._scenario is not None
-        scenario, name = load_scenario(self._scenario), self._options.name
-        drive = scenario.drives.get(name)
-        limits = drive.limits if drive is not None else scenario.carriages[name].drive.limits
-        if not self._value and limits.speed is None:
-            return f"the drive of '{name}' has no limit of speed: give one with --at-most, in m/s"
-        self._value = abs(self._value or limits.speed or 0.0)
-        acceleration = limits.acceleration if limits.deceleration is None else limits.deceleration
-        self._gaining = SHARE * limits.acceleration
-        self._slowing = SHARE * min(limits.acceleration, acceleration)
-        self._landing = LANDING + (0.0 if limits.jerk is None else self._slowing / limits.jerk)
-        elastic = drive is None and scenario.carriages[name].drive.haul_rope is not None
-        self._filter_time = STRETCHING if elastic else STIFF
+        scenario = load_scenario(self._scenario)
+        towers: dict[str, float] = {}
+        if self._options.to in scenario.towers:
+            deadline = time.monotonic() + self._options.wait
+            while self._rope is None and not self._ending.is_set():
+                if time.monotonic() > deadline:
+                    return f"the twin publishes no cable, on which tower '{self._options.to}' would be"
+                self._spin(0.05)
+            towers = tower_places(scenario, points_of(self._rope))
         try:
-            self._target = target_of(scenario, name, self._options.to)
+            self._target = target_of(scenario, self._options.name, self._options.to, towers)
         except ValueError as error:
-            return str(error)
+            return f"--to {error}"
         return None
 
     def _next(self, elapsed: float) -> float | None:
-        """Speed (m/s) that is due now; None when it has arrived."""
+        """Speed (m/s) that the twin has given its drive; None when it has arrived."""
+        from cable_twin.ros.approach import SETTLED, TOLERANCE  # noqa: PLC0415 - is there by now
+
         place, speed, _ = self._states[self._options.name]
-        if self._way is None:
-            self._way, self._last = place, (self._time, 0.0)
-        asked = self._way + self._last[1] * max(self._time - self._last[0], 0.0)
-        left = self._target - asked - self._filter(place - asked)
         if abs(self._target - place) > TOLERANCE or abs(speed) > TOLERANCE:
             self._near_since = None
         elif self._near_since is None:
             self._near_since = self._time
         elif self._time - self._near_since >= SETTLED:
+            self._arrived = True
             return None
-        slowing, landing = self._slowing, self._landing
-        size = min(self._value, slowing * (math.sqrt(landing**2 + 2.0 * abs(left) / slowing) - landing))
-        gained = self._gaining * max(self._time - self._last[0], 1.0 / RATE)
-        return math.copysign(min(size, abs(self._last[1]) + gained), left)
+        return self._asked
+
+    def _send(self, value: float) -> None:
+        if not self._given:
+            self._given = True
+            fastest = {"velocity": [self._value]} if self._value else {}
+            self._publish(position=[self._target], **fastest)
+
+    def _stop(self) -> None:
+        if self._given and not self._arrived and not self._refusal:
+            super()._stop()
 
     def _fault(self) -> str | None:
-        distance = abs(self._target - self._states[self._options.name][0])
-        if distance < self._nearest[0] - 1e-3 or math.isnan(self._nearest[1]) or distance <= TOLERANCE:
-            self._nearest = distance, self._time
-        if self._time - self._nearest[1] > STALLED:
-            return (
-                f"'{self._options.name}' has come no nearer than {self._nearest[0]:.2f} m to {self._target:.2f} m "
-                f"for {STALLED:g} s of simulated time: is it held, or is there not enough force?"
-            )
-        return None
+        return self._refusal or None
 
     def _note(self) -> str:
         return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"
@@ -107,65 +100,54 @@ class Trip(Driver):
         away = f"{abs(self._target - place):.2f} m from {self._target:.2f} m"
         print(f"arrived: {self._options.name} at {place:.2f} m, {away}, after {elapsed:.1f} s", file=sys.stdout)
 
-    def _filter(self, beside: float) -> float:
-        """Place beside the way (m), through two filters of the first order: little of it swings with the vehicle."""
-        if self._filters is None:
-            self._filters, self._filtered = [beside, beside], self._time
-        share = 1.0 - math.exp(-max(self._time - self._filtered, 0.0) / self._filter_time)
-        self._filtered = self._time
-        self._filters[0] += share * (beside - self._filters[0])
-        self._filters[1] += share * (self._filters[0] - self._filters[1])
-        return self._filters[1]
-
     def _on_states(self, message: Any) -> None:
         super()._on_states(message)
-        self._time = _seconds(message.header.stamp)
+        self._time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec  # but for a constant
 
     def _on_applied(self, data: bytes) -> None:
-        super()._on_applied(data)
+        from cable_twin.ros.goals import SOURCE  # noqa: PLC0415 - is there by now
+
         applied = applied_command_from_message(data)
-        if self._way is not None and applied.command.kind == "speed" and self._options.name in applied.command.values:
-            self._way += self._last[1] * (applied.time - self._last[0])
-            self._last = applied.time, applied.command.values[self._options.name]
+        if applied.source == SOURCE and self._options.name in applied.command.values:
+            self._note_answer()
+            self._asked = applied.command.values[self._options.name]
+
+    def _on_rope(self, message: Any) -> None:
+        self._rope = message
+
+    def _on_log(self, message: Any) -> None:
+        """The twin tells a refusal, and that it has given up, in its log."""
+        from cable_twin.ros.goals import GIVEN_UP  # noqa: PLC0415 - is there by now
+
+        if not self._given or message.name != self._options.node.strip("/").replace("/", "."):
+            return
+        if message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
+            self._refusal = f"the twin goes there no longer: {message.msg.partition(': ')[2]}"
+        elif message.msg.startswith(f"{self._topic}: {REFUSED}"):
+            self._refusal = message.msg.partition(REFUSED)[2].rpartition(" (")[0]
 
 
-def target_of(scenario: Scenario, name: str, place: str) -> float:
-    """Arc length (m) of a place for a carriage, or cable gone by (m) of a drive.
-
-    Args:
-        scenario: that runs.
-        name: of the carriage or drive.
-        place: a number of metres, or one of `STATIONS`, before whose end stop a carriage stops.
-
-    Raises:
-        ValueError: it cannot go there; one line.
-    """
-    from cable_twin.scenario.build_vehicles import stop_stroke  # noqa: PLC0415 - numpy and the mechanics, half a second
-
-    try:
-        metres = float(place)
-    except ValueError:
-        metres = math.nan
-    if name in scenario.drives:
-        if math.isfinite(metres):
-            return metres
-        raise ValueError(f"--to {place!r} given for '{name}', which moves the cable; allowed: cable gone by, in m")
-    length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, scenario.carriages[name])
-    start, end = scenario.cable.start.position[-1], scenario.cable.end.position[-1]
-    ends = {"start": stroke, "end": length - stroke}
-    ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=start > end)
-    target = ends.get(place, metres)
-    if not stroke <= target <= length - stroke:
-        raise ValueError(
-            f"--to {place!r} given for '{name}'; allowed: {stroke:.6g} to {length - stroke:.6g} m along the cable, or "
-            f"{', '.join(STATIONS)}"
-        )
-    return target
+def points_of(cloud: Any) -> Any:
+    """Points (n, 4) of the message of a cable: x, y, z, arc length, in m."""
+    columns = [
+        np.ndarray(cloud.width, "<f4", bytes(cloud.data), field.offset, cloud.point_step)
+        for field in cloud.fields
+        if field.name in ("x", "y", "z", "arc_length")
+    ]
+    return np.array(columns, dtype=np.float64).T
 
 
-def _seconds(stamp: Any) -> float:
-    """Simulated time (s) but for a constant, precise to some 0.1 microseconds."""
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+def tower_places(scenario: Scenario, points: Any) -> dict[str, float]:
+    """Arc length (m) of the cable over each tower, by points (n, 4) of it: x, y, z, arc length, in m."""
+    places = {}
+    for name, tower in scenario.towers.items():
+        where = np.array([tower.position[0], tower.position[1] if scenario.dim == 3 else 0.0])
+        start, along = points[:-1, :2], np.diff(points[:, :2], axis=0)
+        share = ((where - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+        share = share.clip(0.0, 1.0)
+        row = int(np.linalg.norm(start + share[:, None] * along - where, axis=1).argmin())
+        places[name] = float(points[row, 3] + share[row] * (points[row + 1, 3] - points[row, 3]))
+    return places
 
 
-__all__ = ["STATIONS", "TOLERANCE", "Trip", "target_of"]
+__all__ = ["Trip", "points_of", "tower_places"]

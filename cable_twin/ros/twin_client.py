@@ -55,19 +55,28 @@ class TwinClient:
         """
         from std_srvs.srv import Trigger  # noqa: PLC0415
 
-        self._set_step_count(count)
+        self._set("step_count", count)
         try:
             answer = self._call(Trigger, "step", Trigger.Request(), SERVICE_ANSWER + SLOW_FRAME * count)
         finally:
             if count != 1:
-                self._set_step_count(1)
+                self._set("step_count", 1)
         return self._told(answer.success, answer.message)
 
-    def _set_step_count(self, count: int) -> None:
+    def load(self, scenario: str) -> str:
+        """Have a twin begin anew with another scenario; returns what comes of it.
+
+        Raises:
+            TwinError: there is no twin, it does not answer, or there is no such scenario.
+        """
+        self._set("scenario", scenario)
+        return f"loads {scenario}, and begins anew with it"
+
+    def _set(self, name: str, value: int | str) -> None:
         from rcl_interfaces.srv import SetParameters  # noqa: PLC0415
         from rclpy.parameter import Parameter  # noqa: PLC0415
 
-        setting = Parameter("step_count", value=count).to_parameter_msg()
+        setting = Parameter(name, value=value).to_parameter_msg()
         result = self._call(SetParameters, "set_parameters", SetParameters.Request(parameters=[setting])).results[0]
         self._told(result.successful, result.reason)
 

@@ -1,7 +1,14 @@
 """Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
 
 from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
-from cable_twin.scenario.files import ScenarioError, config_directory, load_scenario, scenario_lines, scenario_names
+from cable_twin.scenario.files import (
+    ScenarioError,
+    config_directory,
+    load_scenario,
+    parse_scenario,
+    scenario_lines,
+    scenario_names,
+)
 from cable_twin.scenario.schema import Grading, Scenario, in_space
 
 __all__ = [
@@ -14,6 +21,7 @@ __all__ = [
     "in_space",
     "load_scenario",
     "masts",
+    "parse_scenario",
     "scenario_lines",
     "scenario_names",
     "tower_axes",

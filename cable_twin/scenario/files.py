@@ -48,14 +48,23 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
     Raises:
         ScenarioError: with every fault of the scenario, one line each.
     """
-    faults: list[Fault] = []
     if isinstance(source, Mapping):
-        label, name, content = "mapping", "custom", source
-    else:
-        file = _find(source)
-        label, name = str(file), file.stem
-        content, faults = _read(file)
-    overrides = overrides or {}
+        return _build("mapping", "custom", source, [], overrides or {})
+    file = _find(source)
+    return _build(str(file), file.stem, *_read(file), overrides or {})
+
+
+def parse_scenario(text: str) -> Scenario:
+    """Understand a scenario that is given as YAML, and not as a file.
+
+    Raises:
+        ScenarioError: with every fault of it, one line each.
+    """
+    return _build("text", "custom", *_parse(text, "text"), {})
+
+
+def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: Mapping[str, Any]) -> Scenario:
+    """Scenario of a content that `label` names in faults; raises ScenarioError with known ones and all others."""
     try:
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
@@ -141,6 +150,11 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ScenarioError(f"{file}: cannot be read ({reason}); allowed: a YAML file") from None
+    return _parse(text, str(file))
+
+
+def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
+    """Content of a text that `label` names in faults."""
     yaml = YAML(typ="safe", pure=True)
     yaml.allow_duplicate_keys = True  # found below, all of them
     try:
@@ -150,10 +164,10 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         line = f":{mark.line + 1}" if mark else ""
         reason = getattr(error, "problem", None) or getattr(error, "context", None) or str(error)
-        raise ScenarioError(f"{file}{line}: not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2") from None
+        raise ScenarioError(f"{label}{line}: not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise ScenarioError(f"{file}: holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
+        raise ScenarioError(f"{label}: holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
 
 
 def _duplicate_keys(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Fault]:

@@ -15,7 +15,7 @@ from cable_twin.command_messages import (
 )
 from cable_twin.commands import JOINT_COMMANDS
 from cable_twin.messages import JointState, decode, header, serialize
-from cable_twin.records import AppliedCommand, Command, CommandError
+from cable_twin.records import AppliedCommand, Command, CommandError, Goal
 
 EPOCH = 1_700_000_000_123_456_789
 
@@ -85,13 +85,29 @@ def test_joints_that_are_named_with_nan_are_not_commanded(names, fields, expecte
 
 
 @pytest.mark.parametrize(
+    ("names", "fields", "expected"),
+    [
+        (["a"], ([7.0], [], []), Goal({"a": 7.0}, {})),
+        (["a", "b"], ([7.0, 8.0], [NOT, -3.0], []), Goal({"a": 7.0, "b": 8.0}, {"b": 3.0})),
+        (["a", "b"], ([7.0, NOT], [NOT, NOT], [NOT, NOT]), Goal({"a": 7.0}, {})),
+    ],
+)
+def test_positions_are_places_to_go_to(names, fields, expected):
+    assert command_from_joint_state(JOINT_COMMANDS, names, *fields) == expected
+
+
+@pytest.mark.parametrize(
     ("names", "fields", "complaint"),
     [
         (["a"], ([], [NOT], []), "velocity of 'a' is nan; give a finite number"),
         (["a", "b"], ([], [NOT, NOT], []), "velocity of 'a' is nan"),
         (["a", "b"], ([], [1.0, math.inf], []), "velocity of 'b' is inf"),
         (["a", "b"], ([], [1.0, NOT], [NOT, 5.0]), "both velocity and effort"),
-        (["a", "b"], ([7.0, NOT], [NOT, 1.0], []), "positions are not taken"),
+        (["a", "b"], ([7.0, NOT], [NOT, 1.0], []), "position of 'b' is nan"),
+        (["a"], ([7.0], [], [1.0]), "position and effort; give with a position"),
+        (["a", "a"], ([7.0, 8.0], [], []), "'a' more than once"),
+        (["a"], ([7.0, 8.0], [], []), "1 names and 2 of position"),
+        (["a"], ([math.inf], [], []), "position of 'a' is inf"),
         (["a", "a", "b"], ([], [1.0, 2.0, NOT], []), "more than once"),
         (["a", "b"], ([], [1.0, NOT, NOT], []), "2 names and 3 values of velocity"),
     ],
@@ -114,7 +130,6 @@ def test_commands_understood(make):
     ("given", "complaint"),
     [
         (([], [], [1.0], []), "without names"),
-        ((["a"], [1.0], [1.0], []), "1 positions"),
         ((["a"], [], [], []), "neither velocity nor effort"),
         ((["a"], [], [1.0], [1.0]), "both velocity and effort"),
         ((["a", "b"], [], [1.0], []), "2 names and 1 values of velocity"),

@@ -118,3 +118,14 @@ def test_rates_that_a_message_allows_can_be_given(steps):
     allowed = line.partition("frame rate, as ")[2].partition(" Hz")[0].replace(" or ", ", ").split(", ")
     assert [frames_between(frame_rate, float(rate)) for rate in allowed] == [1, 2, 5]
     assert all(divides(frame_rate, float(rate)) for rate in allowed)
+
+
+def test_a_group_to_which_nobody_listens_is_taken_by_the_others_alone():
+    schedule = Schedule(topics(lift(3), markers=True), 100.0, PUBLISHED, LOGGED)
+    schedule.listen(0, "markers", False)
+    due = [schedule.due(frame) for frame in range(1, 201)]
+    taken = [[sum(one.names[number] == "markers" for number in one.taken[taker]) for one in due] for taker in (0, 1)]
+    assert (sum(taken[0]), sum(taken[1])) == (0, 2)  # the log once a second
+    assert sum("markers" in one.names for one in due) == 2
+    schedule.listen(0, "markers", True)
+    assert sum("markers" in schedule.due(frame).names for frame in range(1, 101)) == 10

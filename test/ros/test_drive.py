@@ -18,8 +18,8 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.ros.approach import STATIONS, target_of
 from cable_twin.ros.drive import main
-from cable_twin.ros.trip import STATIONS, target_of
 from cable_twin.scenario import load_scenario
 
 STOP = Command("speed", {"cabin": 0.0})
@@ -92,6 +92,7 @@ def test_it_goes_to_a_place_and_stops_there(twin, drive):
     assert 5.0 < max(speeds) <= 6.01  # up, along
     assert min(speeds) > -0.1  # and down to a stop, not to and fro
     assert " m to go" in process.output
+    assert {applied.source for applied in twin.applied} == {"goal"}  # the twin drove; nobody else had to
     process = drive("cabin", "--to", "5000")
     assert finish(twin, process) == 1
     assert re.search(
@@ -108,6 +109,8 @@ def test_stations_are_where_the_end_stops_begin():
     assert places["upper_station"] == places["end"] == pytest.approx(0.995 * length)
     falling = load_scenario("single_span", {"cable.start.position": [0.0, 300.0], "cable.end.position": [1000.0, 0.0]})
     assert target_of(falling, "cabin", "upper_station") == pytest.approx(0.005 * length)
+    steep = {"cable.start.position": [0.0, 9.0, 300.0], "cable.end.position": [1000.0, 0.0, 0.0]}
+    assert target_of(load_scenario("single_span", steep), "cabin", "upper_station") == pytest.approx(0.005 * length)
     with pytest.raises(ValueError, match="'upper_station' given for 'haul_rope', which moves the cable"):
         target_of(load_scenario("gondola"), "haul_rope", "upper_station")
 
@@ -217,7 +220,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (
             ["cabin"],
             "one of the arguments --speed --force --payload --wind --emergency-stop --release --reset --pause --resume "
-            "--snapshot --step --to --list is required",
+            "--snapshot --step --to --load --list is required",
         ),
     ],
 )

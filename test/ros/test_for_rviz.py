@@ -10,6 +10,7 @@ from collections import Counter
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -32,7 +33,8 @@ from cable_twin.messages import (
 from cable_twin.messages.topics import String
 from cable_twin.recording.mcap_log import McapLog, run_metadata
 from cable_twin.ros.description import robot_description, still_transforms
-from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers, Repeated
+from cable_twin.ros.for_rviz import ForRviz
+from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers
 from cable_twin.scenario import in_space, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -395,20 +397,24 @@ def test_frames_have_the_names_that_they_are_given(shown):
     assert not any(name.startswith(PREFIX) for name in joints)  # joint_states has none either
 
 
-def test_the_last_markers_are_sent_again_where_none_come():
-    sent = []
-    markers = Repeated(sent.append)
-    markers.repeat()
-    assert sent == []
-    markers(b"1")
-    markers.repeat()  # one has come since the last call
-    assert sent == [b"1"]
-    markers.repeat()
-    markers.repeat()
-    assert sent == [b"1", b"1", b"1"]
-    markers(b"2")
-    markers.repeat()
-    assert sent[3:] == [b"2"]
+def test_markers_are_made_while_somebody_shows_them_and_sent_again_where_none_come(shown):
+    simulation, _, _, _ = shown
+    sent, listening, again, subscribers = [], [], [], [0]
+    rviz = ForRviz(simulation, FrameNames())
+    endpoints = SimpleNamespace(senders={MARKERS: sent.append, "cable": None}, listeners=lambda topic: subscribers[0])
+    senders = rviz.watching(endpoints)
+    assert senders.keys() == {MARKERS, "cable"}
+    loop = SimpleNamespace(call=lambda function: function())
+    output = SimpleNamespace(listen=lambda *given: listening.append(given), send_again=again.append)
+    senders[MARKERS](b"1")
+    rviz.look(loop, output)
+    assert (sent, listening, again) == ([b"1"], [(MARKERS, False)], [])
+    subscribers[0] = 1
+    rviz.look(loop, output)  # none since the last look: a twin that is paused, say
+    assert (listening[-1], again) == ((MARKERS, True), [MARKERS])
+    senders[MARKERS](b"2")
+    rviz.look(loop, output)  # one has come since
+    assert again == [MARKERS]
 
 
 MESSAGES = {  # of RViz's displays

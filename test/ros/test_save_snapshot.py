@@ -14,6 +14,7 @@ from twin_process import LOG_EVERY_FRAME, environment, refused_starts, write_qui
 
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("rclpy")
@@ -151,12 +152,12 @@ def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, part
 
 
 def test_wrong_snapshot_is_one_line(tmp_path):
-    write_quick_scenario(tmp_path)
+    Simulation(load_scenario(write_quick_scenario(tmp_path))).save(tmp_path / "real.npz")
     expected = {
         ("--snapshot", "none.npz"): "sim: none.npz: no such file",
         ("--snapshot", "quick.yaml"): "sim: quick.yaml: not a snapshot of cable_twin; allowed: ",
-        ("--snapshot", "a.npz", "--scenario", "seed_example"): (
-            "sim: parameters 'scenario' and 'snapshot' are given; one is allowed: a snapshot has its scenario"
+        ("--snapshot", "real.npz", "--scenario", "seed_example"): (
+            "sim: parameter 'scenario' is 'seed_example'; allowed beside this 'snapshot': 'quick', its own"
         ),
     }
     for said, lines in zip(expected.values(), refused_starts(tmp_path, *expected), strict=True):

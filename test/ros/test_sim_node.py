@@ -15,7 +15,7 @@ from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
 from cable_twin.records import Command
-from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")
@@ -42,7 +42,7 @@ BAD_COMMANDS = {
     "force of 'cabin' is -1e+06 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
     "both velocity and effort": {"name": ["cabin"], "velocity": [1.0], "effort": [1.0]},
     "neither velocity nor effort": {"name": ["cabin"]},
-    "positions are not taken": {"name": ["cabin"], "position": [100.0], "velocity": [1.0]},
+    "'9000.0' given for 'cabin'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
     "more than once": {"name": ["cabin", "cabin"], "velocity": [1.0, 1.0]},
     "without names": {"velocity": [1.0]},
     "unknown carriage 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
@@ -344,7 +344,7 @@ def test_parameters_are_described_with_unit_and_range(twin):
     assert [descriptor.name for descriptor in descriptors] == names
     for descriptor, parameter in zip(descriptors, PARAMETERS, strict=True):
         assert len(descriptor.description) > 15
-        assert descriptor.read_only == (parameter.name not in ("command_timeout", "step_count"))
+        assert descriptor.read_only == (parameter.name not in CHANGING)
         assert parameter.unit in descriptor.description
         if isinstance(parameter.default, float):
             (bounds,) = descriptor.floating_point_range

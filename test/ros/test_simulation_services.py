@@ -1,11 +1,13 @@
 """simulation_interfaces: answers with message classes made of its definitions, which has no wheel.
 
 The classes are those of rosbags, of the text in simulation_interfaces.txt: fields, types and constants are held to the
-definitions by serializing each answer; only rclpy's own services are not among it.
+definitions by serializing each answer; only rclpy's own services and actions are not among it: the goal of an action
+is a double here, with the methods that rclpy's has.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,11 +25,13 @@ from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.run_clock import RunClock
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import FEATURES, SimulationServices
+from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 DEFINITIONS = Path(__file__).with_name("simulation_interfaces.txt")
 PACKAGE = "simulation_interfaces"
+SUFFIXES = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
 
 
 def typestore():
@@ -39,8 +43,8 @@ def typestore():
         text = re.sub(
             r"^(uint64 steps) 1$", r"\1", text, flags=re.MULTILINE
         )  # a default, which rosbags has no place for
-        parts = re.split(r"^---$", text, flags=re.MULTILINE) if kind == "srv" else [text]
-        for suffix, body in zip(("_Request", "_Response") if kind == "srv" else ("",), parts, strict=True):
+        parts = [text] if kind == "msg" else re.split(r"^---$", text, flags=re.MULTILINE)
+        for suffix, body in zip(SUFFIXES[kind], parts, strict=True):
             found |= get_types_from_msg(body, f"{PACKAGE}/msg/{name}{suffix}")
     store.register(found)
     return store
@@ -115,13 +119,68 @@ def twin():
     services.offer(node)
     kinds = SimpleNamespace(**{name: lambda name=name: make(name) for name in ("EntityState", "WorldResource")})
     loop.start()
-    yield SimpleNamespace(
-        answers=SimulationServices(simulation, loop, clock, services, kinds), loop=loop, simulation=simulation
-    )
+    loading = WorldLoading(node, loop, lambda simulation: None)
+    answers = SimulationServices(simulation, loop, clock, services, loading, kinds)
+    yield SimpleNamespace(answers=answers, loop=loop, simulation=simulation, loading=loading)
     loop.stop()
     services.close()
     node.destroy_node()
     context.try_shutdown()
+
+
+def driven(answer):
+    """An answer; a coroutine is driven to it as the executor does."""
+    if not hasattr(answer, "send"):
+        return answer
+    answers = []
+
+    def done():
+        try:
+            answer.send(None)
+        except StopIteration as end:
+            answers.append(end.value)
+        return answers
+
+    return wait_until(done, PATIENCE)[0]
+
+
+class Goal:
+    """A goal of rclpy's action server: what it gives to whom, and how it ended."""
+
+    def __init__(self, steps, cancel_after=None):
+        self.request = make(f"{PACKAGE}/msg/SimulateSteps_Goal")
+        self.request.steps = steps
+        self.told, self.ends, self._cancel_after = [], [], cancel_after
+
+    def publish_feedback(self, feedback):
+        assert STORE.serialize_cdr(frozen(feedback), feedback._type)
+        self.told.append((feedback.completed_steps, feedback.remaining_steps))
+
+    @property
+    def is_cancel_requested(self):
+        return len(self.told) == self._cancel_after
+
+    def succeed(self):
+        self.ends.append("succeeded")
+
+    def abort(self):
+        self.ends.append("aborted")
+
+    def canceled(self):
+        self.ends.append("cancelled")
+
+
+@pytest.fixture
+def act(twin):
+    """Have steps simulated as an action; the goal, and the result as a number and a line."""
+
+    def acting(*arguments, **options):
+        goal = Goal(*arguments, **options)
+        result, feedback = make("SimulateSteps_Result"), make("SimulateSteps_Feedback")
+        answer = driven(twin.answers.simulate_steps(goal, result, feedback)).result
+        return goal, answer.result, answer.error_message
+
+    return acting
 
 
 @pytest.fixture
@@ -136,18 +195,7 @@ def call(twin):
                 setattr(getattr(request, target), rest[0], value)
             else:
                 setattr(request, target, value)
-        answer = twin.answers.handlers[service](request, response)
-        if hasattr(answer, "send"):  # a coroutine, as the executor drives it
-            coroutine, answers = answer, []
-
-            def done():
-                try:
-                    coroutine.send(None)
-                except StopIteration as end:
-                    answers.append(end.value)
-                return answers
-
-            (answer,) = wait_until(done, PATIENCE)
+        answer = driven(twin.answers.handlers[service](request, response))
         assert STORE.serialize_cdr(frozen(answer), answer._type)
         return answer
 
@@ -180,6 +228,24 @@ def test_it_steps_plays_pauses_and_stops(twin, call):
     assert call("SetSimulationState", state__state=2).result.result == 103
     assert call("StepSimulation", steps=1).result.result == 1
     assert call("GetSimulationState").state.state == 2  # at the start no more
+
+
+def test_steps_as_an_action_tell_each_frame_and_can_be_cancelled(twin, call, act):
+    twin.loop.pause(True)
+    before = twin.loop.simulated_time
+    goal, result, _ = act(5)
+    assert (result, goal.ends) == (1, ["succeeded"])
+    assert goal.told == [(1, 4), (2, 3), (3, 2), (4, 1), (5, 0)]
+    assert twin.loop.simulated_time == pytest.approx(before + 0.05)
+    goal, result, message = act(1000, cancel_after=3)
+    assert (result, message, goal.ends) == (4, "cancelled: paused after 3 of 1000 frames", ["cancelled"])
+    assert twin.loop.simulated_time == pytest.approx(before + 0.08)
+    goal, result, message = act(0)
+    assert (result, message, goal.ends) == (4, "0 steps given; allowed: 1 or more", ["aborted"])
+    call("SetSimulationState", state__state=1)
+    goal, result, message = act(1)
+    assert (result, message, goal.ends) == (4, "not paused: call ~/pause with true first", ["aborted"])
+    twin.loop.pause(True)
 
 
 def test_a_reset_is_of_the_state_alone(twin, call):
@@ -221,3 +287,47 @@ def test_worlds_are_the_scenarios(twin, call):
     current = call("GetCurrentWorld").world
     assert current.name == "single_span"
     assert "unstrained_length" in current.world_resource.resource_string
+
+
+@pytest.mark.parametrize(
+    ("resource", "result", "message"),
+    [
+        ({}, 102, "nothing given; allowed: uri, or YAML as resource_string"),
+        ({"uri": "https://example.org/a.yaml"}, 101, "uri 'https://example.org/a.yaml' given; allowed: file:///PATH"),
+        ({"uri": "file:///nowhere/a%20b.yaml"}, 2, "/nowhere/a b.yaml: no such file"),
+        ({"uri": "nothing"}, 2, "scenario: given 'nothing', which is neither a scenario nor a file; allowed: aerial_"),
+        ({"resource_string": "cable: 1"}, 103, "text: "),
+        ({"resource_string": "a: b: c"}, 103, "text:1: not YAML"),
+    ],
+)
+def test_a_world_that_cannot_be_read_leaves_the_one_that_runs(twin, call, resource, result, message):
+    given = {f"world_resource__{name}": value for name, value in resource.items()}
+    answer = call("LoadWorld", **given).result
+    assert (answer.result, answer.error_message[: len(message)]) == (result, message)
+    assert not twin.loading.busy
+
+
+def test_a_world_is_built_before_the_one_that_runs_ends(twin, call):
+    twin.loop.pause(False)
+    colliding = load_scenario("single_span", {"cable.elements": 10}).resolved()
+    colliding["carriages"]["second"] = colliding["carriages"]["cabin"]
+    answer = call("LoadWorld", world_resource__resource_string=json.dumps(colliding)).result
+    assert answer.result == 4
+    assert "given 60.0, within 'cabin' at 60.0" in answer.error_message
+    assert (twin.loop.paused, twin.loading.busy) == (False, False)  # it goes on as it was
+    asked = []
+    coroutine = twin.answers.handlers["LoadWorld"](
+        SimpleNamespace(world_resource=SimpleNamespace(uri="seed_example", resource_string="")),
+        make("LoadWorld_Response"),
+    )
+    coroutine.send(None)  # it waits
+    if twin.loading.loaded is None:
+        asked.append(call("GetSimulationState").state.state)
+    answer = driven(coroutine)
+    assert asked in ([], [5])
+    assert (answer.result.result, answer.world.name) == (1, "seed_example")
+    assert (twin.loading.loaded.scenario.name, twin.loading.source) == ("seed_example", "seed_example")
+    assert twin.loading.paused
+    assert call("LoadWorld", world_resource__uri="gondola").result.result == 3
+    assert call("SetSimulationState", state__state=1).result.result == 3
+    assert call("GetSimulationState").state.state == 5

@@ -1,0 +1,141 @@
+"""The way to a place: a trapezoid of speed within the limits of a drive, and a stop there. Knows nothing of rclpy.
+
+The way is reckoned from the speeds that were applied, at their simulated times, so that an elastic haul rope is not
+rocked by a loop over it. How far the vehicle is from there, the stretch of that rope, is filtered and added.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.build_vehicles import stop_stroke
+
+TOLERANCE = 0.1  # m from the place, where it counts as there
+SETTLED = 2.0  # s of simulated time within that
+SHARE = 0.7  # of acceleration and deceleration that is asked for: the drive follows without being at its limits
+LANDING = 1.0  # s, time constant of the last decimetres
+STRETCHING, STIFF = 4.0, 1.0  # s, of the filter: with a haul rope, which bounces within a few seconds, and without
+STALLED = 60.0  # s of simulated time without coming nearer
+PERIOD = 0.05  # s of simulated time from one speed to the next
+STATIONS = ("start", "end", "lower_station", "upper_station")
+
+
+class Approach:
+    """Speeds that bring a carriage, or the cable of a drive, to a place.
+
+    Args:
+        scenario: that runs.
+        name: of the carriage or drive.
+        target: arc length (m) of the place, or cable gone by (m) of a drive.
+        at_most: m/s on the way; None: what its drive has as its limit.
+
+    Raises:
+        ValueError: there is no limit of speed, and none is given; one line.
+    """
+
+    def __init__(self, scenario: Scenario, name: str, target: float, at_most: float | None) -> None:
+        drive = scenario.drives.get(name)
+        limits = drive.limits if drive is not None else scenario.carriages[name].drive.limits
+        fastest = at_most or limits.speed
+        if not fastest:
+            raise ValueError(f"the drive of '{name}' has no limit of speed: give one for the way, in m/s")
+        self.name, self.target, self.fastest = name, target, fastest
+        slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
+        self._gaining = SHARE * limits.acceleration
+        self._slowing = SHARE * min(limits.acceleration, slowing)
+        self._landing = LANDING + (0.0 if limits.jerk is None else self._slowing / limits.jerk)
+        elastic = drive is None and scenario.carriages[name].drive.haul_rope is not None
+        self._filter_time = STRETCHING if elastic else STIFF
+        self._way = math.nan  # m, that the speeds have asked for
+        self._last = (math.nan, 0.0)  # s and m/s of the newest applied speed
+        self._filters = (math.nan, math.nan)  # m, place beside the way
+        self._filtered = math.nan  # s
+        self._near_since: float | None = None
+        self._nearest, self._side = (math.inf, math.nan), 0.0  # m, and when; on the side of the sign of that
+
+    def speed(self, time: float, place: float, speed: float) -> float | None:
+        """Speed (m/s) that is due at a simulated time (s), at a place (m) and speed; None: it has arrived."""
+        if math.isnan(self._way):
+            self._way, self._last = place, (time, speed)
+        asked = self._way + self._last[1] * (time - self._last[0])
+        left = self.target - asked - self._filter(time, place - asked)
+        if abs(self.target - place) > TOLERANCE or abs(speed) > TOLERANCE:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = time
+        elif time - self._near_since >= SETTLED:
+            return None
+        slowing, landing = self._slowing, self._landing
+        size = min(self.fastest, slowing * (math.sqrt(landing**2 + 2.0 * abs(left) / slowing) - landing))
+        gained = self._gaining * max(time - self._last[0], PERIOD)
+        return math.copysign(min(size, abs(self._last[1]) + gained), left)
+
+    def go_on_from(self, before: Approach) -> None:
+        """Take over the way, and what swings, of one to another place."""
+        self._way, self._last = before._way, before._last
+        self._filters, self._filtered = before._filters, before._filtered
+
+    def applied(self, time: float, speed: float) -> None:
+        """Take note of a speed (m/s) that was applied at a simulated time (s)."""
+        self._way += self._last[1] * (time - self._last[0])
+        self._last = time, speed
+
+    def stalled(self, time: float, place: float) -> str:
+        """Why it gets nowhere, in a line; nothing while it comes nearer."""
+        left = self.target - place
+        distance, passed = abs(left), left * self._side < 0.0
+        if passed or distance < self._nearest[0] - 1e-3 or distance <= TOLERANCE:
+            self._nearest, self._side = (distance, time), left
+        if time - self._nearest[1] <= STALLED:
+            return ""
+        return (
+            f"'{self.name}' has come no nearer than {self._nearest[0]:.2f} m to {self.target:.2f} m "
+            f"for {STALLED:g} s of simulated time: is it held, or is there not enough force?"
+        )
+
+    def _filter(self, time: float, beside: float) -> float:
+        """Place beside the way (m), through two filters of the first order: little of it swings with the vehicle."""
+        if math.isnan(self._filtered):
+            self._filters, self._filtered = (beside, beside), time
+        share = 1.0 - math.exp(-max(time - self._filtered, 0.0) / self._filter_time)
+        first = self._filters[0] + share * (beside - self._filters[0])
+        self._filters, self._filtered = (first, self._filters[1] + share * (first - self._filters[1])), time
+        return self._filters[1]
+
+
+def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, float] | None = None) -> float:
+    """Arc length (m) of a place for a carriage, or cable gone by (m) of a drive.
+
+    Args:
+        scenario: that runs.
+        name: of the carriage or drive.
+        place: a number of metres, a tower, or one of `STATIONS`, before whose end stop a carriage stops.
+        towers: arc length (m) of the cable at each tower.
+
+    Raises:
+        ValueError: it cannot go there; one line.
+    """
+    try:
+        metres = float(place)
+    except ValueError:
+        metres = math.nan
+    if name in scenario.drives:
+        if math.isfinite(metres):
+            return metres
+        raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: cable gone by, in m")
+    length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, scenario.carriages[name])
+    start, end = scenario.cable.start.position[-1], scenario.cable.end.position[-1]
+    ends = {"start": stroke, "end": length - stroke}
+    ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=start > end)
+    target = {**(towers or {}), **ends}.get(place, metres)
+    if not stroke <= target <= length - stroke:
+        raise ValueError(
+            f"{place!r} given for '{name}'; allowed: {stroke:.6g} to {length - stroke:.6g} m along the cable, or "
+            f"{', '.join((*STATIONS, *scenario.towers))}"
+        )
+    return target
+
+
+__all__ = ["PERIOD", "SETTLED", "STATIONS", "TOLERANCE", "Approach", "target_of"]

@@ -1,0 +1,82 @@
+"""Another scenario for a running twin: built beside what runs; only then that ends and the twin begins anew."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from rclpy.node import Node
+
+from cable_twin.ros.declaration import ParameterError
+from cable_twin.ros.executor import done
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.scenario import Scenario
+from cable_twin.simulation import EquilibriumError, Simulation
+
+
+class WorldLoading:
+    """Builds a scenario in a thread of its own, while the twin stands still and answers.
+
+    Args:
+        node: that is told what came of it, in its log.
+        loop: of what runs.
+        check: raises ParameterError where the node's parameters do not fit a simulation.
+
+    Attributes:
+        source: name or path of what is loaded, for the parameter `scenario`.
+        loaded: the simulation that is to go on, once there is one.
+        paused: whether it is to begin paused.
+    """
+
+    def __init__(self, node: Node, loop: FrameLoop, check: Callable[[Simulation], None]) -> None:
+        self._node, self._loop, self._check = node, loop, check
+        self.source = ""
+        self.loaded: Simulation | None = None
+        self.paused = False
+        self._busy = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being loaded, or has been and is about to begin."""
+        return self._busy
+
+    def begin(self, scenario: Scenario, source: str, *, paused: bool) -> Future[str]:
+        """Have time stand still and load a scenario; the future gives why that cannot be, or nothing.
+
+        Where it cannot be, what ran goes on as it was.
+        """
+        self._busy, before = True, self._loop.paused
+        self._loop.pause(True)
+        self._node.get_logger().info(f"loading '{scenario.name}'; time stands still meanwhile")
+        future: Future[str] = Future()
+        threading.Thread(
+            target=self._load, args=(scenario, source, paused, before, future), name="loading", daemon=True
+        ).start()
+        return future
+
+    async def load(self, scenario: Scenario, source: str, *, paused: bool) -> str:
+        """The same for a callback of the node, which waits without holding the executor."""
+        future = self.begin(scenario, source, paused=paused)
+        await done(future)
+        return future.result()
+
+    def _load(self, scenario: Scenario, source: str, paused: bool, before: bool, future: Future[str]) -> None:
+        fault = ""
+        try:
+            simulation = Simulation(scenario)
+            self._check(simulation)
+        except (EquilibriumError, ParameterError) as error:
+            fault = " ".join(str(error).split())
+        except Exception as error:  # a fault of the program, which the caller is to hear of and the twin survives
+            fault = f"fault of the program: {error!r}"
+        if fault:
+            self._node.get_logger().error(f"'{scenario.name}' is not loaded: {fault}; what ran before goes on")
+            self._busy = False
+            self._loop.pause(before)
+        else:
+            self.source, self.paused, self.loaded = source, paused, simulation
+        future.set_result(fault)
+
+
+__all__ = ["WorldLoading"]

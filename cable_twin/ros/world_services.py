@@ -1,0 +1,92 @@
+"""What simulation_interfaces calls worlds: the scenarios that there are, the one that runs, and another one to run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.scenario import (
+    Scenario,
+    ScenarioError,
+    config_directory,
+    load_scenario,
+    parse_scenario,
+    scenario_names,
+)
+
+# of Result, and of LoadWorld
+UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
+UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR = 101, 102, 103
+
+
+def told(response: Any, result: int = OK, message: str = "") -> Any:
+    """The response with its result."""
+    response.result.result, response.result.error_message = result, message
+    return response
+
+
+class WorldServices:
+    """Answers of one twin.
+
+    Args:
+        scenario: that runs.
+        loading: of another one.
+        messages: module of the message types.
+
+    Attributes:
+        handlers: by the name of the service.
+    """
+
+    def __init__(self, scenario: Scenario, loading: WorldLoading, messages: Any) -> None:
+        self._scenario, self._loading, self._messages = scenario, loading, messages
+        self.handlers = {
+            "GetAvailableWorlds": self.get_available_worlds,
+            "GetCurrentWorld": self.get_current_world,
+            "LoadWorld": self.load_world,
+        }
+
+    def get_available_worlds(self, request: Any, response: Any) -> Any:
+        """The scenarios that are installed."""
+        if request.additional_sources or request.filter.tags:
+            return told(response, UNSUPPORTED, "additional_sources and tags are not known; allowed: none")
+        response.worlds = []
+        for name in scenario_names():
+            world = self._messages.WorldResource()
+            world.name, world.description = name, load_scenario(name).description
+            world.world_resource.uri = (config_directory() / f"{name}.yaml").as_uri()
+            response.worlds.append(world)
+        return told(response)
+
+    async def load_world(self, request: Any, response: Any) -> Any:
+        """Build another scenario; the twin then ends its logs and begins anew with it, stopped at its start."""
+        resource = request.world_resource
+        if not resource.uri and not resource.resource_string:
+            return told(response, NO_RESOURCE, "nothing given; allowed: uri, or YAML as resource_string")
+        if self._loading.busy:
+            return told(response, INCORRECT_STATE, "another world is being loaded")
+        address = urlsplit(resource.uri)
+        if address.scheme not in ("", "file") or address.netloc not in ("", "localhost"):
+            given = f"uri {resource.uri!r} given; allowed: file:///PATH of a YAML file, or the name of a scenario"
+            return told(response, UNSUPPORTED_FORMAT, given)
+        source = unquote(address.path) if address.scheme else resource.uri
+        try:
+            scenario = load_scenario(source) if source else parse_scenario(resource.resource_string)
+        except ScenarioError as error:
+            missing = source and source not in scenario_names() and not Path(source).expanduser().is_file()
+            return told(response, NOT_FOUND if missing else RESOURCE_PARSE_ERROR, str(error))
+        if fault := await self._loading.load(scenario, source or scenario.name, paused=True):
+            return told(response, FAILED, fault)
+        response.world.name, response.world.description = scenario.name, scenario.description
+        response.world.world_resource = resource
+        return told(response)
+
+    def get_current_world(self, _: Any, response: Any) -> Any:
+        """The scenario that runs, as YAML."""
+        response.world.name, response.world.description = self._scenario.name, self._scenario.description
+        response.world.world_resource.resource_string = self._scenario.to_yaml()
+        return told(response)
+
+
+__all__ = ["FAILED", "INCORRECT_STATE", "NOT_FOUND", "OK", "UNSUPPORTED", "WorldServices", "told"]

@@ -1,0 +1,160 @@
+"""Places to go to, told once: the speeds, what takes over, and what is refused. Without ROS, as fast as it goes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from small_tramway import TRAMWAY
+
+from cable_twin.records import Command, CommandError, Goal
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.goals import SOURCE, Goals
+from cable_twin.ros.trip import points_of, tower_places
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+FRAME = 0.01  # s
+
+
+class Driven:
+    """A simulation with goals, driven as the frame loop does."""
+
+    def __init__(self, scenario):
+        self.simulation, self.told = Simulation(scenario), []
+        self.goals = Goals(self.simulation, lambda line, given_up: self.told.append((line, given_up)))
+        self.frames = []
+
+    def apply(self, command, source=SOURCE):
+        self.goals.note(self.simulation.apply(command, source).time, command, source)
+
+    def run(self, seconds):
+        """Until something is told, or so many seconds are over."""
+        until, told = self.simulation.time + seconds, len(self.told)
+        while self.simulation.time < until and len(self.told) == told:
+            for command in self.goals.commands():
+                self.apply(command)
+            self.frames.append(self.simulation.advance_to(self.simulation.time + FRAME))
+
+
+@pytest.fixture(scope="module")
+def tramway():
+    return load_scenario(TRAMWAY)
+
+
+@pytest.fixture
+def driven(tramway):
+    return Driven(tramway)
+
+
+def test_it_arrives_over_a_tower_and_comes_back(driven, tramway):
+    snapshot = driven.simulation.snapshot
+    rope = np.column_stack([snapshot.columns.rope_position, snapshot.layout.arc_lengths])
+    place = tower_places(tramway, rope)["tower_1"]
+    assert abs(np.interp(place, rope[:, 3], rope[:, 0]) - 60.0) < 1e-6
+    for target, at_most in ((place, 3.0), (10.0, None)):
+        driven.goals.take(Goal({"cabin": target}, {} if at_most is None else {"cabin": at_most}))
+        assert driven.goals.texts["cabin"] == f"on its way to {target:.2f} m"
+        driven.frames.clear()
+        driven.run(200.0)
+        line, given_up = driven.told[-1]
+        assert not given_up
+        assert line.startswith("cabin has arrived at ")
+        cabin = driven.simulation.snapshot.carriages["cabin"]
+        assert (cabin.arc_length, cabin.speed) == (pytest.approx(target, abs=0.1), pytest.approx(0.0, abs=0.1))
+        if at_most is not None:
+            speeds = [frame.carriages["cabin"].speed for frame in driven.frames]
+            assert max(speeds) == pytest.approx(at_most, rel=0.2)
+    assert driven.simulation.commands["cabin"] == Command("speed", {"cabin": 0.0})
+
+
+def test_what_else_is_commanded_takes_over(driven):
+    goal = Goal({"cabin": 50.0}, {})
+    for command, why in (
+        (Command("speed", {"cabin": 1.0}), "speed by joint_commands"),
+        (Command("emergency_stop", {}), "emergency stop by joint_commands"),
+    ):
+        driven.goals.take(goal)
+        driven.run(1.0)
+        driven.apply(Command("wind", {"x": 1.0, "z": 0.0}), "wind")
+        assert not driven.told or driven.told[-1][0] == "goal given up: cabin: speed by joint_commands"
+        driven.apply(command, "joint_commands")
+        assert driven.told[-1] == (f"goal given up: cabin: {why}", True)
+        assert driven.goals.texts["cabin"] == f"given up: {why}"
+        assert not list(driven.goals.commands())
+    with pytest.raises(CommandError, match="the emergency stop is in force"):
+        driven.goals.take(goal)
+
+
+def test_another_place_on_the_way_is_gone_on_to_without_a_stop(driven):
+    driven.goals.take(Goal({"cabin": 100.0}, {}))
+    driven.run(4.0)
+    before = driven.simulation.commands["cabin"].values["cabin"]
+    driven.goals.take(Goal({"cabin": 100.0}, {}))  # again: nothing changes
+    driven.goals.take(Goal({"cabin": 90.0}, {}))
+    driven.run(0.05)
+    assert driven.simulation.commands["cabin"].values["cabin"] == pytest.approx(before, abs=0.1)
+    assert before > 0.5
+
+
+@pytest.mark.parametrize(
+    ("places", "at_most", "complaint"),
+    [
+        ({"bus": 1.0}, {}, "unknown carriage 'bus'; known: cabin"),
+        ({"cabin": 500.0}, {}, "'500.0' given for 'cabin'; allowed: .* m along the cable, or start, .*, tower_1"),
+        ({"cabin": 50.0}, {"cabin": 1e3}, "speed of 'cabin' is 1000 m/s; allowed are "),
+    ],
+)
+def test_goals_are_refused_whole(driven, places, at_most, complaint):
+    with pytest.raises(CommandError, match=complaint):
+        driven.goals.take(Goal({"cabin": 50.0} | places, at_most))
+    assert not list(driven.goals.commands())
+
+
+def test_a_held_vehicle_gives_up(driven, monkeypatch):
+    monkeypatch.setattr("cable_twin.ros.approach.STALLED", 0.5)
+    driven.goals.take(Goal({"cabin": 50.0}, {}))
+    next(driven.goals.commands())
+    driven.simulation.advance_to(driven.simulation.time + 1.0)  # whoever drives it does not
+    assert list(driven.goals.commands()) == [Command("speed", {"cabin": 0.0})]
+    (line, given_up) = driven.told[-1]
+    assert given_up
+    assert "'cabin' has come no nearer than " in line
+
+
+def test_a_goal_needs_nobody_who_repeats_it_while_a_speed_does(tramway):
+    """The loop's time-out of commands is for those who may fall silent."""
+    applied = []
+    loop = FrameLoop(
+        Simulation(tramway),
+        frame_steps=2,
+        real_time_factor=1.0,
+        command_timeout=0.05,
+        on_run=lambda first: None,
+        prepare=lambda snapshot: snapshot,
+        publish=lambda frame: None,
+        before_command=lambda: None,
+        on_applied=applied.append,
+        on_fault=lambda line: None,
+        paused=True,
+    )
+    loop.start()
+    asked = loop.submit(Goal({"cabin": 50.0}, {}), "joint_commands")
+    assert asked.result(60.0) is None
+    assert loop.step(200).result(60.0) == 200
+    assert {one.source for one in applied} == {SOURCE}
+    assert applied[-1].command.values["cabin"] > 0.1
+    times = [one.time for one in applied]
+    assert np.diff(times) == pytest.approx(0.05)
+    loop.stop()
+
+
+def test_points_of_a_cable_are_read_from_its_message():
+    from types import SimpleNamespace  # noqa: PLC0415 - a double of sensor_msgs/PointCloud2
+
+    rows = np.array([[0, 0, 5, 0, 9], [3, 0, 6, 3.5, 9]], "<f4")
+    fields = [SimpleNamespace(name=name, offset=4 * row) for row, name in enumerate(("x", "y", "z", "arc_length", "t"))]
+    cloud = SimpleNamespace(width=2, point_step=20, fields=fields, data=rows.tobytes())
+    assert points_of(cloud).tolist() == rows[:, :4].tolist()
+    assert math.isclose(points_of(cloud)[1, 3], 3.5)
