@@ -41,13 +41,15 @@ def sweep(options: argparse.Namespace) -> int:
             print(f"simulate: {line}", file=sys.stderr)
         return UNUSABLE
     try:
+        for path in (options.csv, options.json, options.plot):
+            if path not in (None, STDOUT):
+                Path(path).touch()  # what cannot be written is said before anything runs
         with _progress(console, len(jobs)) as on_run:
             runs = run_all(jobs, on_run)
+        return _report(options, jobs[0].scenario.name, runs)
     except KeyboardInterrupt:
         print("simulate: ended by Ctrl-C", file=sys.stderr)
         return INTERRUPTED
-    try:
-        return _report(options, jobs[0].scenario.name, runs)
     except OSError as error:
         print(f"simulate: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         return FAILED

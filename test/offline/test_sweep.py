@@ -111,6 +111,14 @@ def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):
     assert said in line
 
 
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("cable_twin.offline.sweep.run_all", None)
+    missing = tmp_path / "nowhere" / "sweep.csv"
+    assert main([scenario, "--sweep", "wind.x=0:1:1", "--csv", str(missing)]) == 1
+    assert capsys.readouterr().err == f"simulate: {missing}: No such file or directory\n"
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
