@@ -16,12 +16,21 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
+from cable_twin.messages.templates import (
+    UPRIGHT,
+    body_pose_template,
+    cloud_template,
+    joint_pose_template,
+    pose_of,
+    transform_of,
+    vector_template,
+    wrench_template,
+)
 from cable_twin.messages.topics import (
     AIR_WIND,
     CABLE,
@@ -35,12 +44,9 @@ from cable_twin.messages.topics import (
     Clock,
     JointState,
     Path,
-    PointCloud2,
     PoseArray,
     PoseStamped,
     TFMessage,
-    Vector3Stamped,
-    WrenchStamped,
     contact_force_topic,
     haul_force_topic,
     pose_topic,
@@ -48,18 +54,8 @@ from cable_twin.messages.topics import (
 )
 from cable_twin.snapshot import Columns, Layout, Snapshot
 
-Point = ros2_jazzy.geometry_msgs__msg__Point
-Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
-Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
-Pose = ros2_jazzy.geometry_msgs__msg__Pose
-Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
-Transform = ros2_jazzy.geometry_msgs__msg__Transform
-TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
-PointField = ros2_jazzy.sensor_msgs__msg__PointField
-
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
 FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
-UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 PLAIN = FrameNames()
 FloatArray = NDArray[np.float64]
 
@@ -117,11 +113,11 @@ class MessageEncoder:
             self._makers[CARRIER_FORCES] = self._carrier_forces
         for row, support in enumerate(layout.supports):
             force = self._columns.support_force[row]
-            self._makers[support_force_topic(support)] = _maker(_wrench, self._header_at(support), force)
+            self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
         if layout.grooves:
             self._makers[DERAILMENTS] = partial(DerailmentMessage, layout, self._columns)
         if layout.space:
-            self._makers[AIR_WIND] = _maker(_vector, self._header, self._columns.wind)
+            self._makers[AIR_WIND] = _maker(vector_template, self._header, self._columns.wind)
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -167,14 +163,16 @@ class MessageEncoder:
         """Topics of one vehicle by its name."""
         layout, columns = self._layout, self._columns
         row = [*layout.vehicles].index(vehicle)
-        self._makers[pose_topic(vehicle)] = _maker(_joint_pose, self._header, columns.joint_position[row])
+        self._makers[pose_topic(vehicle)] = _maker(joint_pose_template, self._header, columns.joint_position[row])
         for body, name in enumerate(layout.vehicles[vehicle], layout.first_body[row]):
             position, orientation = columns.body_position[body], columns.body_orientation[body]
-            self._makers[pose_topic(vehicle, name)] = _maker(_body_pose, self._header, position, orientation)
+            self._makers[pose_topic(vehicle, name)] = _maker(body_pose_template, self._header, position, orientation)
         force = columns.contact_force[row]
-        self._makers[contact_force_topic(vehicle)] = _maker(_wrench, self._header_at(vehicle), force)
+        self._makers[contact_force_topic(vehicle)] = _maker(wrench_template, self._header_at(vehicle), force)
         if vehicle in layout.hauled:
-            self._makers[haul_force_topic(vehicle)] = _maker(_wrench, self._header_at(vehicle), columns.haul_pull[row])
+            self._makers[haul_force_topic(vehicle)] = _maker(
+                wrench_template, self._header_at(vehicle), columns.haul_pull[row]
+            )
 
     def _joint_states(self) -> Template:
         """Vehicles, drives, then the joints of bodies: place or angle, its rate, and the force along the cable."""
@@ -204,11 +202,13 @@ class MessageEncoder:
 
     def _cable(self) -> Template:
         c, arc_lengths = self._columns, self._layout.arc_lengths
-        return _cloud(self._header, CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]])
+        return cloud_template(
+            self._header, CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]]
+        )
 
     def _cable_path(self) -> Template:
         positions = self._columns.rope_position
-        poses = [PoseStamped(self._header, _pose(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
+        poses = [PoseStamped(self._header, pose_of(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
         return Template(Path(self._header, poses), [positions])
 
     def _carrier_poses(self) -> Template:
@@ -218,13 +218,13 @@ class MessageEncoder:
         numbers = marks(positions.size + orientations.size)
         places = numbers[: positions.size].reshape(-1, 3)
         turns = numbers[positions.size :].reshape(-1, 4)
-        poses = [_pose(place, turn) for place, turn in zip(places, turns, strict=True)]
+        poses = [pose_of(place, turn) for place, turn in zip(places, turns, strict=True)]
         return Template(PoseArray(self._header, poses), [positions, orientations])
 
     def _carrier_forces(self) -> Template:
         """Joint and contact force of all carriers, in the order of `joint_states`."""
         first = len(self._layout.carriages)
-        return _cloud(
+        return cloud_template(
             self._header, FORCE_FIELDS, [self._columns.joint_position[first:], self._columns.contact_force[first:]]
         )
 
@@ -239,9 +239,9 @@ class MessageEncoder:
         transforms = []
         for row, name in enumerate(layout.vehicles):
             child = self._frames.named(name)
-            transforms.append(_transform(self._header, child, joint_marks[row], UPRIGHT))
+            transforms.append(transform_of(self._header, child, joint_marks[row], UPRIGHT))
             transforms += [
-                _transform(self._header, self._frames.named(layout.bodies[body]), body_marks[body], turn_marks[body])
+                transform_of(self._header, self._frames.named(layout.bodies[body]), body_marks[body], turn_marks[body])
                 for body in range(layout.first_body[row], layout.first_body[row + 1])
             ]
         return Template(TFMessage(transforms), [joints, bodies, turns])
@@ -254,51 +254,6 @@ def clock_message(stamp_ns: int) -> bytes:
 
 def _maker(make: Callable[..., Template], header: Header, *sources: FloatArray) -> Callable[[], Template]:
     return lambda: make(header, *sources)
-
-
-def _pose(position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray) -> Pose:
-    return Pose(Point(*map(float, position)), Quaternion(*map(float, orientation)))
-
-
-def _joint_pose(header: Header, position: FloatArray) -> Template:
-    return Template(PoseStamped(header, _pose(marks(3), UPRIGHT)), [position])
-
-
-def _body_pose(header: Header, position: FloatArray, orientation: FloatArray) -> Template:
-    numbers = marks(7)
-    return Template(PoseStamped(header, _pose(numbers[:3], numbers[3:])), [position, orientation])
-
-
-def _wrench(header: Header, force: FloatArray) -> Template:
-    """WrenchStamped of a force (3,) in N without a moment."""
-    return Template(WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0))), [force])
-
-
-def _vector(header: Header, vector: FloatArray) -> Template:
-    return Template(Vector3Stamped(header, Vector3(*map(float, marks(3)))), [vector])
-
-
-def _transform(
-    header: Header, child: str, position: FloatArray, orientation: Sequence[float] | FloatArray
-) -> TransformStamped:
-    turn = Quaternion(*map(float, orientation))
-    return TransformStamped(header, child, Transform(Vector3(*map(float, position)), turn))
-
-
-def _cloud(header: Header, fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
-    """PointCloud2 of float32 fields, a point a row of the sources (n, k)."""
-    count, step = len(sources[0]), 4 * len(fields)
-    numbers = marks(count * len(fields), "<f4")
-    points = np.empty((count, len(fields)), "<f4")
-    taken = column = 0
-    for source in sources:
-        width = source.shape[1]
-        points[:, column : column + width] = numbers[taken : taken + source.size].reshape(source.shape)
-        taken, column = taken + source.size, column + width
-    described = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(fields)]
-    data = points.view(np.uint8).reshape(-1)
-    message = PointCloud2(header, 1, count, described, False, step, count * step, data, True)
-    return Template(message, sources, "<f4")
 
 
 __all__ = ["CABLE_FIELDS", "FORCE_FIELDS", "SECOND", "MessageEncoder", "clock_message"]

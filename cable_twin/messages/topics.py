@@ -103,9 +103,7 @@ def topics(
     if layout.carriers:
         table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
         table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
-    table += [
-        Topic(support_force_topic(support), WrenchStamped.__msgtype__, group="forces") for support in layout.supports
-    ]
+    table += [Topic(support_force_topic(one), WrenchStamped.__msgtype__, group="forces") for one in layout.supports]
     if layout.grooves:
         table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
     if layout.space:

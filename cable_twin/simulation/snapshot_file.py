@@ -19,36 +19,14 @@ from typing import IO, Any
 
 import numpy as np
 
-from cable_twin.mechanics.language.lanes import WIDTH
-from cable_twin.mechanics.state import FIELDS, State, WindField, fields_of, first_phases, state_of
+from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation.older_snapshots import PARTS, brought_up
 
 FORMAT = "cable_twin snapshot"
 FORMAT_VERSION = 5
-VERSION_1 = {  # what its fields are now, one by one or by their columns
-    "nodal_coordinates": "nodes.position",
-    "nodal_velocities": "nodes.velocity",
-    "nodal_accelerations": "nodes.acceleration",
-    "nodal_algorithmic": "nodes.algorithmic",
-    "body_coordinates": "bodies.position",
-    "body_velocities": "bodies.velocity",
-    "body_accelerations": "bodies.acceleration",
-    "body_algorithmic": "bodies.algorithmic",
-    "sliding_coordinate": "joints.position",
-    "sliding_velocity": "joints.velocity",
-    "sliding_acceleration": "joints.algorithmic",
-    "hauled_acceleration": "joints.acceleration",
-    "sliding_element": "joint_element",
-    "support_arc_length": "contact_arc_length",
-    "support_deflection": "contact_deflection",
-    "support_origin": "contact_origin",
-    "sheave": ("sheaves.position", "sheaves.velocity", "sheaves.acceleration", "sheaves.algorithmic"),
-    "reference": ("reference.position", "reference.velocity", "reference.acceleration"),
-    "rope": ("rope.position", "rope.velocity", "rope.acceleration"),
-}
 SUFFIX = ".npz"
-PARTS = ("state", "start")  # of ropes beside the first: state2, start2 and on
 BETWEEN = "between"  # what is on no rope alone
 # what zipfile, numpy and json raise on the way
 DAMAGED = (
@@ -209,17 +187,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             header = json.loads(archive["header"].tobytes())
             _check_header(header, name)
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
-            if header["format_version"] == 1:
-                arrays = _from_version_1(arrays)
-            if header["format_version"] < 5:
-                arrays |= _in_grooves(arrays)
-            if header["format_version"] < 4:
-                arrays |= _planar_moments(arrays)
-            if header["format_version"] < 5:
-                arrays |= _even_wind(arrays)
-            if header["format_version"] < 3:  # what is hauled was counted by its arc length
-                joints = {key: array for key, array in arrays.items() if "/joints." in key}
-                arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
+            arrays = brought_up(arrays, header["format_version"])
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
@@ -238,52 +206,6 @@ def _read(stream: IO[bytes], name: str) -> FullState:
     if damaged := [key for key, array in between.items() if not np.isfinite(array).all()]:
         raise SnapshotError(f"{name}: damaged: {BETWEEN}/{damaged[0]} is not finite")
     return FullState(loaded, time, states, starts, stopped, commands, loading, between=between)
-
-
-def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """The arrays of both states under the names of this version; in version 1, motions were columns of one array."""
-    renamed = {}
-    for key, array in arrays.items():
-        part, _, field = key.partition("/")
-        now = VERSION_1.get(field, field)
-        if isinstance(now, str):
-            renamed[f"{part}/{now}"] = array
-        else:
-            for name, column in zip(now, np.atleast_2d(array).T, strict=True):
-                renamed[f"{part}/{name}"] = np.ascontiguousarray(column)
-    return renamed
-
-
-def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What version 4 added: the moments of joints that hold a body, of which there are none in a plane."""
-    return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
-
-
-def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What version 5 added: the wind where it acts, which was the same everywhere."""
-    found: dict[str, Any] = {}
-    for part in PARTS:
-        wind = arrays[f"{part}/wind"]
-        elements, bodies = len(arrays[f"{part}/nodes.position"]) - 1, len(arrays[f"{part}/multipliers"])
-        field = WindField(
-            time=np.zeros(1),
-            way=np.zeros(1),
-            gust=np.zeros(6),
-            points=np.zeros((1, 3)),
-            along_rope=np.tile(wind[:, None], -(-elements // WIDTH) * WIDTH),
-            at_bodies=np.tile(wind, (bodies, 1)),
-            shedding_phase=first_phases(bodies),
-            shedding_force=np.zeros((bodies, wind.size)),
-        )
-        found |= {f"{part}/wind_field.{name}": array for name, array in field._asdict().items()}
-    return found
-
-
-def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What version 5 added: what grooves bear, and that none has lost its rope."""
-    loads = {part: arrays[f"{part}/tower_load"] for part in PARTS}
-    lateral = {f"{part}/tower_lateral": np.zeros_like(load) for part, load in loads.items()}
-    return lateral | {f"{part}/derailment": np.zeros(load.shape, dtype=np.int64) for part, load in loads.items()}
 
 
 def _check_header(header: Any, name: str) -> None:

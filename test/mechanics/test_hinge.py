@@ -17,7 +17,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_tangent,
     place_joint,
 )
-from cable_twin.mechanics.readout.columns import energies
+from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.point import bend, slope
 from cable_twin.mechanics.rope.shape_functions import shape_functions_xx, shape_functions_xxx
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve

@@ -5,27 +5,25 @@ from __future__ import annotations
 from math import isnan, nan
 from typing import NamedTuple
 
-from cable_twin.mechanics.drives.haul_rope import haul_energies
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import copy_array, flat
-from cable_twin.mechanics.language.orientations import inertia_of, orientation_in_space
+from cable_twin.mechanics.language.orientations import orientation_in_space
 from cable_twin.mechanics.language.turns import cross, turn_in_space
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, product, scale, store, subtract
+from cable_twin.mechanics.language.vectors import add_scaled, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
-from cable_twin.mechanics.on_rope.counterweight import counterweight_energies, counterweight_motion
-from cable_twin.mechanics.on_rope.sliding_joint import grip_force, spring_energy
-from cable_twin.mechanics.on_rope.tower import contact_energy, contact_force, tower_force
+from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
+from cable_twin.mechanics.on_rope.sliding_joint import grip_force
+from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.parameters import Cable, FloatArray
 from cable_twin.mechanics.rope.drag import drag_on_end
-from cable_twin.mechanics.rope.elastic_models import elastic_energy, mean_tension
+from cable_twin.mechanics.rope.elastic_models import mean_tension
 from cable_twin.mechanics.rope.element import end_forces
-from cable_twin.mechanics.rope.flow import end_flow, flow_energy
-from cable_twin.mechanics.rope.point import coordinate, element_at, point_at, position_on_cable
-from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.rope.flow import end_flow
+from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
 
 
 @by_reference
@@ -254,48 +252,3 @@ def share_of_node(cable, arc_length, element, row):
     """Share of a force at `arc_length` (m) that S_row of an element takes; 0 where it is on another one."""
     point = point_at(cable, arc_length)
     return point.shape[row] if point.element == element else 0.0
-
-
-@kernel
-def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, supports, drives and haul ropes.
-
-    Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
-    """
-    cable, carriages = system.cable, system.carriages
-    like = cable.gravity
-    kinetic, elastic = haul_energies(system, state)
-    gravitational = 0.0
-    for element in range(cable.element_count):
-        elastic += elastic_energy(cable, state, element)
-        length = cable.element_length[element]
-        for i in range(4):
-            scale_i = length if i % 2 else 1.0
-            v_i = coordinate(state.nodes.velocity, element, i, like)
-            for j in range(4):
-                scale_j = length if j % 2 else 1.0
-                v_j = coordinate(state.nodes.velocity, element, j, like)
-                share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
-                kinetic += 0.5 * share * dot(v_i, v_j)
-            # the position shape functions sum to one, so a row of M applied to g is the weight
-            row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
-            gravitational -= row * dot(like, coordinate(state.nodes.position, element, i, like))
-    if system.moving_cable.moving:
-        kinetic += flow_energy(cable, state)
-    for carriage in range(carriages.fixed.size):
-        for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            if not state.attached[carriage]:
-                continue
-            v = state.bodies.velocity[body]
-            velocity, spin = load(v, like), spin_of(state.bodies.velocity, body, like)
-            kinetic += 0.5 * carriages.mass[body] * dot(velocity, velocity)
-            inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
-            kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
-            elastic += spring_energy(system, state, carriage, body)
-            gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
-    for contact in range(system.towers.stiffness.size):
-        elastic += contact_energy(cable, system.towers, state, contact)
-    for end in range(2):
-        moving, buffers, lifted = counterweight_energies(system.counterweights, cable, state, end)
-        kinetic, elastic, gravitational = kinetic + moving, elastic + buffers, gravitational + lifted
-    return kinetic, elastic, gravitational

@@ -20,7 +20,7 @@ from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.orientations import make_unit, quaternion_rate
 from cable_twin.mechanics.language.vectors import OPTIONS, Vector
 from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.readout.columns import energies
+from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps, solve_accelerations
 from cable_twin.mechanics.solution.increments import worst_element

@@ -1,0 +1,96 @@
+"""Arrays of snapshot files of older formats, brought up to this one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cable_twin.mechanics.language.lanes import WIDTH
+from cable_twin.mechanics.state import WindField, first_phases
+
+PARTS = ("state", "start")  # of ropes beside the first: state2, start2 and on
+VERSION_1 = {  # what its fields are now, one by one or by their columns
+    "nodal_coordinates": "nodes.position",
+    "nodal_velocities": "nodes.velocity",
+    "nodal_accelerations": "nodes.acceleration",
+    "nodal_algorithmic": "nodes.algorithmic",
+    "body_coordinates": "bodies.position",
+    "body_velocities": "bodies.velocity",
+    "body_accelerations": "bodies.acceleration",
+    "body_algorithmic": "bodies.algorithmic",
+    "sliding_coordinate": "joints.position",
+    "sliding_velocity": "joints.velocity",
+    "sliding_acceleration": "joints.algorithmic",
+    "hauled_acceleration": "joints.acceleration",
+    "sliding_element": "joint_element",
+    "support_arc_length": "contact_arc_length",
+    "support_deflection": "contact_deflection",
+    "support_origin": "contact_origin",
+    "sheave": ("sheaves.position", "sheaves.velocity", "sheaves.acceleration", "sheaves.algorithmic"),
+    "reference": ("reference.position", "reference.velocity", "reference.acceleration"),
+    "rope": ("rope.position", "rope.velocity", "rope.acceleration"),
+}
+
+
+def brought_up(arrays: Mapping[str, Any], version: int) -> dict[str, Any]:
+    """The arrays of a file of an older `version`, by PART/FIELD, with the names and fields of this one."""
+    arrays = _from_version_1(arrays) if version == 1 else dict(arrays)
+    if version < 3:  # what is hauled was counted by its arc length
+        joints = {key: array for key, array in arrays.items() if "/joints." in key}
+        arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
+    if version < 4:
+        arrays |= _planar_moments(arrays)
+    if version < 5:
+        arrays |= _in_grooves(arrays) | _even_wind(arrays)
+    return arrays
+
+
+def _from_version_1(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays of both states under the names of this version; in version 1, motions were columns of one array."""
+    renamed = {}
+    for key, array in arrays.items():
+        part, _, field = key.partition("/")
+        now = VERSION_1.get(field, field)
+        if isinstance(now, str):
+            renamed[f"{part}/{now}"] = array
+        else:
+            for name, column in zip(now, np.atleast_2d(array).T, strict=True):
+                renamed[f"{part}/{name}"] = np.ascontiguousarray(column)
+    return renamed
+
+
+def _planar_moments(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 4 added: the moments of joints that hold a body, of which there are none in a plane."""
+    return {f"{part}/moments": np.zeros((len(arrays[f"{part}/multipliers"]), 1)) for part in PARTS}
+
+
+def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 5 added: the wind where it acts, which was the same everywhere."""
+    found: dict[str, Any] = {}
+    for part in PARTS:
+        wind = arrays[f"{part}/wind"]
+        elements, bodies = len(arrays[f"{part}/nodes.position"]) - 1, len(arrays[f"{part}/multipliers"])
+        field = WindField(
+            time=np.zeros(1),
+            way=np.zeros(1),
+            gust=np.zeros(6),
+            points=np.zeros((1, 3)),
+            along_rope=np.tile(wind[:, None], -(-elements // WIDTH) * WIDTH),
+            at_bodies=np.tile(wind, (bodies, 1)),
+            shedding_phase=first_phases(bodies),
+            shedding_force=np.zeros((bodies, wind.size)),
+        )
+        found |= {f"{part}/wind_field.{name}": array for name, array in field._asdict().items()}
+    return found
+
+
+def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 5 added: what grooves bear, and that none has lost its rope."""
+    loads = {part: arrays[f"{part}/tower_load"] for part in PARTS}
+    lateral = {f"{part}/tower_lateral": np.zeros_like(load) for part, load in loads.items()}
+    return lateral | {f"{part}/derailment": np.zeros(load.shape, dtype=np.int64) for part, load in loads.items()}
+
+
+__all__ = ["PARTS", "brought_up"]
