@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from cable_twin.messages import Topic, TopicNames
 from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogError, one_line
 from cable_twin.recording.log_reader import Log
-from cable_twin.recording.mcap_log import McapLog
+from cable_twin.recording.log_writer import McapLog
 
 
 def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[Path, int]:

@@ -33,7 +33,7 @@ from cable_twin.offline.replay_result import CommandStream, Comparison, Differen
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile
 from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.recording.mcap_log import run_metadata
+from cable_twin.recording.log_writer import run_metadata
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError

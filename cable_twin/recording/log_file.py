@@ -1,4 +1,4 @@
-"""Reading one .mcap of a log of `mcap_log`, finished, cut short or damaged."""
+"""Reading one .mcap of a log of `log_writer`, finished, cut short or damaged."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import TopicNames
+from cable_twin.recording.log_format import ABSOLUTE_FORMATS, FORMAT_VERSION, READABLE_FORMATS
+from cable_twin.recording.log_writer import AFTER_LOSS
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
-from cable_twin.recording.mcap_log import ABSOLUTE_FORMATS, AFTER_LOSS, FORMAT_VERSION, READABLE_FORMATS
 
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
 UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)

@@ -1,4 +1,4 @@
-"""Reading a log of `mcap_log` back: one file or all of a run, finished, cut short by a kill, or damaged."""
+"""Reading a log of `log_writer` back: one file or all of a run, finished, cut short by a kill, or damaged."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, nanoseconds
-from cable_twin.recording.mcap_log import McapLog
+from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
 from cable_twin.records import AppliedCommand
 from cable_twin.simulation.snapshot_file import FullState

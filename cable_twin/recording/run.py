@@ -14,7 +14,7 @@ import numpy as np
 from cable_twin.geometry.outlines import body_outlines
 from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
-from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port

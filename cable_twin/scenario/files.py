@@ -13,8 +13,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from cable_twin.scenario.checks import find_faults, inner_model, unknown_key
 from cable_twin.scenario.fault import Fault, show
+from cable_twin.scenario.find_faults import find_faults, inner_model, unknown_key
 from cable_twin.scenario.schema import Scenario
 
 SUFFIXES = (".yaml", ".yml")

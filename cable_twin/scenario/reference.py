@@ -16,7 +16,7 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.checks import allowed
+from cable_twin.scenario.find_faults import allowed
 from cable_twin.scenario.schema import Scenario
 
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"

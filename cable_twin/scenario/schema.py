@@ -1,7 +1,7 @@
 """What a scenario consists of: names, types, units, bounds and defaults of everything in a scenario file.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `checks`; use `load_scenario`, which applies both.
+is in `find_faults` and the `*_checks` beside it; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations

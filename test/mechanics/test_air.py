@@ -7,12 +7,12 @@ from test_equations_of_motion import ELASTIC, rows
 from test_haul_rope import check_newton_step
 
 from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.on_rope.air import drag_bodies
+from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
-from cable_twin.mechanics.rope.drag import POINTS
 from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.rope_drag import POINTS
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
 
 ROPE_DRAG = 2.5  # kg/m^2

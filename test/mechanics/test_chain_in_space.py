@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import difference, disturbed_state, make_system
 
-from cable_twin.mechanics.on_rope.air import drag_bodies
+from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.hinge import Above
 from cable_twin.mechanics.on_rope.wind import set_wind

@@ -22,7 +22,7 @@ from cable_twin.messages import (
 )
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import SAMPLES, Simulation

@@ -16,7 +16,7 @@ from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import SCENARIO, MessageEncoder, decode, serialize, topics
 from cable_twin.offline.replay import main
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.mcap_log import FORMAT_VERSION
+from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.recording.run import start_run
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario

@@ -9,7 +9,7 @@ from hand_made_snapshot import body_in_plane, snapshot_of
 
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
-from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.records import (
     AppliedCommand,
     CableSamples,

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from cable_twin.messages import TYPESTORE, TopicNames
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.mcap_log import FORMAT_VERSION
+from cable_twin.recording.log_writer import FORMAT_VERSION
 
 
 def test_a_finished_log_is_read_back(finished):

@@ -12,7 +12,7 @@ from twin_process import wait_until
 from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import MessageEncoder, scenario_message, topics
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.mcap_log import McapLog
+from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.recorder import Recorder
 from cable_twin.records import (
     AppliedCommand,

@@ -31,7 +31,7 @@ from cable_twin.messages import (
     topics,
 )
 from cable_twin.messages.topics import String
-from cable_twin.recording.mcap_log import McapLog, run_metadata
+from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.ros.description import robot_description, still_transforms
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers

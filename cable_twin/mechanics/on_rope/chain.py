@@ -27,8 +27,15 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
-from cable_twin.mechanics.on_rope.held import accelerate_held, add_held, hold, keep_held, measure_held, recover_held
 from cable_twin.mechanics.on_rope.hinge import hinge
+from cable_twin.mechanics.on_rope.joint_constraints import (
+    accelerate_held,
+    add_held,
+    hold,
+    keep_held,
+    measure_held,
+    recover_held,
+)
 
 
 @inlined_kernel

@@ -19,11 +19,11 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.parameters import Cable, FloatArray
-from cable_twin.mechanics.rope.drag import drag_on_end
 from cable_twin.mechanics.rope.elastic_models import mean_tension
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
+from cable_twin.mechanics.rope.rope_drag import drag_on_end
 
 
 @by_reference

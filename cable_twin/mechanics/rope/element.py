@@ -20,10 +20,10 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.rope.drag import add_drag
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force
 from cable_twin.mechanics.rope.flow import add_flow, flow_factors
 from cable_twin.mechanics.rope.groups import block_row, vector_row
+from cable_twin.mechanics.rope.rope_drag import add_drag
 from cable_twin.mechanics.rope.shape_functions import MASS
 
 

@@ -28,7 +28,7 @@ from cable_twin.mechanics.language.vectors import (
     store,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.air import drag_bodies
+from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.sliding_joint import (

@@ -1,4 +1,4 @@
-"""The gathering: each frame goes to what keeps its extremes, and figures are made of those with their limits."""
+"""The key figures of a run: frames go to what keeps their extremes, and figures are made of those with limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.frames import MEAN, DriveExtremes, take_frame
+from cable_twin.key_figures.measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import Stops
 from cable_twin.mechanics.language.by_reference import pack

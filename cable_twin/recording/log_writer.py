@@ -20,12 +20,10 @@ from llvmlite.binding import get_host_cpu_name
 
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
+from cable_twin.recording.log_format import FORMAT_VERSION
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
 from cable_twin.recording.splitting import ClosedSize, Splitting
 
-FORMAT_VERSION = "3"
-ABSOLUTE_FORMATS = ("1", "2")  # with the pitch of each body instead of its joint, and all forces in one frame
-READABLE_FORMATS = (*ABSOLUTE_FORMATS, FORMAT_VERSION)
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
 
 
