@@ -70,6 +70,7 @@ class Layout:
         arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
         ropes: which of these are of which rope, by its name.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
+        alone: layout of each rope with what is on it, where there are several.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
         vehicle_rows, support_rows, drive_rows: number by name.
@@ -104,6 +105,7 @@ class Layout:
         self.towers = self.supports[len(ENDS) :] if towers is None else tuple(towers)
         self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
         self.connectors, self.pantographs = tuple(connectors), tuple(pantographs)
+        self.alone: dict[str, Layout] = {}
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
         counts: dict[str | int, int] = {
@@ -132,7 +134,7 @@ class Layout:
             [*(f"{name}/{end}" if name else end for end in ENDS), *one.towers]
             for name, one in zip(names or ("",), alone, strict=True)
         ]
-        return cls(
+        layout = cls(
             {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()},
             [name for own in supports for name in own],
             tuple(scenario.drives),
@@ -146,11 +148,19 @@ class Layout:
             space=scenario.dim == 3,
             grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
         )
+        layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=False)}
+        return layout
 
-    def of_rope(self, columns: Columns, name: str, supports: slice, vehicles: slice) -> Columns:
-        """Views of what is of one rope in the columns of a frame, from its supports and vehicles."""
-        bodies = slice(self.first_body[vehicles.start], self.first_body[vehicles.stop])
-        rows = {"supports": supports, "vehicles": vehicles, "bodies": bodies, "samples": self.ropes[name]}
+    def of_rope(self, columns: Columns, name: str) -> Columns:
+        """Views of what is of one rope in the columns of a frame, in the order of its own layout."""
+        if not self.alone:
+            return columns
+        before = list(self.alone.values())[: list(self.alone).index(name)]
+        own, none = self.alone[name], slice(0, 0)
+        rows = {"samples": self.ropes[name], "connectors": none, "pantographs": none, "drives": none}
+        for key in ("supports", "vehicles", "bodies"):
+            first = sum(len(getattr(one, key)) for one in before)
+            rows[key] = slice(first, first + len(getattr(own, key)))
         return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
 
     def columns(self, numbers: FloatArray) -> Columns:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isnan
 
+import numpy as np
+
 from cable_twin.layout import CABLE, DERAILED, ENDS, Layout
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
@@ -101,6 +103,20 @@ class Snapshot:
             name: CableSamples(arc_lengths[part], c.rope_position[part], c.rope_tension[part])
             for name, part in self.layout.ropes.items()
         }
+
+    def of_rope(self, name: str) -> Snapshot:
+        """One rope with what is on it, as if it were alone.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
+        if name not in self.layout.ropes:
+            raise KeyError(name)
+        if not self.layout.alone:
+            return self
+        layout = self.layout.alone[name]
+        parts = self.layout.of_rope(self.columns, name)
+        return Snapshot(layout, np.concatenate([part.ravel() for part in parts]), self.solver)
 
     @property
     def connectors(self) -> Mapping[str, float]:

@@ -17,7 +17,8 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.typed_passes import NopythonTypeInference
 from cable_twin.simulation.first_compilation import begin_with
-from cable_twin.mechanics.solution.equations_of_motion import assemble
+from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld
+from cable_twin.mechanics.solution.generalized_alpha import Coefficients, predict_all
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
@@ -51,7 +52,8 @@ advance = integrator_named("generalized_alpha")
 system = build_system(load_scenario("seed_example"))
 state, work = allocate_state(system), allocate_workspace(system)
 chosen = begin_with(advance, system, state, work)
-callers = {advance: (system, state, state, state, work, 0), assemble: (system, state, 1.0, 1.0, 1.0, work), **chosen}
+callers = {advance: (system, state, state, state, work, 0), assemble_unheld: (system, state, 1.0, 1.0, 1.0, work)}
+callers |= {predict_all: (Coefficients(0.1, 0.4, 0.3, 0.6), 1.0, system, state, work), **chosen}
 for caller, arguments in callers.items():
     try:
         numba.njit(caller.py_func, error_model="numpy", _nrt=False, pipeline_class=TypesAlone).compile(types(arguments))

@@ -63,9 +63,9 @@ def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
         load_scenario(SPAN, {"space": 2, "air.wind": [3.0, 9.0, 0.0]})
     given = "in a plane; allowed: x, z in"
     assert caught.value.faults == (
-        f"mapping: cable.start.position: given [0.0, 0.0, 0.0] {given} m, or positions x, y, z throughout",
-        f"mapping: cable.end.position: given [60.0, 2.0, 10.0] {given} m, or positions x, y, z throughout",
-        f"mapping (override): air.wind: given [3.0, 9.0, 0.0] {given} m/s, or positions x, y, z throughout",
+        f"mapping: cable.start.position: given [0.0, 0.0, 0.0] {given} m, or space: 3 or positions x, y, z throughout",
+        f"mapping: cable.end.position: given [60.0, 2.0, 10.0] {given} m, or space: 3 or positions x, y, z throughout",
+        f"mapping (override): air.wind: given [3.0, 9.0, 0.0] {given} m/s, or space: 3 or positions x, y, z throughout",
         f"mapping: {TENSOR}: given [90.0, 100.0, 60.0] in a plane; allowed: null, in a plane there is inertia alone",
     )
 

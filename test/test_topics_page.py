@@ -27,6 +27,8 @@ LAYOUT = Layout(
     hauled=["VEHICLE"],
     space=True,
     grooves={"SUPPORT": (0.0, 0.0, 0.0)},
+    connectors=["NAME"],
+    pantographs=["VEHICLE"],
 )
 KINDS = {"encoder": "cabin", "load_cell": "start", "inclinometer": "cabin", "imu": "cabin"}
 SENSORS = load_scenario("aerial_tramway", {"sensors": {kind: {"kind": kind, "of": of} for kind, of in KINDS.items()}})

@@ -38,8 +38,10 @@ from cable_twin.messages.topics import (
     CARRIER_FORCES,
     CARRIER_POSES,
     CLOCK,
+    CONNECTORS,
     DERAILMENTS,
     JOINT_STATES,
+    PANTOGRAPHS,
     TF,
     Clock,
     JointState,
@@ -49,6 +51,7 @@ from cable_twin.messages.topics import (
     TFMessage,
     contact_force_topic,
     haul_force_topic,
+    head_topic,
     pose_topic,
     support_force_topic,
 )
@@ -57,6 +60,7 @@ from cable_twin.snapshot import Columns, Layout, Snapshot
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
 FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
 PLAIN = FrameNames()
+NONE = np.zeros(0)
 FloatArray = NDArray[np.float64]
 
 
@@ -114,6 +118,13 @@ class MessageEncoder:
         for row, support in enumerate(layout.supports):
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
+        if layout.connectors:
+            self._makers[CONNECTORS] = self._connectors
+        if layout.pantographs:
+            self._makers[PANTOGRAPHS] = self._pantographs
+            for row, name in enumerate(layout.pantographs):
+                place = self._columns.pantograph_position[row]
+                self._makers[head_topic(name)] = _maker(joint_pose_template, self._header, place)
         if layout.grooves:
             self._makers[DERAILMENTS] = partial(DerailmentMessage, layout, self._columns)
         if layout.space:
@@ -199,6 +210,18 @@ class MessageEncoder:
             return fill(stamp_ns)
 
         return fill_joints
+
+    def _connectors(self) -> Template:
+        """Pull of each, as effort in N."""
+        pulls = self._columns.connector_force
+        return Template(JointState(self._header, [*self._layout.connectors], NONE, NONE, marks(pulls.size)), [pulls])
+
+    def _pantographs(self) -> Template:
+        """Place along the track (m), speed (m/s), force on the rope (N)."""
+        c, names = self._columns, [*self._layout.pantographs]
+        places, speeds, forces = marks(3 * len(names)).reshape(3, -1)
+        message = JointState(self._header, names, places, speeds, forces)
+        return Template(message, [c.pantograph_position[:, 0], c.pantograph_speed, c.pantograph_force])
 
     def _cable(self) -> Template:
         c, arc_lengths = self._columns, self._layout.arc_lengths

@@ -31,6 +31,7 @@ DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
 JOINT_STATES = "joint_states"
 AIR_WIND = "air/wind"
+CONNECTORS, PANTOGRAPHS = "connectors", "pantographs"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
 CARRIER_POSES = "carriers/poses"
@@ -104,6 +105,11 @@ def topics(
         table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
         table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
     table += [Topic(support_force_topic(one), WrenchStamped.__msgtype__, group="forces") for one in layout.supports]
+    if layout.connectors:
+        table.append(Topic(CONNECTORS, JointState.__msgtype__, group="forces"))
+    if layout.pantographs:
+        table.append(Topic(PANTOGRAPHS, JointState.__msgtype__, group="joints"))
+        table += [Topic(head_topic(name), PoseStamped.__msgtype__, group="joints") for name in layout.pantographs]
     if layout.grooves:
         table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
     if layout.space:
@@ -126,6 +132,11 @@ def topics(
 def pose_topic(vehicle: str, body: str | None = None) -> str:
     """Give the relative name of the pose topic of a vehicle, or of one of its bodies."""
     return f"carriages/{vehicle}/pose" if body is None else f"carriages/{vehicle}/{body}/pose"
+
+
+def head_topic(pantograph: str) -> str:
+    """Give the relative name of the topic with the place of the head of a pantograph."""
+    return f"{PANTOGRAPHS}/{pantograph}/pose"
 
 
 def contact_force_topic(vehicle: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 from typing import Any
 
@@ -9,9 +10,7 @@ import numpy as np
 
 from cable_twin.messages import read_derailments
 from cable_twin.scenario import Scenario, tower_axes
-from cable_twin.snapshot import ENDS, Columns, Layout
-
-TOWERS = slice(len(ENDS), None)  # of the supports
+from cable_twin.snapshot import Columns, Layout
 
 
 class ReadTowers:
@@ -26,19 +25,24 @@ class ReadTowers:
     """
 
     def __init__(self, scenario: Scenario, layout: Layout) -> None:
-        count = len(scenario.towers)
+        count = len(layout.towers)
+        self._rows = np.array([layout.support_rows[name] for name in layout.towers], dtype=np.int64)
         self._layout, self._step = layout, scenario.solver.step
         self._axes = tower_axes(scenario) if layout.grooves else None
         self.rest_loads = np.full(count, nan)
         self._lowest_loads = np.full(count, nan)  # N, since the start or the last reset
         self._ratios = np.full(count, nan)  # -, highest of lateral over normal force since then
-        self._derailed, self._times = np.zeros((2, len(ENDS) + count))  # how, and when (s)
+        self._derailed, self._times = np.zeros((2, len(layout.supports)))  # how, and when (s)
 
-    def go_to(self, state: Any) -> None:
-        """Take over what no frame tells of a state."""
-        self._lowest_loads[:], self._ratios[:] = state.tower_load[:, 1], state.tower_lateral[:, 1]
-        self._derailed[TOWERS] = state.derailment[:, 0]
-        self._times[TOWERS] = np.round(state.derailment[:, 1] * self._step, 9)
+    def go_to(self, states: Sequence[Any]) -> None:
+        """Take over what no frame tells of the states of all ropes."""
+        loads, lateral, derailment = (
+            np.concatenate([getattr(state, field) for state in states])
+            for field in ("tower_load", "tower_lateral", "derailment")
+        )
+        self._lowest_loads[:], self._ratios[:] = loads[:, 1], lateral[:, 1]
+        self._derailed[self._rows] = derailment[:, 0]
+        self._times[self._rows] = np.round(derailment[:, 1] * self._step, 9)
 
     def reset(self) -> None:
         """Go back to the start of the run."""
@@ -52,17 +56,20 @@ class ReadTowers:
 
     def fill(self, c: Columns) -> None:
         """Fill the columns of a frame that has the forces of supports, or NaN."""
-        loads = np.linalg.norm(c.support_force[TOWERS], axis=1)
+        loads = np.linalg.norm(c.support_force[self._rows], axis=1)
         seen = np.where(np.isnan(loads), nan, 1.0)
         self.rest_loads[:] = np.where(np.isnan(self.rest_loads), loads, self.rest_loads)
         self._lowest_loads[:] = np.fmin(self._lowest_loads, loads)
-        c.tower_load[TOWERS], c.tower_lowest_load[TOWERS] = loads, seen * self._lowest_loads
-        c.tower_rest_load[TOWERS] = seen * self.rest_loads
+        c.tower_load[self._rows], c.tower_lowest_load[self._rows] = loads, seen * self._lowest_loads
+        c.tower_rest_load[self._rows] = seen * self.rest_loads
         if self._axes is not None:
-            normal, left = (np.einsum("td,td->t", axes, c.support_force[TOWERS]) for axes in self._axes)
+            normal, left = (np.einsum("td,td->t", axes, c.support_force[self._rows]) for axes in self._axes)
             self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, np.inf))
-            c.tower_lateral[TOWERS], c.tower_lateral_ratio[TOWERS] = left, seen * self._ratios
-            c.tower_derailed[TOWERS], c.tower_derailed_time[TOWERS] = self._derailed[TOWERS], self._times[TOWERS]
+            c.tower_lateral[self._rows], c.tower_lateral_ratio[self._rows] = left, seen * self._ratios
+            c.tower_derailed[self._rows], c.tower_derailed_time[self._rows] = (
+                self._derailed[self._rows],
+                self._times[self._rows],
+            )
 
 
 __all__ = ["ReadTowers"]

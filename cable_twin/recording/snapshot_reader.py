@@ -26,15 +26,18 @@ from cable_twin.messages import (
     CABLE_FIELDS,
     CARRIER_FORCES,
     CARRIER_POSES,
+    CONNECTORS,
     DERAILMENTS,
     FORCE_FIELDS,
     JOINT_STATES,
     KEY_FIGURES,
+    PANTOGRAPHS,
     SECOND,
     Status,
     contact_force_topic,
     decode,
     haul_force_topic,
+    head_topic,
     hung_rows,
     joint_names,
     pose_topic,
@@ -128,7 +131,7 @@ class _Frames:
         self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
-            self._towers.rest_loads[:] = self._full.start.tower_load[:, 0]
+            self._towers.rest_loads[:] = np.concatenate([start.tower_load[:, 0] for start in self._full.starts])
             self._winds[0] = in_space(tuple(self._full.start.wind.tolist()))
             self._go_to(self._full)
         self.readers = self._make_readers()
@@ -151,6 +154,12 @@ class _Frames:
             readers[CARRIER_POSES] = table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+        if layout.connectors:
+            readers[CONNECTORS] = reader(len(layout.connectors), [c.connector_force])
+        for row, name in enumerate(layout.pantographs):
+            readers[head_topic(name)] = reader(POSE, [c.pantograph_position[row]])
+        if layout.pantographs:
+            readers[PANTOGRAPHS] = self._read_pantographs
         if layout.grooves:
             readers[DERAILMENTS] = self._towers.read
         for row, name in enumerate(layout.supports):
@@ -172,7 +181,6 @@ class _Frames:
             return None
         c = self._columns
         c.payload[:], c.wind[:] = self._payloads, np.where(np.isnan(c.wind), self._winds[1], c.wind)
-        self._turn_bodies()
         # what is off a moving cable hangs exactly at one of its ends
         ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
@@ -226,10 +234,10 @@ class _Frames:
 
     def _go_to(self, full: FullState, *, back: bool = False) -> None:
         """Take over what no frame tells, of the state or, `back`, of its start."""
-        state = full.start if back else full.state
-        self._payloads = state.payload.copy()
-        self._towers.go_to(state)
-        self._winds[1] = in_space(tuple(state.wind.tolist()))
+        states = full.starts if back else full.states
+        self._payloads = np.concatenate([state.payload for state in states])
+        self._towers.go_to(states)
+        self._winds[1] = in_space(tuple(states[0].wind.tolist()))
 
     def _read_joints(self, data: bytes) -> None:
         """Columns of joint_states, of which a message ends with three arrays of one length, 8 bytes apart."""
@@ -252,6 +260,13 @@ class _Frames:
             for column in (c.body_angles, c.body_angular_velocity):
                 column[row, 1] += column[row - 1, 1]
 
+    def _read_pantographs(self, data: bytes) -> None:
+        """Speeds and forces; places are those of the heads."""
+        c, count = self._columns, len(self._layout.pantographs)
+        numbers = last_numbers(data, 3 * count + 2)
+        c.pantograph_speed[:] = numbers[count + 1 : 2 * count + 1]
+        c.pantograph_force[:] = numbers[2 * count + 2 :]
+
     def _read_cable(self, data: bytes) -> None:
         points = cloud_points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
@@ -268,12 +283,15 @@ class _Frames:
         """What is known of supports by their forces and the shape of the cable."""
         c = self._columns
         self._towers.fill(c)
-        for row, name in enumerate(ENDS):
-            end = getattr(self._scenario.cable, name)
-            if end.support == "counterweight":
-                direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
-                moved = c.rope_position[-row] - np.array(in_space(end.position))
-                c.support_travel[row] = float(moved @ direction)
+        for rope, part in self._layout.ropes.items():
+            places = c.rope_position[part]
+            for place, name in zip((places[0], places[-1]), ENDS, strict=True):
+                end = getattr(self._scenario.ropes.get(rope, self._scenario.cable), name)
+                if end.support == "counterweight":
+                    direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
+                    moved = place - np.array(in_space(end.position))
+                    row = self._layout.support_rows[f"{rope}/{name}" if self._scenario.ropes else name]
+                    c.support_travel[row] = float(moved @ direction)
 
 
 def _full_state(snapshot: bytes | None) -> FullState | None:

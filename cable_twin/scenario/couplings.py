@@ -20,14 +20,19 @@ class _Rod(Section):
         return getattr(self, "from"), getattr(self, "to")  # noqa: B009 - neither is a name of this class
 
 
+def _end(description: str) -> Any:
+    allowed = "a list of the name of a rope and a number, the arc length"
+    return Field(description=f"{description} (m)", json_schema_extra={"unit": "m", "allowed": allowed})
+
+
 # `from` is a key of the file, and no name that a class can be written with
 Connector: Any = create_model(
     "Connector",
     __base__=_Rod,
     __doc__=_Rod.__doc__,
     **{
-        "from": (PlaceOnRope, Field(description="rope and unstrained arc length (m) of its upper end")),
-        "to": (PlaceOnRope, Field(description="rope and unstrained arc length (m) of its lower end")),
+        "from": (PlaceOnRope, _end("its upper end: a rope and the unstrained arc length there")),
+        "to": (PlaceOnRope, _end("its lower end: the same of another rope")),
         "length": (float, quantity("m", "unstrained length", gt=0)),
         "stiffness": (float, quantity("N/m", "stiffness when it is longer than that", gt=0)),
         "compression": (float, quantity("N/m", "stiffness when it is shorter", 0.0, ge=0)),

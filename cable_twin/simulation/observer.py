@@ -28,12 +28,9 @@ class Observer:
         self.layout = layout = Layout.of(scenario, samples)
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
-        self._of_ropes, support, vehicle = [], 0, 0
+        self._of_ropes = []
         for part, (name, points) in zip(engine.parts, layout.ropes.items(), strict=True):
-            supports = slice(support, support + 2 + len(part.scenario.towers))
-            vehicles = slice(vehicle, vehicle + len(part.rows))
-            support, vehicle = supports.stop, vehicles.stop
-            columns = pack(layout.of_rope(self._columns, name, supports, vehicles))
+            columns = pack(layout.of_rope(self._columns, name))
             means = np.empty(groups(part.system.cable))
             self._of_ropes.append((part, pack(part.state), layout.arc_lengths[points], means, columns))
 

@@ -8,6 +8,7 @@ from test_equilibrium import loaded_span, prepare
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.solution import modes
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import settle
@@ -82,7 +83,7 @@ def test_modes_solve_equation_16(spring, space):
     """
     changes = {f"carriages.one.bodies.{name}.stiffness": spring for name in ("upper", "lower")} | space
     system, state, work = prepare(loaded_span(elements=6, **{"carriages.one.joint": "fixed", **changes}))
-    state.wind[:] = WIND if space else 0.0
+    set_wind(state, np.array(WIND) if space else np.zeros(state.wind.size))
     settle(system, state, work)
     assert not space or np.abs(state.multipliers[:, 1]).max() > 1e2
     frequencies, shapes = natural_modes(system, state, 4)

@@ -126,7 +126,15 @@ def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     assert level in (0, 1), message  # a warning where this machine was late
 
 
-OF_OTHERS = ("air/", "carriers/", "/tf", "sensors/")  # what this scenario has not, or no wheel brings
+OF_OTHERS = (
+    "air/",
+    "carriers/",
+    "connectors",
+    "derailments",
+    "pantographs",
+    "/tf",
+    "sensors/",
+)  # what this scenario has not, or no wheel brings
 
 
 def test_topics_and_services_are_those_of_the_page(twin):

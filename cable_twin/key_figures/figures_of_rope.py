@@ -1,4 +1,4 @@
-"""The key figures of a run: frames go to what keeps their extremes, and figures are made of those with limits."""
+"""The key figures of a rope: frames go to what keeps their extremes, and figures are made of those with limits."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ SOURCES = {  # of the default limits
 }
 
 
-class KeyFigures:
-    """Gathers the key figures of one run.
+class FiguresOfRope:
+    """Gathers the key figures of one rope and what is on it.
 
     Args:
         scenario: what runs; its `limits` and the limits of its drives are those of the figures.
@@ -276,4 +276,4 @@ def drive_figures(
     yield with_limit(lowest, None if limits.power is None else -limits.power, f"{source}.power", "at least")
 
 
-__all__ = ["SOURCES", "KeyFigures"]
+__all__ = ["SOURCES", "FiguresOfRope"]

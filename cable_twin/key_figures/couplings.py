@@ -1,0 +1,84 @@
+"""Key figures of what is between ropes: the contact of pantographs, and the pull of connectors."""
+
+from __future__ import annotations
+
+from math import nan, sqrt
+
+import numpy as np
+
+from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.scenario import Scenario
+from cable_twin.snapshot import Snapshot
+
+UNFILTERED = "each frame, unfiltered: EN 50318 takes it through 20 Hz"
+
+
+class CouplingFigures:
+    """Sums and extremes, the same few numbers however long the run is.
+
+    Args:
+        scenario: what runs.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._pantographs, self._connectors = list(scenario.pantographs), list(scenario.connectors)
+        count = len(self._pantographs)
+        self._frames = 0
+        self._mean, self._squares = np.zeros(count), np.zeros(count)  # N, and sum of squared distances from it, N²
+        self._lost = np.zeros(count)  # frames without contact
+        self._extremes = np.full((count, 2, 3), nan)  # lowest and highest: N, s, m along the track
+        self._pull = np.full((len(self._connectors), 2), nan)  # highest: N, s
+        self._slack = np.zeros(len(self._connectors))  # s
+        self._last = nan  # s
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in one snapshot; they come in the order of time."""
+        c, time = snapshot.columns, snapshot.time
+        force, place = c.pantograph_force, c.pantograph_position[:, 0]
+        self._frames += 1
+        apart = force - self._mean
+        self._mean += apart / self._frames  # Welford 1962
+        self._squares += apart * (force - self._mean)
+        self._lost += force <= 0.0
+        for row, (value, x) in enumerate(zip(force.tolist(), place.tolist(), strict=True)):
+            low, high = self._extremes[row]
+            if not value >= low[0]:
+                low[:] = value, time, x
+            if not value <= high[0]:
+                high[:] = value, time, x
+        higher = ~(c.connector_force <= self._pull[:, 0])
+        self._pull[higher] = np.stack([c.connector_force[higher], np.full(int(higher.sum()), time)], axis=1)
+        if time > self._last:
+            self._slack += (time - self._last) * (c.connector_force <= 0.0)
+        self._last = time
+
+    def figures(self) -> list[KeyFigure]:
+        """All figures that have a value so far."""
+        if not self._frames:
+            return []
+        found = []
+        for row, name in enumerate(self._pantographs):
+            deviation = sqrt(self._squares[row] / self._frames)
+            low, high = self._extremes[row].tolist()
+            share = 100.0 * float(self._lost[row]) / self._frames
+            found += [
+                KeyFigure(f"{name}: contact force, mean", float(self._mean[row]), "N", self._last, band=UNFILTERED),
+                KeyFigure(f"{name}: contact force, standard deviation", deviation, "N", self._last, band=UNFILTERED),
+                KeyFigure(
+                    f"{name}: contact force, highest", high[0], "N", high[1], f"x {high[2]:.1f} m", band=UNFILTERED
+                ),
+                KeyFigure(f"{name}: contact force, lowest", low[0], "N", low[1], f"x {low[2]:.1f} m", band=UNFILTERED),
+                KeyFigure(f"{name}: loss of contact, share of the time", share, "%", self._last, band=UNFILTERED),
+            ]
+        if self._connectors:
+            most, longest = int(np.argmax(self._pull[:, 0])), int(np.argmax(self._slack))
+            pull, time = self._pull[most].tolist()
+            found.append(KeyFigure("connectors: pull, highest", pull, "N", time, self._connectors[most]))
+            slack = float(self._slack[longest])
+            found.append(
+                KeyFigure("connectors: slack, longest in all", slack, "s", self._last, self._connectors[longest])
+            )
+        return found
+
+
+__all__ = ["CouplingFigures"]
