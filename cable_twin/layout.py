@@ -71,6 +71,10 @@ class Layout:
         ropes: which of these are of which rope, by its name.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
         alone: layout of each rope with what is on it, where there are several.
+        tower_rows: numbers of the towers among the supports.
+        end_samples: number of the sample at each end of each rope, by the name of the support.
+        sample_ropes, vehicle_ropes: number of the rope of each sample (samples,) and vehicle (vehicles,).
+        rope_offsets: (ropes,) m, by which arc lengths of each rope are more than those of the ropes before it.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
         vehicle_rows, support_rows, drive_rows: number by name.
@@ -106,6 +110,18 @@ class Layout:
         self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
         self.connectors, self.pantographs = tuple(connectors), tuple(pantographs)
         self.alone: dict[str, Layout] = {}
+        self.tower_rows = [self.supports.index(name) for name in self.towers]
+        self.end_samples = {
+            f"{rope}/{end}" if ropes else end: sample
+            for rope, part in self.ropes.items()
+            for end, sample in zip(ENDS, (part.start, part.stop - 1), strict=True)
+        }
+        self.sample_ropes = np.concatenate(
+            [np.full(part.stop - part.start, n) for n, part in enumerate(self.ropes.values())]
+        )
+        lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
+        self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
         counts: dict[str | int, int] = {
@@ -148,6 +164,8 @@ class Layout:
             space=scenario.dim == 3,
             grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
         )
+        counts = [len(one.vehicles) for one in alone]
+        layout.vehicle_ropes = np.repeat(np.arange(len(alone)), counts)
         layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=False)}
         return layout
 

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cable_twin.records import FloatArray
-from cable_twin.snapshot import ENDS, Columns, Layout
+from cable_twin.snapshot import Columns, Layout
 
 Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air"]
 AXES = ("x", "y", "z")
@@ -88,14 +88,15 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "vehicles": lambda layout: tuple(layout.vehicles),
     "bodies": lambda layout: layout.bodies,
     "supports": lambda layout: layout.supports,
-    "towers": lambda layout: layout.supports[len(ENDS) :],
+    "towers": lambda layout: layout.towers,
     "air": lambda _: AXES,
 }
 
 
-def _tension(_: Layout, c: Columns) -> FloatArray:
-    tension = c.rope_tension
-    return np.stack([tension.max(axis=-1), tension[..., 0], tension[..., -1]], axis=-1)
+def _tension(layout: Layout, c: Columns) -> FloatArray:
+    """Highest of all ropes, and those at both ends of the first."""
+    tension, first = c.rope_tension, next(iter(layout.ropes.values()))
+    return np.stack([tension.max(axis=-1), tension[..., 0], tension[..., first.stop - 1]], axis=-1)
 
 
 def _power(layout: Layout, c: Columns) -> FloatArray:
@@ -186,12 +187,14 @@ SIGNALS: Mapping[str, Signal] = {
             "contact_forces",
             everywhere=False,
         ),
-        Signal("tower_load", "N", "towers", lambda _, c: c.tower_load[..., len(ENDS) :], view="Load on towers"),
+        Signal(
+            "tower_load", "N", "towers", lambda layout, c: c.tower_load[..., layout.tower_rows], view="Load on towers"
+        ),
         Signal(
             "tower_lateral",
             "N",
             "towers",
-            lambda _, c: c.tower_lateral[..., len(ENDS) :],
+            lambda layout, c: c.tower_lateral[..., layout.tower_rows],
             "tower on rope, to the left",
             "lateral_forces",
             space=True,

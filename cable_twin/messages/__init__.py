@@ -2,7 +2,7 @@
 
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentWatch, read_derailments
-from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, MessageEncoder, clock_message
+from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
 from cable_twin.messages.texts import (
@@ -61,6 +61,7 @@ __all__ = [
     "NAMESPACE",
     "PANTOGRAPHS",
     "ROBOT_DESCRIPTION",
+    "ROPE_FIELD",
     "SCENARIO",
     "SECOND",
     "TF",

@@ -58,6 +58,7 @@ from cable_twin.messages.topics import (
 from cable_twin.snapshot import Columns, Layout, Snapshot
 
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
+ROPE_FIELD = "rope"  # of several: their number in the order of the scenario
 FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
 PLAIN = FrameNames()
 NONE = np.zeros(0)
@@ -225,12 +226,14 @@ class MessageEncoder:
 
     def _cable(self) -> Template:
         c, arc_lengths = self._columns, self._layout.arc_lengths
-        return cloud_template(
-            self._header, CABLE_FIELDS, [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]]
-        )
+        sources = [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]]
+        if not self._layout.alone:
+            return cloud_template(self._header, CABLE_FIELDS, sources)
+        ropes = self._layout.sample_ropes[:, None].astype(np.float64)
+        return cloud_template(self._header, (*CABLE_FIELDS, ROPE_FIELD), [*sources, ropes])
 
     def _cable_path(self) -> Template:
-        positions = self._columns.rope_position
+        positions = self._columns.rope_position[next(iter(self._layout.ropes.values()))]  # a path has no gaps
         poses = [PoseStamped(self._header, pose_of(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
         return Template(Path(self._header, poses), [positions])
 

@@ -218,7 +218,7 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
         ("z, height [m]", lambda points, _: points[:, 2]),
         ("z above the chord [m]", _height),
     ]
-    if max(np.abs(shape.positions[:, 1]).max() for several in shapes for shape in several) > ASIDE:
+    if max(np.nanmax(np.abs(shape.positions[:, 1])) for several in shapes for shape in several) > ASIDE:
         rows.append(("y, to the left [m]", lambda points, _: points[:, 1]))
     width = 10.0 if len(runs) == 1 else max(14.0, 4.5 * len(runs))
     size = (width, 3.3 * len(rows))
@@ -248,7 +248,8 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
 
 
 def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
-    """Height (m) of points (n, 3) above the chord of a rope; above its start where the chord is vertical."""
+    """Height (m) of points (n, 3) above the chord of the first rope; above its start where the chord is vertical."""
+    rope = rope[: int(np.append(np.isnan(rope[:, 0]), True).argmax())]
     chord = rope[-1] - rope[0]
     slope = chord[2] / chord[0] if chord[0] else 0.0
     height: np.ndarray = points[:, 2] - rope[0, 2] - slope * (points[:, 0] - rope[0, 0])

@@ -124,7 +124,9 @@ def _shape(snapshot: Snapshot) -> Shape:
     c = snapshot.columns
     rows = [(name, row) for row, name in enumerate(snapshot.layout.vehicles) if c.attached[row] == 1.0]
     joints = {name: c.joint_position[row].copy() for name, row in rows if not np.isnan(c.joint_position[row, 0])}
-    return Shape(snapshot.time, c.rope_position.copy(), joints)
+    gap = np.full((1, 3), np.nan)  # between ropes
+    ropes = [row for part in snapshot.layout.ropes.values() for row in (c.rope_position[part], gap)][:-1]
+    return Shape(snapshot.time, np.concatenate(ropes), joints)
 
 
 @dataclass(slots=True)

@@ -32,6 +32,7 @@ from cable_twin.messages import (
     JOINT_STATES,
     KEY_FIGURES,
     PANTOGRAPHS,
+    ROPE_FIELD,
     SECOND,
     Status,
     contact_force_topic,
@@ -268,7 +269,8 @@ class _Frames:
         c.pantograph_force[:] = numbers[2 * count + 2 :]
 
     def _read_cable(self, data: bytes) -> None:
-        points = cloud_points(data, len(self._layout.arc_lengths), CABLE_FIELDS)
+        fields = (*CABLE_FIELDS, ROPE_FIELD) if self._layout.alone else CABLE_FIELDS
+        points = cloud_points(data, len(self._layout.arc_lengths), fields)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
 
     def _turn_bodies(self) -> None:

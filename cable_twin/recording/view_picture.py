@@ -54,7 +54,7 @@ class Picture:
         self._unit = look.force_unit or _unit(first_known(c))
         self._scale = 1e-3 if self._unit == "kN" else 1.0
         self._plots = Plots(layout, look.carriers, self._scale)
-        self._rope = Rope(layout.arc_lengths, self._scale, self._unit, space=look.space is not None)
+        self._rope = Rope(layout, self._scale, self._unit, space=look.space is not None)
         self._vehicles = Vehicles(layout, look.outlines, look.carriers)
         self._space = look.space and Space(layout, look.space, look.carriers, self._vehicles.followed)
         self._rope_times = Thinning(look.rope_rate)
@@ -69,7 +69,7 @@ class Picture:
         scene = scene_of(
             planar(first.rope_position),
             self._vehicles.points(first),
-            self._layout.supports,
+            self._layout.end_samples,
             look.support_positions,
             look.ground,
         )

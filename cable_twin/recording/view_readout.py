@@ -9,7 +9,7 @@ import numpy as np
 from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand
 from cable_twin.signals import driven, driven_names
-from cable_twin.snapshot import ENDS, Columns, Layout
+from cable_twin.snapshot import Columns, Layout
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
@@ -40,8 +40,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
         )
     low, high = float(c.rope_tension.min()) * scale, float(c.rope_tension.max()) * scale
     lines.append(("tension", low + high, f"{low:.4g} … {high:.4g} {unit}"))
-    first = len(ENDS)
-    for name, load in zip(layout.supports[first:], c.tower_load[first:].tolist(), strict=True):
+    for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
         lines.append((name, load, "lifted off" if load == 0.0 else f"{load * scale:.4g} {unit}"))
     lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
     shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]

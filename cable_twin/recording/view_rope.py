@@ -22,21 +22,25 @@ from cable_twin.recording.view_geometry import (
     time_column,
 )
 from cable_twin.records import FloatArray
-from cable_twin.snapshot import Columns
+from cable_twin.snapshot import Columns, Layout
+
+NO_ROPE = -1  # colour of the way from one rope to the next, which is no line
 
 
 class Rope:
     """The rope of one run.
 
     Args:
-        arc_lengths: (samples,) m, where frames hold it.
+        layout: of the frames.
         scale: That forces are drawn with.
         unit: Of forces.
         space: Draw it in space as well.
     """
 
-    def __init__(self, arc_lengths: FloatArray, scale: float, unit: str, *, space: bool = False) -> None:
-        self._arc_lengths = arc_lengths
+    def __init__(self, layout: Layout, scale: float, unit: str, *, space: bool = False) -> None:
+        self._arc_lengths = layout.arc_lengths + layout.rope_offsets[layout.sample_ropes]
+        self._offsets = layout.rope_offsets[layout.vehicle_ropes]
+        self._starts = layout.rope_offsets[1:]  # of ropes after the first
         self._scale = scale
         self._unit = unit
         self._drawn = (IN_PLANE, IN_SPACE) if space else (IN_PLANE,)
@@ -64,7 +68,7 @@ class Rope:
             self._arc_lengths,
             c.rope_position[rows],
             c.rope_tension[rows] * self._scale,
-            places,
+            places + self._offsets,
             c.joint_position[rows],
         )
         known = tensions[~np.isnan(tensions)]
@@ -77,9 +81,17 @@ class Rope:
             if self._colors.widen(known) or first:
                 self._log_legend(stream, float(times[0]), self._colors)
             bins = self._colors.bins(tensions)
+        if self._starts.size:
+            sorted_places = np.sort(self._placed(places + self._offsets), axis=1)
+            for frame, ways in enumerate(sorted_places):
+                bins[frame, np.searchsorted(ways, self._starts) - 1] = NO_ROPE
         for form in self._drawn:
             stream.send_columns(form.path, [time_column(times)], rope_columns(points, bins, form), strict=True)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
+
+    def _placed(self, places: FloatArray) -> FloatArray:
+        """Arc lengths of samples and joints (frames, n), as `with_joints` orders them."""
+        return np.hstack([np.broadcast_to(self._arc_lengths, (len(places), self._arc_lengths.size)), places])
 
     def _log_legend(self, stream: rr.RecordingStream, time: float, colors: TensionColors) -> None:
         """Draw the bar of tension colours with its ends in numbers, as valid from `time` (s) on."""
@@ -169,8 +181,10 @@ def rope_columns(points: FloatArray, bins: NDArray[np.intp], form: Form) -> list
     seen = form.seen(points).astype(np.float32)
     flat = np.repeat(seen.reshape(-1, seen.shape[-1]), copies.ravel(), axis=0)
     first = np.flatnonzero(starts)
+    colors = bins.ravel()[first]
     lengths = np.diff(first, append=starts.size) + 1
     offsets = np.concatenate(([0], np.cumsum(lengths))).astype(np.int32)
+    flat[offsets[:-1][colors == NO_ROPE] + 1] = flat[offsets[:-1][colors == NO_ROPE]]
     lines = pa.ListArray.from_arrays(offsets, form.points(flat).as_arrow_array(), type=form.type)
-    columns = form.lines.columns(strips=lines, colors=COLOR_TABLE[bins.ravel()[first]])
+    columns = form.lines.columns(strips=lines, colors=COLOR_TABLE[colors])
     return [column.partition(starts.sum(axis=1)) for column in columns]

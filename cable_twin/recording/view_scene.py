@@ -29,15 +29,15 @@ class Scene(NamedTuple):
 def scene_of(
     cable: FloatArray,
     vehicles: list[FloatArray],
-    names: tuple[str, ...],
+    end_samples: Mapping[str, int],
     support_positions: Mapping[str, FloatArray],
     ground: FloatArray | None,
 ) -> Scene:
-    """Return the scene around a cable (n, 2) m, which may have gaps (NaN), with the supports of these names."""
+    """Return the scene around a cable (n, 2) m, which may have gaps (NaN), with its ends by name and number."""
     cable = cable[~np.isnan(cable).any(axis=1)]
     if len(cable) < 2:  # not known yet
         cable = np.vstack([(0.0, 0.0), (1.0, 0.0), *support_positions.values()])
-    ends = {name: cable[index] for name, index in (("start", 0), ("end", -1)) if name in names}
+    ends = {name: cable[min(index, len(cable) - 1)] for name, index in end_samples.items()}
     known = [points for points in vehicles if len(points)]
     ground = default_ground(cable, known) if ground is None else ground
     return Scene(cable, known, {**ends, **support_positions}, ground)

@@ -41,8 +41,9 @@ def pivot_frame(vehicle: str, body: str) -> str:
 
 def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
     """Frames that stand still: name, frame that each is seen from (None: the fixed one), place x, y, z (m) in it."""
-    ends = (scenario.cable.start, scenario.cable.end)
-    yield from ((name, None, in_space(end.position)) for name, end in zip(ENDS, ends, strict=True))
+    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
+        for name, end in zip(ENDS, (cable.start, cable.end), strict=True):
+            yield f"{rope}/{name}" if rope else name, None, in_space(end.position)
     yield from ((name, None, in_space(tower.position)) for name, tower in scenario.towers.items())
     yield from ((name, None, in_space(scenario.cable.start.position)) for name in scenario.drives)
     for vehicle, carriage in scenario.vehicles.items():

@@ -20,7 +20,7 @@ from cable_twin.messages.topics import MarkerArray
 from cable_twin.recording.tension_colors import TensionColors
 from cable_twin.records import FloatArray
 from cable_twin.scenario import Scenario, in_space
-from cable_twin.snapshot import ENDS, Columns, Layout
+from cable_twin.snapshot import Columns, Layout
 
 Marker = ros2_jazzy.visualization_msgs__msg__Marker
 MeshFile = ros2_jazzy.visualization_msgs__msg__MeshFile
@@ -64,7 +64,12 @@ class Markers:
         boxes = [body_box(body) for body in bodies]
         self._boxed = [row for row, box in enumerate(boxes) if box is not None]
         self._box_position, self._box_turn = np.empty((len(self._boxed), 3)), np.empty((len(self._boxed), 4))
-        self._towers = [in_space(tower.position) for tower in scenario.towers.values()]
+        towers = {name: in_space(tower.position) for name, tower in scenario.towers.items()}
+        self._towers = [towers[name] for name in layout.towers]
+        counts = [
+            np.sum(layout.sample_ropes == n) + np.sum(layout.vehicle_ropes == n) for n in range(len(layout.ropes))
+        ]
+        self._ropes = [slice(last - count, last) for count, last in zip(counts, np.cumsum(counts), strict=True)]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
         self._scales = self._scales_of_forces()
         self._sources = [
@@ -77,12 +82,17 @@ class Markers:
         ]
         places, *rest = self._marks()
         markers: list[Any] = [  # of another class to mypy
-            self._marker("rope", 0, Marker.LINE_STRIP, (self._width(scenario), 0, 0), STILL, points=places),
+            *(
+                self._marker("rope", n, Marker.LINE_STRIP, (self._width(scenario), 0, 0), STILL, points=places[part])
+                for n, part in enumerate(self._ropes)
+            ),
             *self._still(scenario),
             *self._bodies(scenario, [box for box in boxes if box is not None], rest),
             *self._forces(rest[4]),
         ]
-        markers[0].colors = [ColorRGBA(*color) for color in marks(self._colors.size, "<f4").reshape(-1, 4)]
+        colors = marks(self._colors.size, "<f4").reshape(-1, 4)
+        for marker, part in zip(markers, self._ropes, strict=False):
+            marker.colors = [ColorRGBA(*color) for color in colors[part]]
         self._template = Template(MarkerArray(markers), self._sources, singles=[self._colors])
 
     def fill(self, stamp_ns: int) -> bytes:
@@ -98,10 +108,12 @@ class Markers:
 
     def _fill_rope(self, c: Columns) -> None:
         """The samples of the rope, and its kinks at the joints that are on it, in the order along it."""
-        arc_lengths = self._layout.arc_lengths
-        on_rope = (c.attached == 1.0) & (c.arc_length >= 0.0) & (c.arc_length <= arc_lengths[-1])
-        places = np.where(on_rope, c.arc_length, arc_lengths[-1])
-        joints = np.where(on_rope[:, None], c.joint_position, c.rope_position[-1])
+        layout = self._layout
+        last = np.array([part.stop - 1 for part in layout.ropes.values()])[layout.vehicle_ropes]  # of its own rope
+        on_rope = (c.attached == 1.0) & (c.arc_length >= 0.0) & (c.arc_length <= layout.arc_lengths[last])
+        arc_lengths = layout.arc_lengths + layout.rope_offsets[layout.sample_ropes]
+        places = np.where(on_rope, c.arc_length, layout.arc_lengths[last]) + layout.rope_offsets[layout.vehicle_ropes]
+        joints = np.where(on_rope[:, None], c.joint_position, c.rope_position[last])
         order = np.argsort(np.concatenate([arc_lengths, places]), kind="stable")
         self._rope[:] = np.vstack([c.rope_position, joints])[order]
         self._tension_colors.widen(c.rope_tension)
@@ -109,10 +121,13 @@ class Markers:
         self._colors[:] = self._tension_colors.rgba(tensions[order])
 
     def _points_of_action(self) -> FloatArray:
-        """Where forces act (vehicles + supports, 3): on joints, on the ends of the rope, on towers."""
-        c = self._columns
-        towers = np.array(self._towers).reshape(-1, 3)
-        return np.vstack([c.joint_position, c.rope_position[[0, -1]], towers])
+        """Where forces act (vehicles + supports, 3): on joints, on the ends of ropes, on towers."""
+        c, layout = self._columns, self._layout
+        supports = np.empty((len(layout.supports), 3))
+        supports[layout.tower_rows] = np.array(self._towers).reshape(-1, 3)
+        for name, sample in layout.end_samples.items():
+            supports[layout.support_rows[name]] = c.rope_position[sample]
+        return np.vstack([c.joint_position, supports])
 
     def _scales_of_forces(self) -> FloatArray:
         """Length for a force (vehicles + supports,) in m/N, one for all vehicles and one for all supports."""
@@ -141,7 +156,9 @@ class Markers:
             reached = [np.vstack([joint, c.body_position]) for joint in c.joint_position]
             ground = default_ground(c.rope_position[:, ::2], [points[:, ::2] for points in reached])
         half, mast = 0.02 * self._span, 0.002 * self._span
-        ends = [in_space(end.position) for end in (scenario.cable.start, scenario.cable.end)]
+        ropes = scenario.ropes.values() or [scenario.cable]
+        ends = [in_space(end.position) for rope in ropes for end in (rope.start, rope.end)]
+        names = [*self._layout.end_samples, *self._layout.towers]
         sides = [y for _, y, _ in (*ends, *self._towers)]
         left, right = ([(x, side, z) for x, z in ground] for side in (min(sides) - half, max(sides) + half))
         corners = [
@@ -151,13 +168,13 @@ class Markers:
         markers = [self._marker("ground", 0, Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), GROUND, points=points)]
         for row, (x, y, z) in enumerate(chain(ends, self._towers)):
             foot = float(np.interp(x, ground[:, 0], ground[:, 1]))
-            top, wide = max(z, foot + mast), 3.0 * mast if row < len(ENDS) else mast
+            top, wide = max(z, foot + mast), 3.0 * mast if row < len(ends) else mast
             box = (wide, 2.0 * wide, top - foot)
             markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, y, 0.5 * (top + foot))))
             name = self._marker(
                 "names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=(x, y, top + 6.0 * mast)
             )
-            name.text = self._layout.supports[row]
+            name.text = names[row]
             markers.append(name)
         return markers
 
