@@ -15,7 +15,7 @@ import numpy as np
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
-Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air"]
+Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air", "pantographs"]
 AXES = ("x", "y", "z")
 
 
@@ -90,6 +90,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "supports": lambda layout: layout.supports,
     "towers": lambda layout: layout.towers,
     "air": lambda _: AXES,
+    "pantographs": lambda layout: layout.pantographs,
 }
 
 
@@ -186,6 +187,15 @@ SIGNALS: Mapping[str, Signal] = {
             "counterweight travel",
             "contact_forces",
             everywhere=False,
+        ),
+        Signal(
+            "pantograph_force",
+            "N",
+            "pantographs",
+            lambda _, c: c.pantograph_force,
+            "pantograph on rope",
+            "contact_forces",
+            "Contact force",
         ),
         Signal(
             "tower_load", "N", "towers", lambda layout, c: c.tower_load[..., layout.tower_rows], view="Load on towers"
