@@ -21,8 +21,8 @@ HEAD = """\
 
 Written part by part; the same numbers are in [benchmarks.json](benchmarks.json). Times of the solver are medians of
 interleaved repetitions on one thread. It takes minutes, on a machine that does nothing else; one part alone takes
-seconds (`python -m benchmarks exudyn --quick`, likewise `exudyn_space`, `space`, `scaling`, `startup`, `frame`,
-`accuracy`, `convergence`, `learning`, `lockstep`, `live`):
+seconds (`python -m benchmarks exudyn --quick`, likewise `exudyn_space`, `space`, `ropes`, `scaling`, `startup`,
+`frame`, `accuracy`, `convergence`, `learning`, `lockstep`, `live`):
 
 ```sh
 .venv/bin/pip install --quiet '.[bench,gym,ros]'

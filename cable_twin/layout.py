@@ -112,7 +112,7 @@ class Layout:
         self.alone: dict[str, Layout] = {}
         self.tower_rows = [self.supports.index(name) for name in self.towers]
         self.end_samples = {
-            f"{rope}/{end}" if ropes else end: sample
+            end if end in self.supports else f"{rope}/{end}": sample
             for rope, part in self.ropes.items()
             for end, sample in zip(ENDS, (part.start, part.stop - 1), strict=True)
         }

@@ -124,6 +124,7 @@ class Towers(NamedTuple):
     presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
     groove: FloatArray  # (contacts,) 1/m, in space: force sideways over normal force, by the way off the middle
+    groove_friction: FloatArray  # (contacts,) -, in space: friction sideways over normal force
     derailment_ratio: FloatArray  # (towers,) -, the same ratio of a whole tower at which the rope leaves its grooves
     groove_height: FloatArray  # (towers,) m, how high the rope lifts until it has left them
 

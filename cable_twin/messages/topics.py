@@ -6,7 +6,7 @@ that the number of topics does not grow with them. A few carriers may be asked f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -105,11 +105,7 @@ def topics(
         table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
         table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
     table += [Topic(support_force_topic(one), WrenchStamped.__msgtype__, group="forces") for one in layout.supports]
-    if layout.connectors:
-        table.append(Topic(CONNECTORS, JointState.__msgtype__, group="forces"))
-    if layout.pantographs:
-        table.append(Topic(PANTOGRAPHS, JointState.__msgtype__, group="joints"))
-        table += [Topic(head_topic(name), PoseStamped.__msgtype__, group="joints") for name in layout.pantographs]
+    table += _between_ropes(layout)
     if layout.grooves:
         table.append(Topic(DERAILMENTS, DiagnosticArray.__msgtype__, durability="transient_local", depth=1))
     if layout.space:
@@ -127,6 +123,16 @@ def topics(
     if robot:
         table.append(Topic(ROBOT_DESCRIPTION, String.__msgtype__, durability="transient_local", depth=1))
     return tuple(table)
+
+
+def _between_ropes(layout: Layout) -> Iterator[Topic]:
+    """Topics of what is on no rope alone."""
+    if layout.connectors:
+        yield Topic(CONNECTORS, JointState.__msgtype__, group="forces")
+    if layout.pantographs:
+        yield Topic(PANTOGRAPHS, JointState.__msgtype__, group="joints")
+    for name in layout.pantographs:
+        yield Topic(head_topic(name), PoseStamped.__msgtype__, group="joints")
 
 
 def pose_topic(vehicle: str, body: str | None = None) -> str:

@@ -27,6 +27,17 @@ def reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]
     return read
 
 
+def joint_reader(rates: FloatArray, efforts: FloatArray) -> Callable[[bytes], None]:
+    """Reads rates and efforts (n,) of a JointState, which ends with three arrays of n, 8 bytes apart."""
+    count = rates.size
+
+    def read(data: bytes) -> None:
+        numbers = last_numbers(data, 2 * count + 1)
+        rates[:], efforts[:] = numbers[:count], numbers[count + 1 :]
+
+    return read
+
+
 def table_reader(targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
     """Reads a message that ends with a row of doubles for each row of the targets."""
     rows, width = len(targets[0]), sum(target.shape[1] for target in targets)
@@ -47,4 +58,4 @@ def cloud_points(data: bytes, count: int, fields: Sequence[str]) -> FloatArray:
     return np.frombuffer(data, "<f4", count * len(fields), len(data) - 1 - count * size).reshape(count, -1)
 
 
-__all__ = ["cloud_points", "fill", "last_numbers", "reader", "table_reader"]
+__all__ = ["cloud_points", "fill", "joint_reader", "last_numbers", "reader", "table_reader"]

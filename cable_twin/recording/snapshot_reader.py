@@ -45,7 +45,7 @@ from cable_twin.messages import (
     statuses_of_message,
     support_force_topic,
 )
-from cable_twin.recording.field_numbers import cloud_points, fill, last_numbers, reader, table_reader
+from cable_twin.recording.field_numbers import cloud_points, fill, joint_reader, last_numbers, reader, table_reader
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
@@ -160,7 +160,7 @@ class _Frames:
         for row, name in enumerate(layout.pantographs):
             readers[head_topic(name)] = reader(POSE, [c.pantograph_position[row]])
         if layout.pantographs:
-            readers[PANTOGRAPHS] = self._read_pantographs
+            readers[PANTOGRAPHS] = joint_reader(c.pantograph_speed, c.pantograph_force)
         if layout.grooves:
             readers[DERAILMENTS] = self._towers.read
         for row, name in enumerate(layout.supports):
@@ -260,13 +260,6 @@ class _Frames:
         for row in self._hung:  # from the rope down: each against the one above it
             for column in (c.body_angles, c.body_angular_velocity):
                 column[row, 1] += column[row - 1, 1]
-
-    def _read_pantographs(self, data: bytes) -> None:
-        """Speeds and forces; places are those of the heads."""
-        c, count = self._columns, len(self._layout.pantographs)
-        numbers = last_numbers(data, 3 * count + 2)
-        c.pantograph_speed[:] = numbers[count + 1 : 2 * count + 1]
-        c.pantograph_force[:] = numbers[2 * count + 2 :]
 
     def _read_cable(self, data: bytes) -> None:
         fields = (*CABLE_FIELDS, ROPE_FIELD) if self._layout.alone else CABLE_FIELDS

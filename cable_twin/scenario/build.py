@@ -137,6 +137,7 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
         toe=np.full(sum(tower.contacts for tower in towers), TOE),
         groove=floats([tower.groove for tower in towers for _ in range(tower.contacts)]),
         derailment_ratio=floats([tower.derailment_ratio for tower in towers]),
+        groove_friction=floats([tower.groove_friction for tower in towers for _ in range(tower.contacts)]),
         groove_height=floats([tower.groove_height for tower in towers]),
     )
 

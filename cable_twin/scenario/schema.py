@@ -143,6 +143,7 @@ class Tower(Section):
         0.5,
         gt=0,
     )
+    groove_friction: float = quantity("-", "in space, friction sideways in the groove per normal force", 0.0, ge=0)
     groove_height: float = quantity(
         "m", "in space, how high the rope lifts off all contacts until it has left the tower; assumed", 0.05, gt=0
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import disturbed_state, make_system
+from systems import dense_blocks, disturbed_state, make_system
 
 from cable_twin.mechanics.on_rope.tower import (
     add_towers,
@@ -93,3 +93,32 @@ def test_a_plane_has_no_way_out():
     state, _ = disturbed_state(system)
     system.towers.position[0] = [0.9, -50.0]  # far below
     assert end_step(system, state) == (IN_GROOVE, 0)
+
+
+@pytest.mark.parametrize("speed", [0.4, -0.003])
+def test_friction_sideways_is_against_the_speed_and_its_tangent_is_the_derivative(speed):
+    """Coulomb's but for a creep; the tangent against a difference over the step of an integrator."""
+    system, state, work = lying(0.02)
+    state.nodes.velocity[:, 0, 1] = speed
+    cable, towers = system.cable, system.towers
+
+    def side(aside=0.0, moving=0.0):
+        state.nodes.position[:, 0, 1] += aside
+        state.nodes.velocity[:, 0, 1] += moving
+        work.right_side[:], work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0, 0.0
+        add_towers(cable, towers, state, 50.0, 1.0, work)
+        state.nodes.position[:, 0, 1] -= aside
+        state.nodes.velocity[:, 0, 1] -= moving
+        return work.right_side[:, 0, 1].sum()
+
+    force, normal = contact_force(cable, towers, state, 0)
+    expected = -4.0 * 0.02 * normal - 0.3 * normal * speed / np.hypot(speed, 0.01)
+    assert force[1] == pytest.approx(expected, rel=1e-9)
+    assert end_step(system, state)[0] == IN_GROOVE
+    assert state.tower_lateral[0, 0] == pytest.approx(expected, rel=1e-9)
+    change = 1e-7
+    numeric = -(side(change, 50.0 * change) - side(-change, -50.0 * change)) / (2.0 * change)
+    side()
+    matrix = dense_blocks(work)
+    places = np.arange(1, matrix.shape[0], 6)  # y of each node
+    assert matrix[np.ix_(places, places)].sum() == pytest.approx(numeric, rel=1e-5)

@@ -28,8 +28,8 @@ from cable_twin.messages import (
     topics,
 )
 from cable_twin.messages.cdr import STAMP, Template, marks
-from cable_twin.messages.frame import Point, Pose, PoseStamped, Quaternion, Vector3, Wrench
-from cable_twin.messages.topics import JointState, Path, PoseArray, WrenchStamped
+from cable_twin.messages.templates import Point, Pose, Quaternion, Vector3, Wrench
+from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped, WrenchStamped
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, DriveState, SupportState
 from cable_twin.ros.description import still_transforms
 from cable_twin.scenario import load_scenario

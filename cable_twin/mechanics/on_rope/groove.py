@@ -1,8 +1,9 @@
 """The groove of a tower's contacts in space: what holds the rope sideways, as long as it is in it.
 
 With n the normal of a contact, t the direction of the rope and b = t x n, the force sideways is -g N y b with
-y = (r - p)·b, so that g y is the ratio of the forces, and nothing is held that does not lie on it. All of it is nothing
-in a plane, where no code is made for it.
+y = (r - p)·b, so that g y is the ratio of the forces, and nothing is held that does not lie on it. Friction adds
+-μ N v / √(v² + v_0²) b, v the speed sideways: Coulomb's law but for a creep below v_0. All of it is nothing in a plane,
+where no code is made for it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import OPTIONS, Vector, add_scaled, dot, outer, scale
 from cable_twin.mechanics.parameters import IN_GROOVE
 from cable_twin.mechanics.rope.point import add_block
+
+CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
 
 
 def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
@@ -37,24 +40,42 @@ def _depth_in_groove(towers, state, contact, depth, like):
     return planar if like.count == 2 else spatial
 
 
-def with_groove(force: Vector, stiffness: float, r_x: Vector, normal: Vector, apart: Vector) -> Vector:
-    """Force (dim,) in N of a contact with that of its groove, of a stiffness in N/m; in a plane there is none."""
+def with_groove(
+    force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
+) -> Vector:
+    """Force (dim,) in N of a contact with that of its groove; in a plane there is none.
+
+    Args:
+        force: of the contact without it, N.
+        stiffness: g N, N/m.
+        friction: μ N, N.
+        r_x: along the rope (dim,).
+        normal: of the contact (dim,).
+        apart: r - p (dim,) in m.
+        moving: velocity of the rope (dim,) in m/s.
+    """
     if len(force) == 2:
         return force
     across = sideways(r_x, normal)
-    return add_scaled(-stiffness * dot(apart, across), across, force)
+    return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
 
 
 @overload(with_groove, jit_options=OPTIONS)
-def _with_groove(force, stiffness, r_x, normal, apart):
-    def planar(force, stiffness, r_x, normal, apart):
+def _with_groove(force, stiffness, friction, r_x, normal, apart, moving):
+    def planar(force, stiffness, friction, r_x, normal, apart, moving):
         return force
 
-    def spatial(force, stiffness, r_x, normal, apart):
+    def spatial(force, stiffness, friction, r_x, normal, apart, moving):
         across = sideways(r_x, normal)
-        return add_scaled(-stiffness * dot(apart, across), across, force)
+        return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
 
     return planar if force.count == 2 else spatial
+
+
+@inlined_kernel
+def side_force(stiffness, friction, aside, speed):
+    """Force (N) of a groove on a rope that is `aside` (m) and moves sideways at `speed` (m/s)."""
+    return -stiffness * aside - friction * speed / sqrt(speed * speed + CREEP * CREEP)
 
 
 @inlined_kernel
@@ -70,26 +91,34 @@ def to_the_left(r_x, normal):
     return scale(1.0 if normal[2] < 0.0 else -1.0, sideways(r_x, normal))
 
 
-def add_groove(stiffness: float, r_x: Vector, normal: Vector, point: Any, work: Any) -> None:
-    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane."""
+def add_groove(
+    stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector, point: Any, work: Any
+) -> None:
+    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane.
+
+    `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
+    """
     if len(r_x) == 3:
-        _add_groove(stiffness, r_x, normal, point, work)
+        _add_groove(stiffness, damping, r_x, normal, moving, point, work)
 
 
 @overload(add_groove, jit_options=OPTIONS)
-def _overload_add_groove(stiffness, r_x, normal, point, work):
-    def planar(stiffness, r_x, normal, point, work):
+def _overload_add_groove(stiffness, damping, r_x, normal, moving, point, work):
+    def planar(stiffness, damping, r_x, normal, moving, point, work):
         return None
 
-    def spatial(stiffness, r_x, normal, point, work):
-        _add_groove(stiffness, r_x, normal, point, work)
+    def spatial(stiffness, damping, r_x, normal, moving, point, work):
+        _add_groove(stiffness, damping, r_x, normal, moving, point, work)
 
     return planar if r_x.count == 2 else spatial
 
 
 @inlined_kernel
-def _add_groove(stiffness, r_x, normal, point, work):
+def _add_groove(stiffness, damping, r_x, normal, moving, point, work):
     across = sideways(r_x, normal)
+    speed = dot(moving, across)
+    squared = speed * speed + CREEP * CREEP
+    stiffness += damping * CREEP * CREEP / (squared * sqrt(squared))
     for i in range(4):
         for j in range(4):
             matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)

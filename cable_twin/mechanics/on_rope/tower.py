@@ -36,7 +36,7 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.groove import add_groove, depth_in_groove, to_the_left, with_groove
+from cable_twin.mechanics.on_rope.groove import add_groove, depth_in_groove, side_force, to_the_left, with_groove
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
@@ -124,7 +124,9 @@ def contact_force(cable, towers, state, contact):
     z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
     friction = towers.friction[contact] * n * z
     force = add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal))
-    return with_groove(force, towers.groove[contact] * n, r_x, normal, apart), n
+    return with_groove(
+        force, towers.groove[contact] * n, towers.groove_friction[contact] * n, r_x, normal, apart, moving
+    ), n
 
 
 @kernel
@@ -146,12 +148,12 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
-        groove = towers.groove[contact] * n
-        add_force(with_groove(force, groove, r_x, normal, apart), point, work.right_side)
+        groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
+        add_force(with_groove(force, groove, rub, r_x, normal, apart, moving), point, work.right_side)
         if stiffness_factor == 0.0:
             continue
 
-        add_groove(stiffness_factor * groove, r_x, normal, point, work)
+        add_groove(stiffness_factor * groove, rate_factor * rub, r_x, normal, moving, point, work)
         r_xx, turning = bend(state.nodes.position, point, like), slope(state.nodes.velocity, point, like)
         shape, shape_x = point.shape, point.shape_x
         pivot = norm * norm + dot(apart, r_xx)
@@ -215,7 +217,9 @@ def _settle_groove(cable, towers, state, tower):
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
         n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-        lateral -= towers.groove[contact] * n * dot(apart, to_the_left(r_x, normal))
+        left = to_the_left(r_x, normal)
+        stiffness, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
+        lateral += side_force(stiffness, rub, dot(apart, left), dot(moving, left))
     state.tower_lateral[tower, 0] = lateral
     if load_here > 0.0:
         state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], abs(lateral) / load_here)

@@ -1,0 +1,121 @@
+"""What several ropes cost: one to eight of them, alone and with rods between, and the pantograph of EN 50318."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+
+from benchmarks.measure import Effort, interleave, note_on_load
+from benchmarks.report import Part, Table, Value
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.simulation import Simulation
+
+COUNTS = (1, 2, 4, 8)
+ELEMENTS, LENGTH, STRETCH = 200, 200.0, 1.01  # of each rope; m; chord over unstrained length
+RODS = 19  # between two neighbours
+STEP, DURATION = 0.005, 1.0  # s
+MOST_EXPONENT, MOST_SHARE, LEAST_PACE = 1.05, 1.3, 1.0  # of cost over ropes; of one alone; times real time
+NOTES = [
+    f"Ropes of {ELEMENTS} elements side by side, {RODS} rods from each to the next one where they are coupled; "
+    f"steps of {STEP * 1e3:g} ms. Costs are by processor time, per Newton iteration and element; that of one rope is "
+    "the unit. A rod makes one front of two ropes, whose elimination multiplies two blocks more a node.",
+    f"Allowed: an exponent of {MOST_EXPONENT:g} over ropes, {MOST_SHARE:g} times the cost of one rope where nothing is "
+    f"coupled, and the pantograph faster than real time.",
+]
+
+
+def ropes(count: int, *, coupled: bool) -> Scenario:
+    """Ropes side by side that swing from rest, under gravity."""
+    wire = {
+        "unstrained_length": LENGTH / STRETCH,
+        "mass_per_length": 2.0,
+        "axial_stiffness": 1e6,
+        "bending_stiffness": 10.0,
+        "elements": ELEMENTS,
+    }
+    names = [f"rope_{k + 1}" for k in range(count)]
+    data: dict[str, Any] = {
+        "ropes": {
+            name: wire | {"start": {"position": [0.0, -float(k)]}, "end": {"position": [LENGTH, -float(k)]}}
+            for k, name in enumerate(names)
+        },
+        "solver": {"step": STEP},
+    }
+    if coupled:
+        places = [LENGTH / STRETCH * (rod + 1) / (RODS + 1) for rod in range(RODS)]
+        data["connectors"] = {
+            f"rod_{k + 1}_{rod + 1}": {"from": [names[k], s], "to": [names[k + 1], s], "length": 1.0, "stiffness": 1e5}
+            for k in range(count - 1)
+            for rod, s in enumerate(places)
+        }
+    return load_scenario(data)
+
+
+def run(effort: Effort, progress: Progress) -> Part:
+    """All of them, in turns."""
+    counts = COUNTS[:2] if effort.quick else COUNTS
+    duration = 0.1 if effort.quick else DURATION
+    cases = {
+        (n, coupled): ropes(n, coupled=coupled) for n in counts for coupled in (False, True) if n > 1 or not coupled
+    }
+    iterations = dict.fromkeys(cases, 0)
+
+    def prepare(case: tuple[int, bool]) -> Callable[[], None]:
+        simulation = Simulation(cases[case])
+
+        def advance() -> None:
+            iterations[case] = simulation.advance_to(duration).solver.iterations
+
+        return advance
+
+    contestants = {str(case): (lambda case=case: prepare(case)) for case in cases}
+    contestants["pantograph"] = lambda: _pantograph(duration)
+    measured = interleave(contestants, effort.repetitions, progress, "several ropes")
+    costs = {case: measured[str(case)].processor / iterations[case] / (case[0] * ELEMENTS) for case in cases}
+    rows: list[dict[str, Value]] = [
+        {
+            "ropes": n,
+            "coupled": "yes" if coupled else "no",
+            "iterations per step": iterations[n, coupled] / round(duration / STEP),
+            "per element and iteration [ns]": cost * 1e9,
+            "times one rope": cost / costs[1, False],
+        }
+        for (n, coupled), cost in costs.items()
+    ]
+    exponents: dict[str, float] = {}
+    for kind, coupled in (("alone", False), ("coupled", True)):
+        chosen = [n for n, own in cases if own == coupled]
+        if len(chosen) > 1:
+            total = [costs[n, coupled] * n for n in chosen]
+            exponents[kind] = float(np.polyfit(np.log(chosen), np.log(total), 1)[0])
+    pace = duration / measured["pantograph"].processor
+    summary: list[dict[str, Value]] = [
+        {"figure": f"exponent over ropes, {kind}", "value": e} for kind, e in exponents.items()
+    ]
+    summary.append({"figure": "pantograph: times real time, by processor time", "value": pace})
+    faults = [] if effort.quick else _faults(exponents, costs, pace)
+    tables = [Table("cost of several ropes", rows), Table("exponents and pace", summary)]
+    return Part("Several ropes", tables, [*NOTES, note_on_load(list(measured.values()))], faults)
+
+
+def _pantograph(duration: float) -> Callable[[], None]:
+    simulation = Simulation(load_scenario("pantograph"))
+    return lambda: simulation.advance_to(duration) and None
+
+
+def _faults(exponents: dict[str, float], costs: dict[tuple[int, bool], float], pace: float) -> list[str]:
+    """Limits that are missed, a line each."""
+    found = [
+        f"ropes: exponent over ropes, {kind}, is {value:.3g}, allowed: {MOST_EXPONENT:g}"
+        for kind, value in exponents.items()
+        if value > MOST_EXPONENT
+    ]
+    worst = max(cost / costs[1, False] for (_, coupled), cost in costs.items() if not coupled)
+    if worst > MOST_SHARE:
+        found.append(f"ropes: an element of several ropes costs {worst:.3g} of one alone, allowed: {MOST_SHARE:g}")
+    if pace < LEAST_PACE:
+        found.append(f"ropes: the pantograph runs {pace:.3g} times real time, allowed: {LEAST_PACE:g} or more")
+    return found
