@@ -93,14 +93,7 @@ def topics(
         Topic(CABLE_PATH, Path.__msgtype__, group="path"),
     ]
     for vehicle in (*layout.carriages, *own):
-        table.append(Topic(pose_topic(vehicle), PoseStamped.__msgtype__, group="poses"))
-        table += [
-            Topic(pose_topic(vehicle, body), PoseStamped.__msgtype__, group="poses")
-            for body in layout.vehicles[vehicle]
-        ]
-        table.append(Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces"))
-        if vehicle in layout.hauled:
-            table.append(Topic(haul_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces"))
+        table += _of_vehicle(vehicle, layout)
     if layout.carriers:
         table.append(Topic(CARRIER_POSES, PoseArray.__msgtype__, group="poses"))
         table.append(Topic(CARRIER_FORCES, PointCloud2.__msgtype__, group="forces"))
@@ -123,6 +116,15 @@ def topics(
     if robot:
         table.append(Topic(ROBOT_DESCRIPTION, String.__msgtype__, durability="transient_local", depth=1))
     return tuple(table)
+
+
+def _of_vehicle(vehicle: str, layout: Layout) -> Iterator[Topic]:
+    """Topics of a vehicle that has some of its own."""
+    for body in (None, *layout.vehicles[vehicle]):
+        yield Topic(pose_topic(vehicle, body), PoseStamped.__msgtype__, group="poses")
+    yield Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces")
+    if vehicle in layout.hauled:
+        yield Topic(haul_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces")
 
 
 def _between_ropes(layout: Layout) -> Iterator[Topic]:

@@ -116,7 +116,7 @@ def make_towers(dim=2, contacts=0, **changes):
         toe=np.full(contacts, 0.01),
         groove=np.full(contacts, 4.0),
         derailment_ratio=np.full(contacts, 0.5),
-        groove_friction=np.full(contacts, 0.3),
+        groove_friction=np.zeros(contacts),
         groove_height=np.full(contacts, 0.05),
     )
     return towers._replace(**changes)
