@@ -109,7 +109,9 @@ def test_a_pip_install_is_found_by_ros2_run_too(tmp_path):
     pytest.importorskip("wheel")
     source, prefix = tmp_path / "source", tmp_path / "prefix"
     shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*GENERATED))
-    install = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--prefix", str(prefix), str(source)]
+    # what is installed in this environment would be uninstalled for it
+    install = ["install", "--quiet", "--no-deps", "--no-build-isolation", "--ignore-installed"]
+    install += ["--prefix", str(prefix), str(source)]
     subprocess.run([sys.executable, "-m", "pip", *install], check=True, timeout=300)
     found = subprocess.run(
         [sys.executable, "-c", "import ament_index_python as a; print(a.get_package_prefix('cable_twin'))"],
