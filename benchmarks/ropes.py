@@ -47,7 +47,7 @@ def ropes(count: int, *, coupled: bool) -> Scenario:
     if coupled:
         places = [LENGTH / STRETCH * (rod + 1) / (RODS + 1) for rod in range(RODS)]
         data["connectors"] = {
-            f"rod_{k + 1}_{rod + 1}": {"from": [names[k], s], "to": [names[k + 1], s], "length": 1.0, "stiffness": 1e5}
+            f"rod_{k + 1}_{rod + 1}": {"from": [names[k], s], "to": [names[k + 1], s], "length": 0.98, "stiffness": 1e4}
             for k in range(count - 1)
             for rod, s in enumerate(places)
         }
