@@ -1,0 +1,99 @@
+"""Several ropes in a scenario: what is wrong with each, and with what is between them, a line each."""
+
+from __future__ import annotations
+
+import pytest
+from test_scenario_faults import SEED, faults_of
+
+from cable_twin.scenario import load_scenario
+
+
+def two_ropes(**changes):
+    """Two ropes with a rod between them and a pantograph below, as plain data."""
+    wire = {"unstrained_length": 99.9, "mass_per_length": 1.0, "axial_stiffness": 1e6, "bending_stiffness": 1.0}
+    held = {"elements": 20, "start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
+    data = {
+        "ropes": {"upper": wire | held, "lower": wire | held},
+        "connectors": {
+            "one": {"from": ["upper", 30.0], "to": ["lower", 30.0], "length": 1.0, "stiffness": 1e5},
+            "other": {"from": ["upper", 60.0], "to": ["lower", 60.0], "length": 1.0, "stiffness": 1e5},
+        },
+        "pantographs": {
+            "head": {
+                "rope": "lower",
+                "position": 20.0,
+                "uplift_force": 100.0,
+                "stages": [{"mass": 7.0, "stiffness": 4e3}],
+            }
+        },
+    }
+    for key, value in changes.items():
+        *path, last = key.split("__")
+        section = data
+        for name in path:
+            section = section[name]
+        section[last] = value
+    return data
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"ropes__upper__unstrained_length": -1.0}, "ropes.upper.unstrained_length: given -1.0; allowed: a finite"),
+        ({"ropes__lower__unstrained_length": 300.0}, None),
+        (
+            {"ropes__lower__unstrained_length": 80.0},
+            "ropes.lower.unstrained_length: given 80.0 for ends that are 100 m",
+        ),
+        ({"connectors__one__length": 0.0}, "connectors.one.length: given 0.0; allowed: a finite number above 0, in m"),
+        ({"connectors__one__to": ["lower", 120.0]}, "connectors.one.to: given 120.0 on 'lower'; allowed: above 0 and"),
+        (
+            {"connectors__one__to": ["middle", 30.0]},
+            "connectors.one.to: given the rope 'middle'; allowed: upper, lower",
+        ),
+        (
+            {"connectors__one__to": ["upper", 40.0]},
+            "connectors.one.to: given 'upper' twice; allowed: another rope than `from`",
+        ),
+        ({"connectors__one__to": ["lower", 70.0]}, "connectors.other: given across 'one'; allowed: the same order"),
+        (
+            {"pantographs__head__rope": "middle"},
+            "pantographs.head.rope: given the rope 'middle'; allowed: upper, lower",
+        ),
+        (
+            {"pantographs__head__position": 100.0},
+            "pantographs.head.position: given 100.0; allowed: above 0 and below 100",
+        ),
+        ({"pantographs__head__stages": []}, "pantographs.head.stages: given []"),
+        (
+            {"towers": {"mast": {"position": [50.0, 1.0], "rope": "middle"}}},
+            "towers.mast.rope: given the rope 'middle'",
+        ),
+        ({"solver": {"integrator": "runge_kutta"}}, "solver.integrator: given 'runge_kutta' with several ropes"),
+    ],
+)
+def test_several_ropes_are_checked_each_and_together(changes, said):
+    faults = faults_of(two_ropes(**changes)) if said else []
+    if said is None:
+        load_scenario(two_ropes(**changes))
+    else:
+        assert len(faults) == 1, faults
+        assert said in faults[0]
+
+
+def test_one_cable_takes_nothing_of_several_ropes():
+    data = {**SEED.resolved(), "pantographs": two_ropes()["pantographs"]}
+    assert any(
+        fault.endswith("pantographs.head: given with one cable; allowed: with several `ropes`")
+        for fault in faults_of(data)
+    )
+    data = SEED.resolved()
+    data["cable"]["mass_damping"] = 0.1
+    assert any("cable.mass_damping: given 0.1; allowed: 0, or several `ropes`" in fault for fault in faults_of(data))
+
+
+def test_several_ropes_go_through_yaml_and_back():
+    scenario = load_scenario(two_ropes())
+    assert "cable" not in scenario.resolved()
+    assert load_scenario(scenario.resolved()).resolved() == scenario.resolved()
+    assert scenario.cable == scenario.ropes["upper"]
