@@ -233,5 +233,7 @@ def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
     again = Simulation.load(tmp_path / "state.npz").advance_to(0.8)
     np.testing.assert_array_equal(later.numbers, again.numbers)
     assert later.pantographs["head"].position[0] == pytest.approx(20.0)
+    assert simulation.advance_to(3.0).pantographs["head"].position[0] == pytest.approx(42.0)
+    assert simulation.snapshot.pantographs["head"].contact_force == 0.0  # past the end of its rope
     simulation.reset()
     np.testing.assert_array_equal(simulation.snapshot.numbers[1:], start.numbers[1:])

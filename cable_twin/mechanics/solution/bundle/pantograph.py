@@ -67,7 +67,8 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
         moving.arc_length[pantograph] = find_place(cable, nodes, moving.arc_length[pantograph], x)
         point = point_at(cable, moving.arc_length[pantograph])
         gap = moving.stages.position[pantograph, 0] - dot(value(nodes.position, point, like), up)
-        touches = 1 if gap > 0.0 else 0
+        under_rope = 0.0 < moving.arc_length[pantograph] < cable.unstrained_length  # and not past one of its ends
+        touches = 1 if gap > 0.0 and under_rope else 0
         contact = bundle.pantographs.contact_stiffness[pantograph] if touches else 0.0
         force = contact * gap
         moving.contact_force[pantograph] = force
