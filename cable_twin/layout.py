@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -48,6 +49,13 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
     "wind": (3,),
+    "vehicle_rope": ("vehicles",),
+    "sheave_position": ("sheaves",),
+    "sheave_speed": ("sheaves",),
+    "sheave_force": ("sheaves",),
+    "sheave_tension": ("sheaves", 2),
+    "sheave_travel": ("sheaves",),
+    "sheave_slip": ("sheaves",),
     "connector_force": ("connectors",),
     "pantograph_force": ("pantographs",),
     "pantograph_position": ("pantographs", 3),
@@ -69,11 +77,15 @@ class Layout:
         grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
         arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
         ropes: which of these are of which rope, by its name.
+        sheaves: names of the bullwheels that join ropes.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
         alone: layout of each rope with what is on it, where there are several.
         tower_rows: numbers of the towers among the supports.
         end_samples: number of the sample at each end of each rope, by the name of the support.
-        sample_ropes, vehicle_ropes: number of the rope of each sample (samples,) and vehicle (vehicles,).
+        sample_ropes: number of the rope of each sample (samples,).
+        vehicle_ropes: (vehicles,) number of the rope of each vehicle, of one that goes round a loop the first.
+        joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
+        loop_offsets: (ropes,) m, place on its loop of the start of each rope that is a strand of one, else 0.
         rope_offsets: (ropes,) m, by which arc lengths of each rope are more than those of the ropes before it.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
@@ -93,6 +105,7 @@ class Layout:
         hauled: Sequence[str] = (),
         towers: Sequence[str] | None = None,
         ropes: Mapping[str, slice] | None = None,
+        sheaves: Sequence[str] = (),
         connectors: Sequence[str] = (),
         pantographs: Sequence[str] = (),
         space: bool = False,
@@ -108,7 +121,7 @@ class Layout:
         self.arc_lengths.setflags(write=False)
         self.towers = self.supports[len(ENDS) :] if towers is None else tuple(towers)
         self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
-        self.connectors, self.pantographs = tuple(connectors), tuple(pantographs)
+        self.sheaves, self.connectors, self.pantographs = tuple(sheaves), tuple(connectors), tuple(pantographs)
         self.alone: dict[str, Layout] = {}
         self.tower_rows = [self.supports.index(name) for name in self.towers]
         self.end_samples = {
@@ -122,6 +135,9 @@ class Layout:
         lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
         self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
         self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
+        self.loop_offsets = np.zeros(len(self.ropes))
+        self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
+        self._rows: dict[str, dict[str, Any]] = {}  # of a frame, by rope and what they are of
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
         counts: dict[str | int, int] = {
@@ -130,6 +146,7 @@ class Layout:
             "supports": len(self.supports),
             "drives": len(self.drives),
             "samples": self.arc_lengths.size,
+            "sheaves": len(self.sheaves),
             "connectors": len(self.connectors),
             "pantographs": len(self.pantographs),
         }
@@ -159,27 +176,101 @@ class Layout:
             hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
             towers=[name for own in supports for name in own[len(ENDS) :]],
             ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names or (CABLE,))},
+            sheaves=tuple(scenario.sheaves),
             connectors=tuple(scenario.connectors),
             pantographs=tuple(scenario.pantographs),
             space=scenario.dim == 3,
             grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
         )
-        counts = [len(one.vehicles) for one in alone]
-        layout.vehicle_ropes = np.repeat(np.arange(len(alone)), counts)
         layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=False)}
+        for row, (name, own) in enumerate(layout.alone.items()):
+            layout._rows[name] = layout._rows_of(name)
+            layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
+            strand = scenario.strands.get(name)
+            layout.loop_offsets[row] = strand.offset if strand else 0.0
+        layout.joints = np.array(
+            [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
+            or [(0, row) for row in layout.vehicle_rows.values()],
+            dtype=np.int64,
+        ).reshape(-1, 2)
         return layout
 
+    @property
+    def rides_loop(self) -> bool:
+        """Whether carriers go from rope to rope."""
+        return bool(self.alone and self.carriers)
+
+    def _rows_of(self, name: str) -> dict[str, Any]:
+        """Rows of a frame that are of one rope, by what they are of."""
+        own, none = self.alone[name], slice(0, 0)
+        before = sum(len(self.alone[other].supports) for other in list(self.alone)[: list(self.alone).index(name)])
+        vehicles = [self.vehicle_rows[vehicle] for vehicle in own.vehicles]
+        bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
+        return {
+            "samples": self.ropes[name],
+            "supports": slice(before, before + len(own.supports)),
+            "vehicles": np.array(vehicles, dtype=np.int64),
+            "bodies": np.array(bodies, dtype=np.int64),
+            **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), none),
+        }
+
     def of_rope(self, columns: Columns, name: str) -> Columns:
-        """Views of what is of one rope in the columns of a frame, in the order of its own layout."""
+        """What is of one rope in the columns of a frame, in the order of its own layout.
+
+        What is on another strand of its loop is not attached.
+        """
         if not self.alone:
             return columns
-        before = list(self.alone.values())[: list(self.alone).index(name)]
-        own, none = self.alone[name], slice(0, 0)
-        rows = {"samples": self.ropes[name], "connectors": none, "pantographs": none, "drives": none}
-        for key in ("supports", "vehicles", "bodies"):
-            first = sum(len(getattr(one, key)) for one in before)
-            rows[key] = slice(first, first + len(getattr(own, key)))
-        return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
+        rows = self._rows[name]
+        found = Columns(
+            *(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items())
+        )
+        if self.rides_loop:
+            here = found.vehicle_rope == list(self.alone).index(name)
+            found = found._replace(attached=np.where(here, found.attached, 0.0))
+        return found
+
+    def on_loop(self, columns: Columns) -> FloatArray:
+        """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""
+        if not self.rides_loop:
+            return columns.arc_length
+        ropes = np.nan_to_num(columns.vehicle_rope).astype(np.int64)
+        riding = np.arange(len(self.vehicles)) >= len(self.carriages)
+        return columns.arc_length + np.where(riding, self.loop_offsets[ropes], 0.0)
+
+    def off_loop(self, columns: Columns) -> None:
+        """Take places on the loop, in the columns of a frame, for those on the rope on which each vehicle is."""
+        if not self.rides_loop:
+            return
+        columns.vehicle_rope[:] = self.vehicle_ropes
+        riding = slice(len(self.carriages), None)
+        order = np.argsort(self.loop_offsets, kind="stable")
+        number = np.searchsorted(self.loop_offsets[order], columns.arc_length[riding] + 1e-9, side="right") - 1
+        ropes = order[np.maximum(number, 0)]
+        columns.vehicle_rope[riding] = ropes
+        ends = self.arc_lengths[[part.stop - 1 for part in self.ropes.values()]][ropes]
+        places = columns.arc_length[riding] - self.loop_offsets[ropes]
+        # what is at an end hangs exactly there
+        places = np.where(np.abs(places) < 1e-9, 0.0, np.where(np.abs(places - ends) < 1e-9, ends, places))
+        columns.arc_length[riding] = places
+
+    def put(self, columns: Columns, name: str, own: Columns) -> None:
+        """Write the columns of one rope into those of a frame.
+
+        Of carriers, those that are on it; the first rope of all gives what is on none.
+        """
+        rows, number = self._rows[name], list(self.alone).index(name)
+        here = (own.attached == 1.0) | (np.arange(own.attached.size) < len(self.alone[name].carriages)) | (number == 0)
+        bodies = np.repeat(here, np.diff(self.alone[name].first_body))
+        for key, target in columns._asdict().items():
+            kind = str(SHAPES[key][0])
+            if kind in ("samples", "supports"):
+                target[rows[kind]] = getattr(own, key)
+            elif kind in ("vehicles", "bodies"):
+                chosen = here if kind == "vehicles" else bodies
+                target[rows[kind][chosen]] = getattr(own, key)[chosen]
+        columns.wind[:] = own.wind
+        columns.vehicle_rope[rows["vehicles"][here]] = number
 
     def columns(self, numbers: FloatArray) -> Columns:
         """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""

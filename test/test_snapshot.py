@@ -141,8 +141,8 @@ def test_columns_are_those_of_the_state(simulation):
         (columns.rope_tension, simulation.cable_tension(simulation.layout.arc_lengths)),
         (columns.tower_load[2:], state.tower_load[:, 0]),
         (columns.tower_lowest_load[2:], state.tower_load[:, 1]),
-        (columns.drive_position, state.rope.position.repeat(len(simulation.drives))),
-        (columns.drive_speed, state.rope.velocity.repeat(len(simulation.drives))),
+        (columns.drive_position, state.rope.position[:1].repeat(len(simulation.drives))),
+        (columns.drive_speed, state.rope.velocity[:1].repeat(len(simulation.drives))),
     ):
         np.testing.assert_array_equal(column, array)
     on_joint = np.nan_to_num(columns.haul_pull) + columns.contact_force

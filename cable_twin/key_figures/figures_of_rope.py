@@ -19,7 +19,7 @@ from cable_twin.key_figures.stops import Stops
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.schema import Limits
+from cable_twin.scenario.drives import Limits
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
 # assumed: ropeway standards name no band; shorter than 0.2 s nobody takes for an acceleration

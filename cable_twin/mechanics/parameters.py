@@ -150,10 +150,15 @@ class MovingCable(NamedTuple):
     acceleration_limit: float  # m/s^2, of the drive reference
     emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
     jerk_limit: float  # m/s^3, inf where there is none
+    over_sheaves: bool = False  # its ends go as bullwheels do, which it shares with other strands
 
 
 STANDING = MovingCable(
-    moving=False, loop_length=1.0, acceleration_limit=0.0, emergency_deceleration=0.0, jerk_limit=0.0
+    moving=False,
+    loop_length=1.0,
+    acceleration_limit=0.0,
+    emergency_deceleration=0.0,
+    jerk_limit=0.0,
 )
 
 

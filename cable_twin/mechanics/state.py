@@ -73,7 +73,9 @@ class State(NamedTuple):
     drive_braking: NDArray[np.bool_]  # (carriages,) an emergency stop is in force
     braking_time: FloatArray  # (carriages,) s, since then
     reference: Course  # (carriages,) what a driven joint or sheave follows
-    rope: Course  # (1,) cable that has gone by, towards the end
+    rope: Course  # (2,) rope that has gone by at start and end of the mesh, towards the end
+    surplus: FloatArray  # (1,) m, by which the rope on the mesh was longer than that before any had gone by
+    loop_start: FloatArray  # (1,) m, place on the loop of the start of the mesh then
     rope_target: FloatArray  # (1,) m/s
     rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
     contact_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
@@ -176,7 +178,9 @@ def allocate_state(system: System) -> State:
         drive_braking=np.zeros(carriages, dtype=np.bool_),
         braking_time=np.zeros(carriages),
         reference=Course(*(np.zeros(carriages) for _ in Course._fields)),
-        rope=Course(*(np.zeros(1) for _ in Course._fields)),
+        rope=Course(*(np.zeros(2) for _ in Course._fields)),
+        surplus=np.zeros(1),
+        loop_start=np.zeros(1),
         rope_target=np.zeros(1),
         rope_braking=np.zeros(1, dtype=np.bool_),
         contact_arc_length=np.zeros(contacts),

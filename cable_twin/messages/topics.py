@@ -31,7 +31,7 @@ DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
 JOINT_STATES = "joint_states"
 AIR_WIND = "air/wind"
-CONNECTORS, PANTOGRAPHS = "connectors", "pantographs"
+SHEAVES, CONNECTORS, PANTOGRAPHS = "sheaves", "connectors", "pantographs"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
 CARRIER_POSES = "carriers/poses"
@@ -129,6 +129,8 @@ def _of_vehicle(vehicle: str, layout: Layout) -> Iterator[Topic]:
 
 def _between_ropes(layout: Layout) -> Iterator[Topic]:
     """Topics of what is on no rope alone."""
+    if layout.sheaves:
+        yield Topic(SHEAVES, JointState.__msgtype__, group="joints")
     if layout.connectors:
         yield Topic(CONNECTORS, JointState.__msgtype__, group="forces")
     if layout.pantographs:

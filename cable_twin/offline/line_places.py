@@ -58,8 +58,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     """
     movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped"]
     if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
-        spacing = scenario.carriers.spacing
-        return Line(scenario, scenario.carriers.name, np.arange(count) * spacing / count)
+        return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
     if vehicle is None and not movable:
         return Line(scenario, "", np.zeros(1))
     name = movable[0] if vehicle is None else vehicle
@@ -109,8 +108,8 @@ def at_place(line: Line, place: float) -> Snapshot:
     carriers = scenario.carriers
     key, value = f"carriages.{moved}.arc_length", place
     if carriers is not None and moved == carriers.name:
-        first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
-        key, value = "carriers.first", (first + place) % carriers.spacing
+        first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
+        key, value = "carriers.first", (first + place) % scenario.spacing
     try:
         return Simulation(load_scenario(scenario.resolved(), {key: value} if moved else {})).snapshot
     except EquilibriumError as error:

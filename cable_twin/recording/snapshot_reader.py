@@ -34,6 +34,7 @@ from cable_twin.messages import (
     PANTOGRAPHS,
     ROPE_FIELD,
     SECOND,
+    SHEAVES,
     Status,
     contact_force_topic,
     decode,
@@ -129,6 +130,8 @@ class _Frames:
         self._payloads = self._first_payloads()
         self._names_checked = False
         self._absolute = log.files[0].absolute
+        cables = [*scenario.ropes.values()] or [scenario.cable]
+        self._lengths = np.array([cable.unstrained_length for cable in cables])
         self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
@@ -155,6 +158,8 @@ class _Frames:
             readers[CARRIER_POSES] = table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+        if layout.sheaves:
+            readers[SHEAVES] = self._read_sheaves
         if layout.connectors:
             readers[CONNECTORS] = reader(len(layout.connectors), [c.connector_force])
         for row, name in enumerate(layout.pantographs):
@@ -183,7 +188,8 @@ class _Frames:
         c = self._columns
         c.payload[:], c.wind[:] = self._payloads, np.where(np.isnan(c.wind), self._winds[1], c.wind)
         # what is off a moving cable hangs exactly at one of its ends
-        ends = (c.arc_length == 0.0) | (c.arc_length == self._scenario.cable.unstrained_length)
+        self._layout.off_loop(c)
+        ends = (c.arc_length == 0.0) | (c.arc_length == self._lengths[np.nan_to_num(c.vehicle_rope).astype(np.int64)])
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
         self._turn_bodies()
         self._judge_supports()
@@ -236,7 +242,11 @@ class _Frames:
     def _go_to(self, full: FullState, *, back: bool = False) -> None:
         """Take over what no frame tells, of the state or, `back`, of its start."""
         states = full.starts if back else full.states
-        self._payloads = np.concatenate([state.payload for state in states])
+        names = [*self._scenario.ropes] or [""]
+        alone = [self._scenario.of_rope(name) if name else self._scenario for name in names]
+        for one, state in zip(alone, states, strict=True):  # of what rides a loop, as its last strand has it
+            for vehicle, mass in zip(one.vehicles, state.payload.tolist(), strict=True):
+                self._payloads[self._layout.vehicle_rows[vehicle]] = mass
         self._towers.go_to(states)
         self._winds[1] = in_space(tuple(states[0].wind.tolist()))
 
@@ -260,6 +270,14 @@ class _Frames:
         for row in self._hung:  # from the rope down: each against the one above it
             for column in (c.body_angles, c.body_angular_velocity):
                 column[row, 1] += column[row - 1, 1]
+
+    def _read_sheaves(self, data: bytes) -> None:
+        c, count = self._columns, 4 * len(self._layout.sheaves)
+        numbers = last_numbers(data, 3 * count + 2)
+        parts = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
+        places, speeds, forces = (part.reshape(-1, 4) for part in parts)
+        c.sheave_position[:], c.sheave_slip[:], c.sheave_travel[:] = places[:, 0], places[:, 1], places[:, 3]
+        c.sheave_speed[:], c.sheave_force[:], c.sheave_tension[:] = speeds[:, 0], forces[:, 0], forces[:, 1:3]
 
     def _read_cable(self, data: bytes) -> None:
         fields = (*CABLE_FIELDS, ROPE_FIELD) if self._layout.alone else CABLE_FIELDS

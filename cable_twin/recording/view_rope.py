@@ -39,7 +39,7 @@ class Rope:
 
     def __init__(self, layout: Layout, scale: float, unit: str, *, space: bool = False) -> None:
         self._arc_lengths = layout.arc_lengths + layout.rope_offsets[layout.sample_ropes]
-        self._offsets = layout.rope_offsets[layout.vehicle_ropes]
+        self._offsets = layout.rope_offsets
         self._starts = layout.rope_offsets[1:]  # of ropes after the first
         self._scale = scale
         self._unit = unit
@@ -68,7 +68,7 @@ class Rope:
             self._arc_lengths,
             c.rope_position[rows],
             c.rope_tension[rows] * self._scale,
-            places + self._offsets,
+            places + self._offsets[np.nan_to_num(c.vehicle_rope[rows]).astype(np.intp)],
             c.joint_position[rows],
         )
         known = tensions[~np.isnan(tensions)]

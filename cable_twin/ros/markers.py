@@ -56,7 +56,7 @@ class Markers:
         self._columns, self._layout = columns, layout
         self._header = Header(STAMP, frame_id)
         self._span = max(float(np.ptp(columns.rope_position[:, axis])) for axis in range(3))
-        rope = len(layout.arc_lengths) + len(layout.vehicles)
+        rope = len(layout.arc_lengths) + len(layout.joints)
         self._rope, self._colors = np.empty((rope, 3)), np.empty((rope, 4))
         self._tension_colors = TensionColors()
         self._tension_colors.start(columns.rope_tension)
@@ -66,9 +66,7 @@ class Markers:
         self._box_position, self._box_turn = np.empty((len(self._boxed), 3)), np.empty((len(self._boxed), 4))
         towers = {name: in_space(tower.position) for name, tower in scenario.towers.items()}
         self._towers = [towers[name] for name in layout.towers]
-        counts = [
-            np.sum(layout.sample_ropes == n) + np.sum(layout.vehicle_ropes == n) for n in range(len(layout.ropes))
-        ]
+        counts = [np.sum(layout.sample_ropes == n) + np.sum(layout.joints[:, 0] == n) for n in range(len(layout.ropes))]
         self._ropes = [slice(last - count, last) for count, last in zip(counts, np.cumsum(counts), strict=True)]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
         self._scales = self._scales_of_forces()
@@ -109,11 +107,13 @@ class Markers:
     def _fill_rope(self, c: Columns) -> None:
         """The samples of the rope, and its kinks at the joints that are on it, in the order along it."""
         layout = self._layout
-        last = np.array([part.stop - 1 for part in layout.ropes.values()])[layout.vehicle_ropes]  # of its own rope
-        on_rope = (c.attached == 1.0) & (c.arc_length >= 0.0) & (c.arc_length <= layout.arc_lengths[last])
+        rope, vehicle = layout.joints.T
+        last = np.array([part.stop - 1 for part in layout.ropes.values()])[rope]  # of its own rope
+        on_rope = (c.attached[vehicle] == 1.0) & (c.vehicle_rope[vehicle] == rope)
+        on_rope &= (c.arc_length[vehicle] >= 0.0) & (c.arc_length[vehicle] <= layout.arc_lengths[last])
         arc_lengths = layout.arc_lengths + layout.rope_offsets[layout.sample_ropes]
-        places = np.where(on_rope, c.arc_length, layout.arc_lengths[last]) + layout.rope_offsets[layout.vehicle_ropes]
-        joints = np.where(on_rope[:, None], c.joint_position, c.rope_position[last])
+        places = np.where(on_rope, c.arc_length[vehicle], layout.arc_lengths[last]) + layout.rope_offsets[rope]
+        joints = np.where(on_rope[:, None], c.joint_position[vehicle], c.rope_position[last])
         order = np.argsort(np.concatenate([arc_lengths, places]), kind="stable")
         self._rope[:] = np.vstack([c.rope_position, joints])[order]
         self._tension_colors.widen(c.rope_tension)

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from math import exp, inf, sqrt
+
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.solution.bundle.records import Connectors, Pantographs, sequence_of
-from cable_twin.scenario.build import build_system
+from cable_twin.mechanics.solution.bundle.records import (
+    COUNTERWEIGHT,
+    FIXED,
+    HYDRAULIC,
+    Connectors,
+    Pantographs,
+    Sheaves,
+    sequence_of,
+)
+from cable_twin.scenario.build import BUFFER, build_system
 from cable_twin.scenario.build_vehicles import floats
+from cable_twin.scenario.drives import Limits
+from cable_twin.scenario.fields import Vector
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sheaves import Sheave
 
 
 def build_ropes(scenario: Scenario) -> dict[str, System]:
@@ -67,4 +80,50 @@ def build_pantographs(scenario: Scenario) -> Pantographs:
     )
 
 
-__all__ = ["build_connectors", "build_pantographs", "build_ropes"]
+def build_sheaves(scenario: Scenario) -> Sheaves:
+    """The bullwheels, in the order of the file."""
+    given, names = list(scenario.sheaves.values()), list(scenario.ropes)
+    joined = [[names.index(end.partition(".")[0]) for end in sheave.joins] for sheave in given]
+    ropes = [[scenario.ropes[names[rope]] for rope in pair] for pair in joined]
+    drives = {drive.sheave: drive for drive in scenario.drives.values()}
+    limits = [drives[name].limits if name in drives else Limits() for name in scenario.sheaves]
+    tensioning = [_tensioning(scenario, sheave) for sheave in given]
+    return Sheaves(
+        rope=np.array(joined, dtype=np.int64).reshape(-1, 2),
+        inertia=floats([sheave.inertia / sheave.radius**2 for sheave in given]),
+        wrapped=floats([sheave.wrapped * pair[0].mass_per_length for sheave, pair in zip(given, ropes, strict=True)]),
+        impedance=floats([sum(sqrt(one.axial_stiffness * one.mass_per_length) for one in pair) for pair in ropes]),
+        adhesion=floats([exp(sheave.friction * sheave.wrap) for sheave in given]),
+        resistance=floats([sheave.resistance / sheave.radius for sheave in given]),
+        driven=np.array([name in drives for name in scenario.sheaves], dtype=np.int64),
+        acceleration_limit=floats([limit.acceleration for limit in limits]),
+        emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
+        jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
+        brake_force=floats([sheave.brake.force if sheave.brake else 0.0 for sheave in given]),
+        brake_rise_time=floats([sheave.brake.rise_time if sheave.brake else 0.0 for sheave in given]),
+        tensioning=np.array([kind for kind, *_ in tensioning], dtype=np.int64),
+        direction=floats([row[1] for row in tensioning], scenario.dim),
+        **{
+            name: floats([row[2][number] for row in tensioning])
+            for number, name in enumerate(("mass", "pull", "band", "rate", "buffer_stiffness", "buffer_damping"))
+        },
+        travel=floats([row[3] for row in tensioning], 2),
+    )
+
+
+def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], tuple[float, ...], Vector]:
+    """Kind, direction (dim,), mass, pull, band, rate and buffers, and travel of what moves a bullwheel."""
+    weight, cylinder = sheave.counterweight, sheave.hydraulics
+    if weight is None and (cylinder is None or cylinder.locked):
+        return FIXED, [0.0] * scenario.dim, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0)
+    given = scenario.vector((weight or cylinder).direction)  # type: ignore[union-attr]
+    direction = [float(part / np.linalg.norm(given)) for part in given]
+    if weight is not None:
+        pull = weight.force or weight.mass * scenario.gravity
+        mass = weight.mass + weight.carriage_mass
+        return COUNTERWEIGHT, direction, (mass, pull, 0.0, 0.0, pull / BUFFER, weight.buffer_damping), weight.travel
+    assert cylinder is not None
+    return HYDRAULIC, direction, (1.0, cylinder.force, cylinder.band, cylinder.rate, 0.0, 0.0), cylinder.travel
+
+
+__all__ = ["build_connectors", "build_pantographs", "build_ropes", "build_sheaves"]

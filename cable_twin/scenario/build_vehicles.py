@@ -8,7 +8,8 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario.schema import Body, Carriage, Drive, Scenario
+from cable_twin.scenario.drives import Drive
+from cable_twin.scenario.schema import Body, Carriage, Scenario
 
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length

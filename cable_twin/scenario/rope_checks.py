@@ -8,6 +8,7 @@ from itertools import pairwise
 from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sheave_checks import sheave_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 NAMES_SHOWN = 8
@@ -17,26 +18,28 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them: of each rope by itself, and of what is between them."""
     yield from _whose(scenario)
     if not scenario.ropes:
-        for key in ("connectors", "pantographs"):
+        for key in ("sheaves", "connectors", "pantographs"):
             for name in getattr(scenario, key):
                 yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
         for key in ("mass_damping", "tension_damping"):
             if getattr(scenario.cable, key) != 0.0:
                 yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
         return
-    if scenario.drives or scenario.carriers:
-        yield Fault(("ropes",), "given several ropes and one that moves; allowed: ropes at rest, or one cable")
     if scenario.solver.integrator != "generalized_alpha":
         yield Fault(
             ("solver", "integrator"),
             f"given {scenario.solver.integrator!r} with several ropes; allowed: generalized_alpha",
         )
+    seen = set()  # what rides a loop is on each of its strands
     for name in scenario.ropes:
         yield from name_faults(("ropes", name))
         alone = scenario.of_rope(name)
         for fault in (*cable_faults(alone), *vehicle_faults(alone)):
             path: KeyPath = ("ropes", name, *fault.path[1:]) if fault.path[0] == "cable" else fault.path
-            yield Fault(path, fault.text)
+            if path not in seen:
+                seen.add(path)
+                yield Fault(path, fault.text)
+    yield from sheave_faults(scenario)
     yield from _connectors(scenario)
     yield from _pantographs(scenario)
 

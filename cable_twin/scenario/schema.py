@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from cable_twin.mechanics.parameters import ELASTIC_MODELS, GUSTS, INTEGRATORS, STRONGEST_WIND
 from cable_twin.scenario.as_yaml import as_yaml
 from cable_twin.scenario.couplings import Connector, Pantograph
+from cable_twin.scenario.drives import Drive, RopeDrive
 from cable_twin.scenario.fields import FromList, Place, Section, Tensor, Vector, in_space, quantity
+from cable_twin.scenario.sheaves import Sheave, Strand, expand_sheaves, strands_of
 
 MOST_ELEMENTS = 100_000
 # whatever the mechanics have; without a stub's idea of a literal
@@ -169,60 +171,6 @@ class TerrainSides(Section):
     right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)
 
 
-class Limits(Section):
-    """What a drive may do; null where there is no limit."""
-
-    speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
-    acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
-    deceleration: float | None = quantity("m/s^2", "deceleration of a service stop; null as acceleration", None, gt=0)
-    jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
-    force: float | None = quantity("N", "highest drive force along the cable", None, gt=0)
-    power: float | None = quantity("W", "highest power, driving or braking: force times speed", None, gt=0)
-    emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
-
-
-class HaulRope(Section):
-    """The rope through which a drive in a station pulls a carriage."""
-
-    axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
-    mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
-    damping_ratio: float = quantity("-", "damping ratio of the carriage's bounce on it", 0.01, ge=0)
-    station: Literal["start", "end"] = Field(default="end", description="end of the track where the drive sheave is")
-    beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)
-    pretension: float = quantity(
-        "N", "pull of the counter rope: with how much the loop can push the carriage; 0 where there is none", 0.0, ge=0
-    )
-    drive_inertia: float = quantity(
-        "kg", "mass of all that moves with the drive sheave, counter rope too, reduced to the rope", gt=0
-    )
-
-
-class Brake(Section):
-    """A brake that holds, or slips at its force."""
-
-    force: float = quantity("N", "force along the rope, fully applied", gt=0)
-    rise_time: float = quantity("s", "time from release to full force", 0.0, ge=0)
-
-
-StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_brake"]
-
-
-class Drive(Section):
-    """What moves a carriage along the cable, and stops it."""
-
-    mode: Literal["free", "speed", "force"] = Field(default="free", description="what moves it until a command comes")
-    limits: Limits = Field(default_factory=Limits, description="limits of the drive")
-    haul_rope: HaulRope | None = Field(
-        default=None, description="rope through which the drive pulls; without one it acts on the carriage itself"
-    )
-    service_brake: Brake | None = Field(default=None, description="brake on the drive")
-    emergency_brake: Brake | None = Field(default=None, description="second brake on the drive")
-    track_rope_brake: Brake | None = Field(default=None, description="brake of the carriage on the cable")
-    emergency_stop: Annotated[tuple[StopMeans, ...], FromList] = Field(
-        default=("drive",), description="what an emergency stop applies", min_length=1
-    )
-
-
 class Friction(Section):
     """What resists a carriage along the cable."""
 
@@ -375,20 +323,17 @@ class Air(Section):
     turbulence: Turbulence | None = Field(default=None, description="turbulence of the wind; null for none")
 
 
-class RopeDrive(Section):
-    """What moves the cable along itself, through its held ends; commands name it."""
-
-    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
-    speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
-    limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
-
-
 class CarrierPayload(Section):
     """What each carrier carries, which changes in the stations: full up, empty down."""
 
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
     from_end: float = quantity("kg", "what one carries that comes onto the cable at its end", 0.0, ge=0)
+    leaving: dict[str, float] = Field(
+        default_factory=dict,
+        description="what one carries that leaves a bullwheel, by its name, instead of both (kg)",
+        json_schema_extra={"unit": "kg", "allowed": "a mapping of names of sheaves to finite numbers"},
+    )
     on_cable: float | None = quantity(
         "kg", "what those carry that are on the cable at the start of the run; null: as from_start", None, ge=0
     )
@@ -410,7 +355,13 @@ class Carriers(Section):
 
     name: str = Field(default="carrier", description="what they are called, before their number")
     count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
-    spacing: float = quantity("m", "unstrained distance of one to the next; the loop is count times as long", gt=0)
+    spacing: float | None = quantity(
+        "m",
+        "unstrained distance of one to the next. One cable: its loop is count times as long; "
+        "bullwheels: null, even round the loop",
+        None,
+        gt=0,
+    )
     first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
     bodies: dict[str, Body] = Field(
         default_factory=dict, description="bodies of each by name, from the cable downwards; where all are of one kind"
@@ -423,12 +374,26 @@ class Carriers(Section):
         default=(), description="kinds from the first carrier on, over and over again; by default each once"
     )
 
+    def on_strand(self, strand: Strand) -> Carriers:
+        """The same as one strand of a loop sees them: what they carry as they come onto it at either end."""
+        kinds = {
+            name: kind.model_copy(update={"payload": _on(strand, kind.payload)}) for name, kind in self.kinds.items()
+        }
+        return self.model_copy(update={"payload": _on(strand, self.payload), "kinds": kinds})
+
     def kind(self, number: int) -> CarrierKind:
         """Kind of the carrier of a number, from 0 on."""
         if not self.kinds:
             return CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
         order = self.order or tuple(self.kinds)
         return self.kinds[order[number % len(order)]]
+
+
+def _on(strand: Strand, payload: CarrierPayload | None) -> CarrierPayload | None:
+    if payload is None or not payload.leaving:
+        return payload
+    masses = {"from_start": payload.leaving.get(strand.before, 0.0), "from_end": payload.leaving.get(strand.after, 0.0)}
+    return payload.model_copy(update=masses)
 
 
 class Sensor(Section):
@@ -498,6 +463,7 @@ class Scenario(Section):
     )
     cable: Cable = Field(description="the cable; where there are several `ropes` instead, the first of those")
     ropes: dict[str, Cable] = Field(default_factory=dict, description="several ropes by name, instead of one cable")
+    sheaves: dict[str, Sheave] = Field(default_factory=dict, description="bullwheels that join ropes to loops, by name")
     connectors: dict[str, Connector] = Field(default_factory=dict, description="what hangs between ropes, by name")
     pantographs: dict[str, Pantograph] = Field(
         default_factory=dict, description="what pushes a rope from below and moves along it, by name"
@@ -512,11 +478,14 @@ class Scenario(Section):
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
     sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
+    _strand: Strand | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
     def _first_of_ropes(cls, data: Any) -> Any:
-        """Let the cable be the first of several ropes."""
+        """Let the cable be the first of several ropes, and each tower and drive stand by itself."""
+        if isinstance(data, dict):
+            data = expand_sheaves(data)
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}
@@ -524,27 +493,59 @@ class Scenario(Section):
 
     def of_rope(self, name: str) -> Scenario:
         """The same of one rope alone, with what is on it: a scenario with a cable."""
-        first = next(iter(self.ropes))
+        first, strand = next(iter(self.ropes)), self.strands.get(name)
         update = {
             "cable": self.ropes[name],
-            "towers": {key: tower for key, tower in self.towers.items() if (tower.rope or first) == name},
+            "towers": self._along(
+                name, {k: tower for k, tower in self.towers.items() if (tower.rope or first) == name}
+            ),
             "carriages": {key: one for key, one in self.carriages.items() if (one.rope or first) == name},
             "space": self.dim,
         }
-        return self.model_copy(update={**update, "ropes": {}, "connectors": {}, "pantographs": {}})
+        update |= {"ropes": {}, "connectors": {}, "pantographs": {}}
+        if self.sheaves:
+            carriers = self.carriers.on_strand(strand) if self.carriers and strand else None
+            update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
+        alone = self.model_copy(update=update)
+        alone._strand = strand
+        return alone
+
+    def _along(self, name: str, towers: dict[str, Tower]) -> dict[str, Tower]:
+        """Towers of one rope in the order along it: of a strand, which may come down the line that another goes up."""
+        if name not in self.strands:
+            return towers
+        ends = [in_space(end.position) for end in (self.ropes[name].start, self.ropes[name].end)]
+        chord = [there - here for here, there in zip(*ends, strict=True)]
+
+        def way(item: tuple[str, Tower]) -> float:
+            return sum(part * place for part, place in zip(chord, in_space(item[1].position), strict=True))
+
+        return dict(sorted(towers.items(), key=way))
+
+    @property
+    def strands(self) -> dict[str, Strand]:
+        """The ropes that are strands of a closed loop."""
+        return strands_of({name: rope.unstrained_length for name, rope in self.ropes.items()}, self.sheaves)
+
+    @property
+    def strand(self) -> Strand | None:
+        """Where the cable is on its loop, of one that is a strand of several ropes."""
+        return self._strand
 
     @property
     def vehicles(self) -> dict[str, Carriage]:
         """All carriages by name: those of the file, then the carriers from the first on."""
-        carriers = self.carriers
+        carriers, carriages = self.carriers, self.carriages
         if self.ropes:  # rope by rope, as they are read
             rows = {name: row for row, name in enumerate(self.ropes)}
-            return dict(sorted(self.carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
+            carriages = dict(sorted(carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
         if carriers is None:
-            return self.carriages
-        first = 0.5 * carriers.spacing if carriers.first is None else carriers.first
-        places = [(first + number * carriers.spacing) % self.loop_length for number in range(carriers.count)]
-        return self.carriages | {
+            return carriages
+        spacing = self.spacing
+        first = 0.5 * spacing if carriers.first is None else carriers.first
+        start = self._strand.offset if self._strand else 0.0
+        places = [(first - start + number * spacing) % self.loop_length for number in range(carriers.count)]
+        return carriages | {
             f"{carriers.name}_{number + 1}": self._carrier(carriers.kind(number), place)
             for number, place in enumerate(places)
         }
@@ -575,9 +576,20 @@ class Scenario(Section):
     @property
     def loop_length(self) -> float:
         """Unstrained length (m) of the loop of a moving cable; without carriers, there and back."""
-        if self.carriers is None:
+        if self._strand is not None:
+            return self._strand.loop_length
+        for strand in self.strands.values():
+            return strand.loop_length
+        if self.carriers is None or self.carriers.spacing is None:
             return 2.0 * self.cable.unstrained_length
         return self.carriers.count * self.carriers.spacing
+
+    @property
+    def spacing(self) -> float:
+        """Unstrained distance (m) of one carrier to the next; 0 without carriers."""
+        if self.carriers is None:
+            return 0.0
+        return self.carriers.spacing or self.loop_length / self.carriers.count
 
     def resolved(self) -> dict[str, Any]:
         """The whole scenario with its defaults as plain data for JSON or YAML; `load_scenario` reads it back."""

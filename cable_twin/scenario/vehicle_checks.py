@@ -210,8 +210,9 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
 
 
 def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    length = scenario.cable.unstrained_length
-    if not scenario.drives:
+    length, strand = scenario.cable.unstrained_length, scenario.strand
+    spacing = scenario.spacing
+    if not scenario.drives and strand is None:
         yield Fault(("carriers",), "given for a cable that stands still; allowed: with a drive in drives")
     if carriers.name is not None:
         yield from name_faults(("carriers", "name"), carriers.name)
@@ -219,7 +220,9 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         taken = [name for name in (*scenario.carriages, *scenario.drives) if fullmatch(own, name)]
         if taken:
             yield Fault(("carriers", "name"), f"given {carriers.name!r}, which would name {taken[0]!r} twice")
-    if carriers.spacing > length:
+    if carriers.spacing is None and strand is None:
+        yield Fault(("carriers", "spacing"), "not given; allowed: a length in m, for the loop is as long as they need")
+    elif spacing > length:
         yield Fault(
             ("carriers", "spacing"),
             f"given {carriers.spacing!r}; allowed: at most {length:.9g} m, the length of the cable",
@@ -227,8 +230,8 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     elif scenario.loop_length < length:
         yield Fault(
             ("carriers", "count"),
-            f"given {carriers.count!r} every {carriers.spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; "
-            f"allowed: at least {ceil(length / carriers.spacing - 1e-9)}, for the cable of {length:.9g} m to fit in",
+            f"given {carriers.count!r} every {spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; "
+            f"allowed: at least {ceil(length / spacing - 1e-9)}, for the cable of {length:.9g} m to fit in",
         )
     if carriers.first is not None and carriers.first > scenario.loop_length:
         yield Fault(

@@ -10,7 +10,8 @@ from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.schema import Carriage, Limits
+from cable_twin.scenario.drives import Limits
+from cable_twin.scenario.schema import Carriage
 
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
@@ -38,7 +39,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
 def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
     """Limits of what a command of a kind may name: a carriage that drives itself, or the drive of a moving cable."""
     if name in scenario.drives:
-        if kind == "force":
+        if kind == "force" and scenario.drives[name].sheave is None:
             raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
         return scenario.drives[name].limits
     carriage = _known(name, scenario)

@@ -72,7 +72,7 @@ def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str,
     held = {}
     for name, drive in scenario.drives.items():
         if drive.speed != 0.0:
-            state.rope.velocity[0] = state.rope_target[0] = drive.speed
+            state.rope.velocity[:] = state.rope_target[0] = drive.speed
             held[name] = Command("speed", {name: drive.speed})
             for index in np.flatnonzero(system.carriages.clamped & state.attached).tolist():
                 set_going(system, state, index, drive.speed)

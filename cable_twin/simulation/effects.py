@@ -63,8 +63,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command, *, ahead: 
             effect.check_motion(share, part.scenario, part.system, part.state)
     for part, share in shares:
         effect.change(part, share)
-    if command.kind == "reset":
-        engine.reset()
+    engine.take(command)
 
 
 def _share(command: Command, part: Ropeway) -> Command:

@@ -26,8 +26,10 @@ from cable_twin.mechanics.solution.bundle.rest import settle_bundle
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
+from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build_bundle import build_connectors, build_pantographs, build_ropes
+from cable_twin.scenario.build_bundle import build_connectors, build_pantographs, build_ropes, build_sheaves
+from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
 
@@ -39,9 +41,11 @@ class Engine(Protocol):
 
     Attributes:
         parts: one a rope, with what is on it.
+        commands: the last one in force of each drive that is on no rope alone.
     """
 
     parts: list[Ropeway]
+    commands: dict[str, Command]
 
     def find_rest(self) -> None:
         """Bring everything to where it starts."""
@@ -55,8 +59,11 @@ class Engine(Protocol):
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
 
-    def reset(self) -> None:
-        """Put what is on no rope alone back to the start."""
+    def take(self, command: Command) -> None:
+        """Carry out what a command asks of what is on no rope alone."""
+
+    def energy(self) -> Energy:
+        """Energy (J) of that."""
 
     def between(self) -> dict[str, FloatArray]:
         """A copy of the motion of what is on no rope alone, now and at the start, by name."""
@@ -83,6 +90,7 @@ class SingleRope:
 
     def __init__(self, scenario: Scenario, part: Ropeway) -> None:
         self.parts: list[Ropeway] = [part]
+        self.commands: dict[str, Command] = {}
         self._integrator = scenario.solver.integrator
         self._work = allocate_workspace(part.system)
         self._advance = integrator_named(self._integrator)
@@ -108,12 +116,16 @@ class SingleRope:
     def observe(self, columns: Columns) -> None:
         """Nothing: all is on the rope."""
 
+    def take(self, command: Command) -> None:
+        """Nothing: all is on the rope."""
+
+    def energy(self) -> Energy:
+        """None: all is on the rope."""
+        return Energy(0.0, 0.0, 0.0)
+
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
         self.parts[0].begin()
-
-    def reset(self) -> None:
-        """Nothing: all is on the rope."""
 
     def between(self) -> dict[str, FloatArray]:
         """Nothing: all is on the rope."""
@@ -155,12 +167,15 @@ class RopeBundle:
                 present=bool(np.any(damped)),
             ),
             order=order_of(nodes, connectors.rope, connectors.node),
+            sheaves=build_sheaves(scenario),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
         self._scratch = allocate_bundle_work(self.bundle)
         self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
         given = scenario.pantographs.values()
         moving.place.position[:] = [one.position for one in given]
+        self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
+        self.commands: dict[str, Command] = {}
         self._forces = np.zeros(len(scenario.connectors))
 
     def find_rest(self) -> None:
@@ -180,10 +195,11 @@ class RopeBundle:
             self._addresses.write(row, SYSTEM, without_friction(part.system))
         longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
         first = self.parts[0]
-        settle_bundle(
-            (self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]),
-            SLACKEST_REST * longest,
-        )
+        relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
+        if self._scenario.sheaves:
+            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
+        else:
+            settle_bundle(relaxed, SLACKEST_REST * longest)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
             note_rest(part.system, part.state)
@@ -192,6 +208,7 @@ class RopeBundle:
             part.take_over_rest()
             self.bundle.wires.tension[row] = _mean_tension(part)
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
+        self.commands = self.loop.set_in_motion()
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
@@ -225,15 +242,36 @@ class RopeBundle:
         columns.pantograph_speed[:] = moving.place.velocity
         columns.pantograph_position[:, 0] = moving.place.position
         columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
+        self.loop.observe(columns)
+
+    def take(self, command: Command) -> None:
+        """Carry out what a command asks of what is on no rope alone."""
+        if command.kind == "emergency_stop":
+            self.loop.stop()
+            self.commands.clear()
+        elif command.kind == "release":
+            self.loop.release()
+        elif command.kind == "reset":
+            self._reset()
+        elif command.kind in ("speed", "force"):
+            for name, value in command.values.items():
+                if name in self.loop.drives:
+                    self.loop.drive(name, command.kind, value)
+                    self.commands[name] = Command(command.kind, {name: value})
+
+    def energy(self) -> Energy:
+        """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
+        return self.loop.energy()
 
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
         for part in self.parts:
             part.begin()
-        self._start = clone_bundle_state(self.moving)
+        self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
 
-    def reset(self) -> None:
-        """Put pantographs back to the start."""
+    def _reset(self) -> None:
+        """Put pantographs and bullwheels back to the start."""
+        self.commands = dict(self._first_commands)
         for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
             now[...] = start
 
@@ -248,6 +286,7 @@ class RopeBundle:
         for key, one in (("now", self.moving), ("start", self._start)):
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]
+        self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
 
 
 def engine_of(scenario: Scenario) -> Engine:

@@ -44,6 +44,8 @@ def brought_up(arrays: Mapping[str, Any], version: int) -> dict[str, Any]:
         arrays |= _planar_moments(arrays)
     if version < 5:
         arrays |= _in_grooves(arrays) | _even_wind(arrays)
+    if version < 6:
+        arrays |= _one_speed(arrays)
     return arrays
 
 
@@ -84,6 +86,13 @@ def _even_wind(arrays: Mapping[str, Any]) -> dict[str, Any]:
         )
         found |= {f"{part}/wind_field.{name}": array for name, array in field._asdict().items()}
     return found
+
+
+def _one_speed(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 6 added: the rope goes by at each end by itself, and there may be more or less of it on the mesh."""
+    found = {key: np.repeat(array, 2) for key, array in arrays.items() if "/rope." in key and array.size == 1}
+    parts = {key.partition("/")[0] for key in arrays if key.endswith("/rope_target")}
+    return found | {f"{part}/{name}": np.zeros(1) for part in parts for name in ("surplus", "loop_start")}
 
 
 def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:

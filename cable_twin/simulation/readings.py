@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +14,7 @@ from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
+from cable_twin.simulation.engines import Engine
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.snapshot import Snapshot
@@ -25,6 +27,7 @@ class Readings:
 
     _ropeway: Ropeway  # the first rope with what is on it
     _parts: list[Ropeway]
+    _engine: Engine
     _observer: Observer
     _on_demand: bool
     _report: SolverReport
@@ -82,8 +85,8 @@ class Readings:
         return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
 
     def energy(self) -> Energy:
-        """Mechanical energy of the ropes and what is on them now (J); of what is between them, none."""
-        each = [energies(part.system, part.state) for part in self._parts]
+        """Mechanical energy (J) of ropes, what is on them and bullwheels now; of connectors and pantographs, none."""
+        each = [energies(part.system, part.state) for part in self._parts] + [astuple(self._engine.energy())]
         return Energy(*np.sum(each, axis=0).tolist())
 
     def natural_frequencies(self, count: int) -> FloatArray:

@@ -135,7 +135,8 @@ class Simulation(Readings):
     @property
     def commands(self) -> Mapping[str, Command]:
         """The last drive command in force of each carriage or drive that has one."""
-        return {name: command for part in self._parts for name, command in part.commands.items()}
+        held = [part.commands for part in self._parts] + [self._engine.commands]
+        return {name: command for commands in held for name, command in commands.items()}
 
     @property
     def at_start(self) -> bool:

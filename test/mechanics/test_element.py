@@ -321,7 +321,7 @@ def test_inertia_and_gravity_are_integrals_over_the_element(dim):
     for u, weight in gauss(5):
         s = np.array(shape_functions(u * length, length))
         exact += weight * length * cable.mass_per_length * np.outer(s, s @ accelerations - cable.gravity)
-    got = np.array(cable_element.inertia(cable, length, *(tuple(row) for row in accelerations)))
+    got = np.array(cable_element.inertia(cable, length, 1.0, *(tuple(row) for row in accelerations)))
     got[[1, 3]] *= length  # the kernel gives the force on the slope times length
     np.testing.assert_allclose(got, exact, rtol=0, atol=1e-13 * np.abs(exact).max())
 

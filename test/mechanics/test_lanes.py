@@ -62,7 +62,9 @@ def test_a_group_of_elements_is_each_element_by_itself(model):
         rates = elastic_models.chord_and_slopes(state.nodes.velocity, element, cable)
         d, a, b = elastic_models.elastic_force(cable, length, *own, *rates, 3.0, 1.0)[:3]
         accelerations = (tuple(row) for row in state.nodes.acceleration[element : element + 2].reshape(4, 2))
-        r_a, slope_a, r_b, slope_b = (np.array(part) for part in cable_element.inertia(cable, length, *accelerations))
+        r_a, slope_a, r_b, slope_b = (
+            np.array(part) for part in cable_element.inertia(cable, length, 1.0, *accelerations)
+        )
         forces[element, 0] += np.array(d) - r_a
         forces[element, 1] += -length * (np.array(a) + slope_a)
         forces[element + 1, 0] = -(np.array(d) + r_b)

@@ -203,7 +203,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
     state.nodes.position[:, 0, 0] = 1.05 * system.cable.node_arc_length
     state.nodes.position[:, 1, 0] = 1.05
     state.drive_mode[:] = SPEED
-    state.rope.velocity[0] = state.rope_target[0] = speed
+    state.rope.velocity[:] = state.rope_target[0] = speed
     attach_carriers(system, state)
     move_rope(system, state, 0.0)
     return system, state, work
@@ -212,7 +212,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
 @pytest.mark.parametrize(("travelled", "place"), [(0.0, 1.5), (3.4, 4.9), (3.6, 0.1), (-1.6, 4.9), (-11.4, 0.1)])
 def test_loop_coordinate_goes_round_both_ways(travelled, place):
     system, state, _ = loop([1.5])
-    state.rope.position[0] = travelled
+    state.rope.position[:] = travelled
     assert loop_coordinate(system, state, 0) == pytest.approx(place, abs=1e-12)
 
 

@@ -1,9 +1,7 @@
 """A cable that moves along itself on a mesh that stands still, and what is clamped to it.
 
-The description is arbitrary Lagrangian-Eulerian: the arc length of the mesh stays between the held ends, and the cable
-goes by at v (m/s of unstrained length, the same everywhere). A point of the cable has the velocity r_t + v r_x and the
-acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x. What is clamped to it is a driven joint at s = s_0 + ∫ v dt on a loop
-of which the mesh is the first part. Beyond the mesh it hangs at rest in the nearer station and takes no part.
+The rope goes by as `rope.strand` has it. What is clamped to it is a driven joint, which keeps its place on the rope, on
+a loop of which the mesh is a part. Beyond the mesh it hangs at rest in the nearer station and takes no part.
 """
 
 from __future__ import annotations
@@ -25,6 +23,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
 from cable_twin.mechanics.rope.point import point_at, position_on_cable, slope, value
+from cable_twin.mechanics.rope.strand import going_by, rest_stretch
 
 
 @kernel
@@ -53,29 +52,50 @@ def moving_rope_force(system, state):
 
 @kernel
 def loop_coordinate(system, state, carriage):
-    """Place (m) from 0 to the length of the loop of what is clamped; on the mesh up to the length of the cable."""
+    """Place (m) of what is clamped, along the mesh from its start on and round the loop as far as that start."""
     length = system.moving_cable.loop_length
-    place = system.carriages.loop_place[carriage] + state.rope.position[0]
-    return place - length * floor(place / length)
+    place = system.carriages.loop_place[carriage] - state.loop_start[0] + state.rope.position[0]
+    return (place - length * floor(place / length)) / rest_stretch(system.cable, state)
 
 
 @kernel
 def move_rope(system, state, duration):
     """Move the cable by `duration` (s) as its drive has it, and the references of all that is clamped to it.
 
-    What leaves the mesh by that is taken off. What comes onto it stays off until `attach_carriers`.
+    One whose ends run over sheaves goes as those do, and has been moved by them.
     """
-    moving, cable = system.moving_cable, system.cable
+    moving, course = system.moving_cable, state.rope
+    if not moving.over_sheaves:
+        ramp_rope(system, state, duration)
+        course.position[1], course.velocity[1] = course.position[0], course.velocity[0]
+        course.acceleration[1] = course.acceleration[0]
+    carry_clamped(system, state)
+
+
+@kernel
+def ramp_rope(system, state, duration):
+    """Move the start of the rope by `duration` (s) as its drive has it."""
+    moving = system.moving_cable
     limit, jerk = moving.acceleration_limit, moving.jerk_limit
     if state.rope_braking[0]:
         limit, jerk = moving.emergency_deceleration, inf
     ramp(state.rope, 0, state.rope_target[0], limit, jerk, duration)
+
+
+@kernel
+def carry_clamped(system, state):
+    """Move the references of all that is clamped to the rope with it.
+
+    What leaves the mesh by that is taken off. What comes onto it stays off until `attach_carriers`.
+    """
+    moving, cable = system.moving_cable, system.cable
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage]:
             place = loop_coordinate(system, state, carriage)
             moved = abs(place - state.joints.position[carriage])
             if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:
-                follow(state.reference, carriage, place, state.rope.velocity[0], state.rope.acceleration[0])
+                speed, rate = going_by(cable, state, place)
+                follow(state.reference, carriage, place, speed, rate)
             else:
                 park(system, state, carriage, place)
 
@@ -119,7 +139,7 @@ def attach_carriers(system, state):
 def attach(system, state, carriage, place):
     """Put one carriage on the cable at the arc length `place` (m)."""
     cable = system.cable
-    speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
+    speed, rate = going_by(cable, state, place)
     state.attached[carriage] = True
     state.joints.position[carriage] = place
     state.joints.velocity[carriage] = speed

@@ -39,6 +39,7 @@ from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.groove import add_groove, depth_in_groove, side_force, to_the_left, with_groove
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
+from cable_twin.mechanics.rope.strand import rope_before
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 NEAR = 1e-6  # of an element's length: a last move below leaves its square
@@ -75,12 +76,12 @@ def nearest(cable, coordinates, place, arc_length):
 
 
 @kernel
-def slid(state, contact):
+def slid(cable, state, contact):
     """Way (m) of the rope over a contact since the start of the step, positive towards the start of the rope.
 
     The mesh moves with the rope, less what has run through it.
     """
-    return state.contact_arc_length[contact] - state.rope.position[0] - state.contact_origin[contact]
+    return rope_before(cable, state, state.contact_arc_length[contact]) - state.contact_origin[contact]
 
 
 @kernel
@@ -121,7 +122,7 @@ def contact_force(cable, towers, state, contact):
     """Force (dim,) of a contact on the rope and its normal part, both in N."""
     _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-    z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
+    z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
     friction = towers.friction[contact] * n * z
     force = add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal))
     return with_groove(
@@ -145,7 +146,8 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         norm = sqrt(dot(r_x, r_x))
         t = scale(1.0 / norm, r_x)
         coefficient = towers.friction[contact]
-        z, z_by_way = mobilise(slid(state, contact), state.contact_deflection[contact], towers.presliding[contact])
+        way, before = slid(cable, state, contact), state.contact_deflection[contact]
+        z, z_by_way = mobilise(way, before, towers.presliding[contact])
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
         groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
@@ -186,9 +188,9 @@ def settle_towers(cable, towers, state):
             _, n = contact_force(cable, towers, state, contact)
             total += n
             state.contact_deflection[contact], _ = mobilise(
-                slid(state, contact), state.contact_deflection[contact], towers.presliding[contact]
+                slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact]
             )
-            state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
+            state.contact_origin[contact] = rope_before(cable, state, state.contact_arc_length[contact])
         state.tower_load[tower, 0] = total
         state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
         settle_groove(cable, towers, state, tower, cable.gravity)

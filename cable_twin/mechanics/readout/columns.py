@@ -24,6 +24,7 @@ from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
 from cable_twin.mechanics.rope.rope_drag import drag_on_end
+from cable_twin.mechanics.rope.strand import rest_stretch
 
 
 @by_reference
@@ -65,7 +66,14 @@ class Columns(NamedTuple):
     rope_position: FloatArray  # (samples, 3) m
     rope_tension: FloatArray  # (samples,) N
     wind: FloatArray  # (3,) m/s, as it was commanded last, or by the scenario
-    connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes; these and below not by `observe`
+    vehicle_rope: FloatArray  # (vehicles,) number of the rope on which it is; this and those below not by `observe`
+    sheave_position: FloatArray  # (sheaves,) m, unstrained rope that has gone over a bullwheel
+    sheave_speed: FloatArray  # (sheaves,) m/s
+    sheave_force: FloatArray  # (sheaves,) N, of its drive at its rim
+    sheave_tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
+    sheave_travel: FloatArray  # (sheaves,) m, of what tensions it; NaN where nothing does
+    sheave_slip: FloatArray  # (sheaves,) m, by which its rim has gone further than the rope
+    connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes
     pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
     pantograph_position: FloatArray  # (pantographs, 3) m, of the head
     pantograph_speed: FloatArray  # (pantographs,) m/s, along the track
@@ -186,14 +194,14 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 
     `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
     """
-    count, like = cable.element_count, cable.gravity
+    count, like, stretch = cable.element_count, cable.gravity, rest_stretch(cable, state)
     for group in range(means.shape[0]):
         length = gather_numbers(cable.element_length, group * WIDTH)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
         d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        spread((mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot),), means, group)
+        spread((mean_tension(cable, stretch * length, d, a, b, d_dot, a_dot, b_dot),), means, group)
     mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:

@@ -14,6 +14,7 @@ from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.flow import flow_energy
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.rope.strand import rest_stretch
 
 
 @kernel
@@ -23,7 +24,7 @@ def energies(system, state):
     Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
     """
     cable, carriages = system.cable, system.carriages
-    like = cable.gravity
+    like, mass_per_length = cable.gravity, cable.mass_per_length * rest_stretch(cable, state)
     kinetic, elastic = haul_energies(system, state)
     gravitational = 0.0
     for element in range(cable.element_count):
@@ -35,10 +36,10 @@ def energies(system, state):
             for j in range(4):
                 scale_j = length if j % 2 else 1.0
                 v_j = coordinate(state.nodes.velocity, element, j, like)
-                share = cable.mass_per_length * length * MASS[i][j] * scale_i * scale_j
+                share = mass_per_length * length * MASS[i][j] * scale_i * scale_j
                 kinetic += 0.5 * share * dot(v_i, v_j)
             # the position shape functions sum to one, so a row of M applied to g is the weight
-            row = cable.mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
+            row = mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
             gravitational -= row * dot(like, coordinate(state.nodes.position, element, i, like))
     if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)

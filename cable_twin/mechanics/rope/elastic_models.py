@@ -30,6 +30,7 @@ from cable_twin.mechanics.rope.shape_functions import (
     BENDING_SLOPES,
     BENDING_WEIGHT,
 )
+from cable_twin.mechanics.rope.strand import rest_stretch
 
 
 @kernel
@@ -286,7 +287,7 @@ def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
 @kernel
 def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
-    length = cable.element_length[element]
+    length = rest_stretch(cable, state) * cable.element_length[element]
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0

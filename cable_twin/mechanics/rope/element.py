@@ -21,19 +21,20 @@ from cable_twin.mechanics.language.vectors import (
     transpose,
 )
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force
-from cable_twin.mechanics.rope.flow import add_flow, flow_factors
+from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flows
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
 from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.rope.strand import rest_stretch
 
 
 @kernel
-def inertia(cable, length, r_a, a, r_b, b):
+def inertia(cable, length, stretch, r_a, a, r_b, b):
     """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B.
 
-    Takes the length (m) and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
+    Takes the length (m), λ of `strand`, and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
     """
-    mass = cable.mass_per_length * length
+    mass = cable.mass_per_length * stretch * length
     r_a, r_b = subtract(r_a, cable.gravity), subtract(r_b, cable.gravity)
     a, b = scale(length, a), scale(length, b)
     on_r_a = scale(mass, add_scaled(MASS[0][0], r_a, combine(MASS[0][1:], a, r_b, b)))
@@ -52,7 +53,8 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     cable, group = system.cable, work.group
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     like = cable.gravity
-    flowing = flow_factors(system, state)
+    stretch = rest_stretch(cable, state)
+    flowing = flows(system, state)
     clear_array(work.right_side[0])
     clear_array(work.diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
@@ -62,11 +64,12 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         rates = gather(e_dot, first, like)
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
-        inert = inertia(cable, length, r_a, slope_a, r_b, slope_b)
-        elastic = elastic_force(cable, length, *shape, *shape_rates, rate_factor, stiffness_factor)
-        write_group(cable, length, elastic, inert, mass_factor, group)
-        if flowing[0] != 0.0 or flowing[1] != 0.0:
-            add_flow(length, shape, shape_rates, flowing, rate_factor, stiffness_factor, group)
+        inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
+        elastic = elastic_force(cable, stretch * length, *shape, *shape_rates, rate_factor, stiffness_factor)
+        write_group(cable, length, elastic, inert, mass_factor * stretch, group)
+        if flowing:
+            factors = flow_factors(cable, state, gather_numbers(cable.node_arc_length, first) + 0.5 * length)
+            add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group)
         if system.air.present:
             wind = gather_vectors(state.wind_field.along_rope, first, like)
             add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
@@ -77,14 +80,15 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
 @kernel
 def end_forces(cable, state, element):
     """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
-    length = cable.element_length[element]
+    length, stretch = cable.element_length[element], rest_stretch(cable, state)
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
-    force, _, _, _, _, _, _, _, _ = elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
+    force, _, _, _, _, _, _, _, _ = elastic_force(cable, stretch * length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
     like, e_ddot = cable.gravity, state.nodes.acceleration
     on_r_a, _, on_r_b, _ = inertia(
         cable,
         length,
+        stretch,
         load(e_ddot[element, 0], like),
         load(e_ddot[element, 1], like),
         load(e_ddot[element + 1, 0], like),

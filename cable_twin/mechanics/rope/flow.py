@@ -1,8 +1,7 @@
 """A rope that goes by along itself on a mesh that stands still: what that adds to its equations of motion.
 
-The description is arbitrary Lagrangian-Eulerian: the arc length of the mesh stays between the held ends, and the rope
-goes by at v (m/s of unstrained length, the same everywhere). A point of the rope has the velocity r_t + v r_x and the
-acceleration r_tt + 2 v r_tx + v² r_xx + v_t r_x.
+The description is arbitrary Lagrangian-Eulerian, as `strand` has it: per arc length of the mesh there is a mass of
+ρA λ, and a point of the rope has the acceleration r_tt + 2 w r_ts + w² r_ss + (w_t + w w_s) r_s with w = u / λ.
 """
 
 from __future__ import annotations
@@ -13,20 +12,30 @@ from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, 
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.shape_functions import FLOW, FLOW_OF_CHORD, SLOPE, SLOPE_OF_CHORD
+from cable_twin.mechanics.rope.strand import between_ends, rest_stretch
 
 
 @inlined_kernel
-def flow_factors(system, state):
-    """Factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N); zeros of a cable at rest.
-
-    2 v ∫ρA SᵀS_x dx of ė, and v_t ∫ρA SᵀS_x dx - v² ∫ρA S_xᵀS_x dx of e: the last one is SᵀS_xx integrated by parts.
-    Its boundary term acts on the ends only, which are held; left out, a support's force has the momentum in it that
-    its sheave takes over, and is smaller than the tension by ρA v² |r_x|.
-    """
+def flows(system, state):
+    """Whether any rope goes by."""
     if not system.moving_cable.moving:
-        return 0.0, 0.0, 0.0
-    speed, mass = state.rope.velocity[0], system.cable.mass_per_length
-    return 2.0 * mass * speed, mass * state.rope.acceleration[0], -mass * speed * speed
+        return False
+    speed, rate = state.rope.velocity, state.rope.acceleration
+    return speed[0] != 0.0 or speed[1] != 0.0 or rate[0] != 0.0 or rate[1] != 0.0
+
+
+@inlined_kernel
+def flow_factors(cable, state, arc_length):
+    """Factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N), of elements around a place.
+
+    2 ρA u ∫SᵀS_s ds of ė, and ρA u_t ∫SᵀS_s ds - ρA u² / λ ∫S_sᵀS_s ds of e. The last one is SᵀS_ss integrated by
+    parts; what w w_s adds to it, and to w_t, and λ_t in that, cancel, so that u_t is all that is left. Its boundary
+    term acts on the ends only, which are held; left out, a support's force has the momentum in it that its sheave takes
+    over, and is smaller than the tension by ρA u² |r_s| / λ.
+    """
+    speed, mass = between_ends(cable, state.rope.velocity, arc_length), cable.mass_per_length
+    rate = between_ends(cable, state.rope.acceleration, arc_length)
+    return 2.0 * mass * speed, mass * rate, -mass * speed * speed / rest_stretch(cable, state)
 
 
 @inlined_kernel
@@ -81,15 +90,17 @@ def end_flow(system, state, end):
     element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
     shape = chord_and_slopes(state.nodes.position, element, cable)
     shape_rates = chord_and_slopes(state.nodes.velocity, element, cable)
-    return flow_forces(cable.element_length[element], shape, shape_rates, flow_factors(system, state))[row]
+    length = cable.element_length[element]
+    factors = flow_factors(cable, state, cable.node_arc_length[element] + 0.5 * length)
+    return flow_forces(length, shape, shape_rates, factors)[row]
 
 
 @kernel
 def flow_energy(cable, state):
-    """Kinetic energy (J) that the motion of the cable along itself adds to ½ ∫ρA r_t² dx."""
+    """Kinetic energy (J) that the motion of the cable along itself adds to ½ ∫ρA λ r_t² ds; u is that in the middle."""
     along, squared, _, _ = flow_integrals(cable, state)
-    speed = state.rope.velocity[0]
-    return speed * along + 0.5 * speed * speed * squared
+    speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
+    return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
 
 
 @kernel

@@ -17,6 +17,7 @@ from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import point_at, slope, value
+from cable_twin.mechanics.rope.strand import rope_before
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
@@ -70,7 +71,7 @@ def note_rest(system, state):
     for carriage in range(state.drive_mode.size):
         state.drive_force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
-        state.contact_origin[contact] = state.contact_arc_length[contact] - state.rope.position[0]
+        state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
     settle_towers(system.cable, system.towers, state)
 
 

@@ -10,6 +10,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
+from cable_twin.mechanics.solution.bundle.sheaves import feel_ends, give_ends, move_sheaves, place_ends
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.generalized_alpha import (
     LEAST_CURVATURE,
@@ -47,11 +48,14 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
     """
     solver, ropes = system.solver, bundle.records.shape[0]
     c = coefficients(solver.spectral_radius)
+    move_sheaves(bundle.sheaves, moving.sheaves, h)
+    give_ends(bundle, moving.sheaves, system, state)
     for rope in range(ropes):
         own = record_at(bundle.records[rope, SYSTEM], system)
         begin_rope(
             c, h, own, record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
         )
+    place_ends(bundle, moving.sheaves, system, state)
     predict(c, h, moving.stages)
     for pantograph in range(moving.place.position.size):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
@@ -103,6 +107,8 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
             elif converged and find_saturated(own, here, record_at(bundle.records[rope, column], state), own_work):
                 saturated = True
         converged = converged and isfinite(gap)
+        if converged:
+            feel_ends(bundle, moving.sheaves, system, state)
         if attempt == 1 or not converged or not saturated:
             break
         for rope in range(ropes):

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.parameters import FloatArray, IntArray
+from cable_twin.mechanics.parameters import FREE, FloatArray, IntArray
 from cable_twin.mechanics.state import Course, Motion
 
 SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
+FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Sheaves.tensioning
 
 
 @by_reference
@@ -51,6 +52,33 @@ class Wires(NamedTuple):
 
 
 @by_reference
+class Sheaves(NamedTuple):
+    """Bullwheels, each between the end of one strand and the start of another one or of the same."""
+
+    rope: IntArray  # (sheaves, 2): whose end runs onto it, and whose start runs off it
+    inertia: FloatArray  # (sheaves,) kg, of all that turns with it, reduced to its rim
+    wrapped: FloatArray  # (sheaves,) kg, rope on it
+    impedance: FloatArray  # (sheaves,) kg/s, √(EA ρA) of both strands together
+    adhesion: FloatArray  # (sheaves,) -, highest ratio of their tensions, exp(μ α)
+    resistance: FloatArray  # (sheaves,) N at its rim, of its bearings
+    driven: IntArray  # (sheaves,) 1 where there is a drive
+    acceleration_limit: FloatArray  # (sheaves,) m/s², of the drive
+    emergency_deceleration: FloatArray  # (sheaves,) m/s², of the drive in an emergency stop
+    jerk_limit: FloatArray  # (sheaves,) m/s³, inf where there is none
+    brake_force: FloatArray  # (sheaves,) N at its rim, of what an emergency stop applies instead, 0 of none
+    brake_rise_time: FloatArray  # (sheaves,) s, from release to full force
+    tensioning: IntArray  # (sheaves,) FIXED, COUNTERWEIGHT or HYDRAULIC
+    direction: FloatArray  # (sheaves, dim) unit vector in which it is pulled; 0 where FIXED
+    mass: FloatArray  # (sheaves,) kg, that moves along that
+    pull: FloatArray  # (sheaves,) N, of the counterweight, or that the cylinder keeps
+    band: FloatArray  # (sheaves,) N, by which that may be off before the cylinder moves
+    rate: FloatArray  # (sheaves,) m/s, of the cylinder
+    travel: FloatArray  # (sheaves, 2) m, least and most
+    buffer_stiffness: FloatArray  # (sheaves,) N/m, at both limits
+    buffer_damping: FloatArray  # (sheaves,) s/m, of the buffer force, per unit of its elastic part
+
+
+@by_reference
 class Order(NamedTuple):
     """In which order the nodes of all ropes are eliminated, and when each connector has both its nodes at the front."""
 
@@ -69,6 +97,27 @@ class Bundle(NamedTuple):
     pantographs: Pantographs
     wires: Wires
     order: Order
+    sheaves: Sheaves
+
+
+@by_reference
+class SheaveMotion(NamedTuple):
+    """Motion of the bullwheels, and what their drives were told."""
+
+    rim: Course  # (sheaves,) m, of unstrained rope
+    rope: Course  # (sheaves,) m, unstrained, that has gone over it
+    carriage: Course  # (sheaves,) m, in the direction in which it tensions
+    gained: FloatArray  # (sheaves, 3) m/s², of rim, rope and carriage by their forces at the start of the last step
+    step: FloatArray  # (1,) s, length of that; 0 before the first one
+    tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
+    traction: FloatArray  # (sheaves,) N, of the rim on the rope
+    pull: FloatArray  # (sheaves,) N, of both strands against the direction in which it tensions
+    slipping: IntArray  # (sheaves,) 1 while the rope slips
+    mode: IntArray  # (sheaves,) FREE, FORCE or SPEED, of the drive
+    target: FloatArray  # (sheaves,) m/s
+    force: FloatArray  # (sheaves,) N at the rim, in FORCE
+    braking: IntArray  # (sheaves,) 1 in an emergency stop
+    braking_time: FloatArray  # (sheaves,) s, since then
 
 
 @by_reference
@@ -80,6 +129,7 @@ class BundleState(NamedTuple):
     arc_length: FloatArray  # (pantographs,) m, of the rope above the head
     contact_force: FloatArray  # (pantographs,) N
     tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
+    sheaves: SheaveMotion
 
 
 @by_reference
@@ -107,18 +157,36 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
         arc_length=np.zeros(count),
         contact_force=np.zeros(count),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
+        sheaves=_sheaves_at_rest(bundle.sheaves.inertia.size),
+    )
+
+
+def _sheaves_at_rest(count: int) -> SheaveMotion:
+    return SheaveMotion(
+        rim=Course(*(np.zeros(count) for _ in Course._fields)),
+        rope=Course(*(np.zeros(count) for _ in Course._fields)),
+        carriage=Course(*(np.zeros(count) for _ in Course._fields)),
+        gained=np.zeros((count, 3)),
+        step=np.zeros(1),
+        tension=np.zeros((count, 2)),
+        traction=np.zeros(count),
+        pull=np.zeros(count),
+        slipping=np.zeros(count, np.int64),
+        mode=np.full(count, FREE, np.int64),
+        target=np.zeros(count),
+        force=np.zeros(count),
+        braking=np.zeros(count, np.int64),
+        braking_time=np.zeros(count),
     )
 
 
 def clone_bundle_state(moving: BundleState) -> BundleState:
     """Independent copy."""
-    return BundleState(
-        stages=Motion(*(array.copy() for array in moving.stages)),
-        place=Course(*(array.copy() for array in moving.place)),
-        arc_length=moving.arc_length.copy(),
-        contact_force=moving.contact_force.copy(),
-        tight=moving.tight.copy(),
-    )
+    return _clone(moving)  # type: ignore[no-any-return]
+
+
+def _clone(record: Any) -> Any:
+    return type(record)(*(_clone(field) if isinstance(field, tuple) else field.copy() for field in record))
 
 
 def allocate_bundle_work(bundle: Bundle) -> BundleWork:

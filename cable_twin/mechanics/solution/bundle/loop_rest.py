@@ -1,0 +1,64 @@
+"""Static start of a loop: how much rope each strand has, and where what tensions it stands.
+
+A bullwheel without a drive lets rope through until both its strands pull the same; a counterweight moves until they
+pull as much as it does. The unknowns, a way for each of them, are found by Newton's method, in which each strand is
+brought to rest by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.solution.bundle.records import FIXED, SheaveMotion, Sheaves
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+
+MOST_ITERATIONS = 40
+TOLERANCE = 1e-9  # of the largest tension
+NUDGE = 1e-5  # m, for the derivatives
+LONGEST_MOVE = 0.002  # of the shortest strand: rope that runs through in one iteration
+
+
+def settle_loop(sheaves: Sheaves, motion: SheaveMotion, lengths: FloatArray, relax: Callable[[], None]) -> None:
+    """Find the rest of all strands over their bullwheels, and leave ropes and carriages of `motion` as they are there.
+
+    Args:
+        sheaves: the wheels.
+        motion: their motion, at rest.
+        lengths: (ropes,) m, of the strands.
+        relax: brings all ropes to rest with the ends that `motion` gives them, and notes what they pull with.
+
+    Raises:
+        EquilibriumError: there is no rest with tensions that can be, or it is not found.
+    """
+    free = np.flatnonzero(sheaves.driven == 0) if np.any(sheaves.driven) else np.arange(1, sheaves.driven.size)
+    pulled = np.flatnonzero(sheaves.tensioning != FIXED)
+    ways = [(motion.rope.position, sheave) for sheave in free] + [(motion.carriage.position, one) for one in pulled]
+
+    def residual() -> FloatArray:
+        relax()
+        tension = motion.tension
+        return np.array([*(tension[free, 1] - tension[free, 0]), *(sheaves.pull[pulled] - motion.pull[pulled])])
+
+    left = residual()
+    for _ in range(MOST_ITERATIONS):
+        largest = float(np.abs(motion.tension).max())
+        if not np.isfinite(left).all() or np.abs(left).max(initial=0.0) < TOLERANCE * largest:
+            break
+        slopes = np.empty((left.size, left.size))
+        for column, (array, row) in enumerate(ways):
+            array[row] += NUDGE
+            slopes[:, column] = (residual() - left) / NUDGE
+            array[row] -= NUDGE
+        move = np.linalg.lstsq(slopes, -left, rcond=None)[0]
+        move *= min(1.0, LONGEST_MOVE * float(lengths.min()) / max(float(np.abs(move).max()), 1e-300))
+        for (array, row), way in zip(ways, move, strict=True):
+            array[row] += way
+        left = residual()
+    else:
+        raise EquilibriumError(
+            f"no static equilibrium of the loop after {MOST_ITERATIONS} iterations: its bullwheels are "
+            f"{np.abs(left).max():.3g} N off balance; change the unstrained lengths of its ropes"
+        )

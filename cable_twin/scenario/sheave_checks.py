@@ -1,0 +1,156 @@
+"""Bullwheels, loops and what rides them: values that are sound alone but not together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import dist, sqrt
+
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.fields import in_space
+from cable_twin.scenario.schema import CarrierPayload, Carriers, Scenario
+from cable_twin.scenario.sheaves import Sheave
+
+LIGHTEST = 1.5  # times what the rope takes up within a step, for the explicit step of a wheel
+APART = 0.05  # of the diameter, by which joined ends may be further apart
+
+
+def sheave_faults(scenario: Scenario) -> Iterator[Fault]:
+    """All of them, of a scenario of several ropes."""
+    joined: dict[str, str] = {}
+    sound = True
+    for name, sheave in scenario.sheaves.items():
+        path: KeyPath = ("sheaves", name)
+        yield from name_faults(("sheaves", name))
+        faults = list(_joins(scenario, path, sheave, joined))
+        sound = sound and not faults
+        yield from faults
+        if sheave.counterweight and sheave.hydraulics:
+            yield Fault((*path, "hydraulics"), "given beside a counterweight; allowed: either")
+        for key in ("counterweight", "hydraulics"):
+            device = getattr(sheave, key)
+            if device is not None and not device.travel[0] < device.travel[1]:
+                yield Fault((*path, key, "travel"), f"given {list(device.travel)}; allowed: least, then most, in m")
+            if device is not None and not any(device.direction):
+                yield Fault((*path, key, "direction"), "given a vector of length 0; allowed: a direction")
+        if not faults:
+            yield from _placed(scenario, path, sheave)
+    yield from _drives(scenario)
+    if sound and scenario.sheaves:
+        yield from _loops(scenario)
+    if scenario.carriers is not None:
+        yield from _riders(scenario, scenario.carriers)
+
+
+def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, str]) -> Iterator[Fault]:
+    """Ends that there are not, or that another bullwheel has."""
+    for number, (end, side) in enumerate(zip(sheave.joins, ("end", "start"), strict=True)):
+        rope, _, which = end.partition(".")
+        where = (*path, "joins", number)
+        if rope not in scenario.ropes or which != side:
+            known = ", ".join(f"{name}.{side}" for name in scenario.ropes)
+            yield Fault(where, f"given {show(end)}; allowed: {known}, for rope runs from an end to a start")
+        elif end in joined:
+            yield Fault(where, f"given {show(end)}, which {joined[end]!r} joins already; allowed: each end once")
+        elif getattr(scenario.ropes[rope], side).support != "pinned":
+            given = getattr(scenario.ropes[rope], side).support
+            yield Fault(("ropes", rope, side, "support"), f"given {given!r} at a bullwheel; allowed: pinned")
+        joined.setdefault(end, str(path[1]))
+
+
+def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
+    """Ends that are not at the rim, and a wheel too light for the step."""
+    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
+    ends = [in_space(ropes[0].end.position), in_space(ropes[1].start.position)]
+    wide = 2.0 * sheave.radius * (1.0 + APART)
+    if (apart := dist(*ends)) > wide:
+        yield Fault(
+            (*path, "joins"),
+            f"given ends that are {apart:.4g} m apart; allowed: at most the diameter of {2.0 * sheave.radius:g} m",
+        )
+    if sheave.position is not None:
+        for end in ends:
+            if (apart := dist(in_space(sheave.position), end)) > 0.5 * wide:
+                yield Fault(
+                    (*path, "position"),
+                    f"given {list(sheave.position)}, {apart:.4g} m from an end that it joins; allowed: at most its "
+                    f"radius of {sheave.radius:g} m, or null",
+                )
+                break
+    taken_up = scenario.solver.step * sum(sqrt(rope.axial_stiffness * rope.mass_per_length) for rope in ropes)
+    least = LIGHTEST * taken_up * sheave.radius**2
+    if sheave.inertia < least:
+        yield Fault(
+            (*path, "inertia"),
+            f"given {sheave.inertia!r}; allowed: at least {least:.4g} kg m^2 with a step of {scenario.solver.step:g} s",
+        )
+
+
+def _drives(scenario: Scenario) -> Iterator[Fault]:
+    """Drives of no bullwheel, or two of one."""
+    turned: dict[str, str] = {}
+    for name, drive in scenario.drives.items():
+        path: KeyPath = ("drives", name)
+        yield from name_faults(("drives", name))
+        known = ", ".join(scenario.sheaves) or "none, there are no sheaves"
+        if drive.sheave is None:
+            yield Fault((*path, "sheave"), f"not given, with several ropes; allowed: {known}")
+        elif drive.sheave not in scenario.sheaves:
+            yield Fault((*path, "sheave"), f"given {show(drive.sheave)}; allowed: {known}")
+        elif drive.sheave in turned:
+            yield Fault(
+                (*path, "sheave"), f"given {show(drive.sheave)}, which {turned[drive.sheave]!r} turns; allowed: once"
+            )
+        else:
+            turned[drive.sheave] = name
+        if name in scenario.carriages:
+            yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+        for key in ("force", "power", "deceleration"):
+            given = getattr(drive.limits, key)
+            if given is not None:
+                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null, for the drive of a bullwheel")
+
+
+def _loops(scenario: Scenario) -> Iterator[Fault]:
+    """Strands that lead nowhere, and ropes that nothing is at."""
+    strands = scenario.strands
+    for name, sheave in scenario.sheaves.items():
+        for end in sheave.joins:
+            rope = end.partition(".")[0]
+            if rope not in strands:
+                yield Fault(
+                    ("sheaves", name, "joins"),
+                    f"given {show(end)}, but {rope!r} is not on a closed loop; allowed: sheaves that join strand to "
+                    "strand until the first one comes again",
+                )
+                return
+    used = {rope for rod in scenario.connectors.values() for rope, _ in rod.ends}
+    used |= {one.rope for one in scenario.pantographs.values()} | set(strands)
+    used |= {one.rope or next(iter(scenario.ropes)) for one in scenario.carriages.values()}
+    for rope in scenario.ropes:
+        if rope not in used:
+            yield Fault(("ropes", rope), "given, but no vehicle can reach it and nothing joins it; allowed: none such")
+
+
+def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
+    """Carriers without a loop, or longer than it, and loads at stations that there are not."""
+    if not scenario.strands:
+        yield Fault(("carriers",), "given for ropes that stand still; allowed: with sheaves that join them to a loop")
+        return
+    loop = scenario.loop_length
+    if carriers.spacing is not None and carriers.count * carriers.spacing > loop * (1.0 + 1e-9):
+        yield Fault(
+            ("carriers", "count"),
+            f"given {carriers.count!r} every {carriers.spacing:.9g} m, {carriers.count * carriers.spacing:.6g} m; "
+            f"allowed: at most the loop of {loop:.6g} m",
+        )
+    rooms: dict[KeyPath, CarrierPayload | None] = {("carriers", "payload"): carriers.payload}
+    rooms |= {("carriers", "kinds", name, "payload"): kind.payload for name, kind in carriers.kinds.items()}
+    for path, room in rooms.items():
+        for name, mass in (room.leaving if room else {}).items():
+            if name not in scenario.sheaves:
+                yield Fault((*path, "leaving", name), f"no such bullwheel; allowed: {', '.join(scenario.sheaves)}")
+            elif room and not 0.0 <= mass <= room.capacity:
+                yield Fault((*path, "leaving", name), f"given {mass!r}; allowed: 0 to {room.capacity:g} kg")
+
+
+__all__ = ["sheave_faults"]

@@ -1,0 +1,129 @@
+"""Bullwheels, which join strands of rope to a loop, as a scenario file has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import Field
+
+from cable_twin.scenario.drives import Brake
+from cable_twin.scenario.fields import FromList, Place, Section, Vector, quantity
+
+Joined = Annotated[tuple[str, str], FromList]
+
+
+class SheaveCounterweight(Section):
+    """What pulls the carriage of a bullwheel with a constant force, and both strands by that."""
+
+    direction: Place = quantity("-", "direction in which it pulls, any length")
+    mass: float = quantity("kg", "mass of the counterweight, of both strands together", gt=0)
+    force: float | None = quantity("N", "its pull on the carriage; its weight where none is given", None, gt=0)
+    carriage_mass: float = quantity("kg", "mass of the bullwheel and what it runs on", 0.0, ge=0)
+    travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
+    buffer_damping: float = quantity(
+        "s/m", "damping of the buffers at both limits: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
+    )
+
+
+class SheaveHydraulics(Section):
+    """A cylinder that moves the carriage of a bullwheel where the pull of both strands has left a band."""
+
+    direction: Place = quantity("-", "direction in which it pulls, any length")
+    force: float = quantity("N", "the pull that it keeps, of both strands together", gt=0)
+    band: float = quantity("N", "by which the pull may be off before it moves", gt=0)
+    rate: float = quantity("m/s", "its speed when it does", 0.01, gt=0)
+    travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
+    locked: bool = Field(default=False, description="it has failed and holds the carriage where it starts")
+
+
+class Sheave(Section):
+    """A bullwheel: rope runs off one strand, half round it, onto another one."""
+
+    position: Place | None = quantity("m", "its middle; null: midway between the ends that it joins", None)
+    radius: float = quantity("m", "its radius", gt=0)
+    joins: Joined = Field(
+        description="the end of one rope and the start of another: [up.end, down.start]",
+        json_schema_extra={"allowed": "a list of two texts, ROPE.end and ROPE.start"},
+    )
+    wrap: float = quantity("rad", "angle over which the rope lies on it", pi, gt=0, le=20)
+    friction: float = quantity("-", "friction of the rope on its lining", 0.22, gt=0, le=2)
+    inertia: float = quantity("kg m^2", "moment of inertia of all that turns with it, about its axis", gt=0)
+    resistance: float = quantity("N m", "torque that its bearings take", 0.0, ge=0)
+    counterweight: SheaveCounterweight | None = Field(default=None, description="weight that tensions the loop")
+    hydraulics: SheaveHydraulics | None = Field(default=None, description="cylinder that tensions the loop")
+    brake: Brake | None = Field(
+        default=None, description="brake on it, force at the rim, which an emergency stop applies instead of the drive"
+    )
+
+    @property
+    def wrapped(self) -> float:
+        """Length (m) of the rope on it."""
+        return self.radius * self.wrap
+
+    @property
+    def tensioning(self) -> SheaveCounterweight | SheaveHydraulics | None:
+        """What moves it."""
+        return self.counterweight or self.hydraulics
+
+
+class Strand(NamedTuple):
+    """Where a rope is on its loop."""
+
+    loop_length: float  # m, unstrained
+    offset: float  # m, place on the loop of its start
+    before: str  # the bullwheel off which rope comes onto its start
+    after: str  # and that onto which its end runs
+
+
+def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> dict[str, Strand]:
+    """The ropes of each closed loop, in the order in which they follow each other.
+
+    Args:
+        lengths: unstrained length (m) of each rope by name.
+        sheaves: by name.
+    """
+    onto = {sheave.joins[0]: name for name, sheave in sheaves.items()}
+    found: dict[str, Strand] = {}
+    for first in lengths:
+        loop: list[tuple[str, float, str]] = []
+        rope, place = first, 0.0
+        while rope not in found and f"{rope}.end" in onto and rope not in [name for name, _, _ in loop]:
+            sheave = onto[f"{rope}.end"]
+            loop.append((rope, place, sheave))
+            place += lengths[rope] + sheaves[sheave].wrapped
+            rope = sheaves[sheave].joins[1].partition(".")[0]
+        if loop and rope == first:
+            befores = [loop[-1][2], *(sheave for _, _, sheave in loop)]
+            for (name, offset, after), before in zip(loop, befores, strict=False):
+                found[name] = Strand(place, offset, before, after)
+    return found
+
+
+def expand_sheaves(data: dict[str, Any]) -> dict[str, Any]:
+    """Write what a file says of a bullwheel's drive among the drives, and of towers of several ropes rope by rope."""
+    sheaves, drives = data.get("sheaves"), data.get("drives", {})
+    if isinstance(sheaves, dict) and isinstance(drives, dict):
+        plain, drives = {}, dict(drives)
+        for name, sheave in sheaves.items():
+            plain[name] = sheave
+            if isinstance(sheave, dict) and isinstance(sheave.get("drive"), dict):
+                plain[name] = {key: value for key, value in sheave.items() if key != "drive"}
+                given = dict(sheave["drive"])
+                called = given.pop("name", name)
+                drives[called] = {"kind": "moving_cable", "sheave": name, **given}
+        data = {**data, "sheaves": plain} | ({"drives": drives} if drives else {})
+    towers = data.get("towers")
+    if isinstance(towers, dict):
+        plain = {}
+        for name, tower in towers.items():
+            ropes = tower.get("ropes") if isinstance(tower, dict) else None
+            if not isinstance(ropes, dict):
+                plain[name] = tower
+                continue
+            common = {key: value for key, value in tower.items() if key != "ropes"}
+            for rope, own in ropes.items():
+                plain[f"{name}_{rope}"] = {**common, **(own or {}), "rope": rope}
+        data = {**data, "towers": plain}
+    return data

@@ -1,0 +1,169 @@
+"""The strands of a closed loop and their bullwheels: their rest, their drives, what they show."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, Bundle, SheaveMotion
+from cable_twin.mechanics.solution.bundle.sheaves import feel_ends
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.records import Command, Energy
+from cable_twin.scenario import Scenario
+from cable_twin.simulation.ropeway import Ropeway
+
+
+class Loop:
+    """Bullwheels of one scenario, and the strands between them.
+
+    Args:
+        scenario: what runs.
+        bundle: its mechanics.
+        motion: of the bullwheels.
+        parts: one a rope, with what is on it.
+    """
+
+    def __init__(self, scenario: Scenario, bundle: Bundle, motion: SheaveMotion, parts: list[Ropeway]) -> None:
+        self._bundle, self._parts, self.motion = bundle, dict(zip(scenario.ropes, parts, strict=True)), motion
+        self._names, self._strands = list(scenario.sheaves), scenario.strands
+        self._drives = {name: self._names.index(str(drive.sheave)) for name, drive in scenario.drives.items()}
+        self._drive_rows = list(self._drives.values())
+        self._scenario = scenario
+        motion.mode[self._drive_rows] = SPEED
+
+    def settle(self, relax: Any) -> None:
+        """Find the rest of all strands, of which each rests by itself; `relax` brings all ropes to rest as they lie.
+
+        Raises:
+            EquilibriumError: there is none, or a bullwheel cannot hold it by friction.
+        """
+        first = next(iter(self._parts.values()))
+        lengths = np.array([part.system.cable.unstrained_length for part in self._parts.values()])
+
+        def rest() -> None:
+            self._lay()
+            relax()
+            feel_ends(self._bundle, self.motion, first.system, first.state)
+
+        settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
+        self.motion.traction[:] = self.motion.tension[:, 0] - self.motion.tension[:, 1]
+        self._begin_here()
+        self._check_adhesion()
+
+    def _lay(self) -> None:
+        """Give the strands the ends that the bullwheels have, and put what is clamped to them where it is then."""
+        motion, sheaves = self.motion, self._bundle.sheaves
+        parts, passed = list(self._parts.values()), 0.0
+        for sheave in range(len(self._names)):
+            for side in range(2):
+                part = parts[sheaves.rope[sheave, side]]
+                cable, nodes = part.system.cable, part.state.nodes
+                part.state.rope.position[1 - side] = motion.rope.position[sheave]
+                way = motion.carriage.position[sheave] * sheaves.direction[sheave]
+                nodes.position[-1 if side == 0 else 0, 0] = cable.end_position[1 - side] + way
+        for name in self._strands:
+            part = self._parts[name]
+            state, length = part.state, part.system.cable.unstrained_length
+            gone = state.rope.position
+            stretch = 1.0 + (gone[0] - gone[1]) / length
+            state.loop_start[0] = passed
+            passed += (stretch - 1.0) * length
+            on = part.system.carriages.clamped & state.attached
+            places = (part.system.carriages.loop_place - state.loop_start[0]) / stretch
+            state.joints.position[on] = np.clip(places, 0.0, length)[on]
+            state.reference.position[on] = state.joints.position[on]
+
+    def _begin_here(self) -> None:
+        """Let this be the start: no rope has gone by yet."""
+        for name in self._strands:
+            state = self._parts[name].state
+            state.surplus[0] = state.rope.position[0] - state.rope.position[1]
+            state.rope.position[:] = 0.0
+        self.motion.rope.position[:] = 0.0
+
+    def _check_adhesion(self) -> None:
+        """Refuse a start that friction cannot hold."""
+        for row, (on, off) in enumerate(self.motion.tension.tolist()):
+            used, most = max(on / off, off / on), float(self._bundle.sheaves.adhesion[row])
+            if min(on, off) <= 0.0 or used > most:
+                raise EquilibriumError(
+                    f"sheaves.{self._names[row]}: at rest its strands pull with {on:.4g} and {off:.4g} N, a ratio of "
+                    f"{used:.3g}, and the rope would slip; allowed: {most:.3g}, exp(friction times wrap)"
+                )
+
+    def set_in_motion(self) -> dict[str, Command]:
+        """Give the rope the speed it starts with; returns the commands that keep it, by drive."""
+        held = {}
+        for name, drive in self._scenario.drives.items():
+            if drive.speed != 0.0:
+                held[name] = Command("speed", {name: drive.speed})
+                self.motion.target[self._drives[name]] = drive.speed
+                self.motion.rim.velocity[:] = self.motion.rope.velocity[:] = drive.speed
+                for strand in self._strands:
+                    part = self._parts[strand]
+                    part.state.rope.velocity[:] = drive.speed
+                    for index in np.flatnonzero(part.system.carriages.clamped & part.state.attached).tolist():
+                        set_going(part.system, part.state, index, drive.speed)
+        return held
+
+    def drive(self, name: str, kind: str, value: float) -> None:
+        """Give a drive a speed (m/s) or a force (N)."""
+        row = self._drives[name]
+        if kind == "force":
+            self.motion.mode[row], self.motion.force[row] = FORCE, value
+            return
+        if self.motion.mode[row] != SPEED:
+            self.motion.mode[row] = SPEED
+            self.motion.rim.acceleration[row] = 0.0
+        self.motion.target[row] = value
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Names of the drives."""
+        return tuple(self._drives)
+
+    def stop(self) -> None:
+        """Begin an emergency stop."""
+        motion = self.motion
+        fresh = motion.braking == 0
+        motion.braking_time[fresh] = 0.0
+        motion.braking[:] = 1
+        motion.target[:] = 0.0
+        motion.mode[self._drive_rows] = SPEED
+
+    def release(self) -> None:
+        """End it."""
+        self.motion.braking[:] = 0
+        self.motion.rim.acceleration[:] = 0.0
+
+    def observe(self, columns: Columns) -> None:
+        """Fill the columns of bullwheels and their drives."""
+        motion, sheaves, rows = self.motion, self._bundle.sheaves, self._drive_rows
+        force = motion.traction + sheaves.inertia * motion.rim.acceleration
+        force += sheaves.resistance * np.sign(motion.rim.velocity)
+        force[sheaves.driven == 0] = 0.0
+        columns.sheave_position[:], columns.sheave_speed[:] = motion.rope.position, motion.rope.velocity
+        columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension
+        columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)
+        columns.sheave_slip[:] = motion.rim.position - motion.rope.position
+        columns.drive_position[:], columns.drive_speed[:] = motion.rim.position[rows], motion.rim.velocity[rows]
+        columns.moving_cable_force[:] = force[rows]
+
+    def energy(self) -> Energy:
+        """Energy (J) of the wheels, the rope on them, and what tensions them."""
+        motion, sheaves = self.motion, self._bundle.sheaves
+        kinetic = 0.5 * (sheaves.inertia @ motion.rim.velocity**2 + sheaves.wrapped @ motion.rope.velocity**2)
+        moved = sheaves.tensioning == COUNTERWEIGHT
+        kinetic += 0.5 * float(sheaves.mass[moved] @ motion.carriage.velocity[moved] ** 2)
+        depth = np.maximum(sheaves.travel[:, 0] - motion.carriage.position, 0.0)
+        depth = depth + np.maximum(motion.carriage.position - sheaves.travel[:, 1], 0.0)
+        elastic = 0.5 * float(sheaves.buffer_stiffness @ depth**2)
+        return Energy(float(kinetic), elastic, -float(sheaves.pull[moved] @ motion.carriage.position[moved]))
+
+
+__all__ = ["Loop"]
