@@ -8,6 +8,7 @@ from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hol
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
+from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
@@ -52,6 +53,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         begin_rope(
             c, h, own, record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
         )
+    find_clamps(bundle, moving, system, state)
     predict(c, h, moving.stages)
     for pantograph in range(moving.place.position.size):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
@@ -102,6 +104,7 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
                 follow_again(here, own_work)
             elif converged and find_saturated(own, here, record_at(bundle.records[rope, column], state), own_work):
                 saturated = True
+        gap = max(gap, worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)) if converged else gap
         converged = converged and isfinite(gap)
         if attempt == 1 or not converged or not saturated:
             break
