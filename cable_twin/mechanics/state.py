@@ -64,6 +64,8 @@ class State(NamedTuple):
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
     multipliers: FloatArray  # lambda, (bodies, dim) N on each body at its upper pivot; first of a chain: sliding joint
     moments: FloatArray  # (bodies, turns) N m on each body, of what its joint holds; none in a plane
+    clamp_holds: NDArray[np.bool_]  # (carriages,) by a clamp to another rope now
+    clamp_force: FloatArray  # (carriages, dim) N of that rope on the carriage
     attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
     payload: FloatArray  # (carriages,) kg, already in the masses of the system
     drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE, SPEED, or HAULED
@@ -129,7 +131,8 @@ class Workspace(NamedTuple):
     grip_by_s: FloatArray  # (carriages, turns) rad/m, the same by the arc length
     sliding_pivot: FloatArray  # (carriages,) eliminated row of the sliding coordinate
     sliding_row: FloatArray  # (carriages, 4, dim)
-    sliding_column: FloatArray  # (4, dim) of the carriage at hand
+    sliding_column: FloatArray  # (carriages, 4, dim) forces on the nodes by the sliding coordinate
+    sliding_along: FloatArray  # (carriages, dim) minus its row by a force on the joint beside the cable
     sliding_right: FloatArray  # (carriages,)
     sliding_increment: FloatArray  # (carriages,)
     saturation: FloatArray  # (carriages,) N, what a drive at its force limit gives in this step, else 0
@@ -169,6 +172,8 @@ def allocate_state(system: System) -> State:
         friction_origin=np.zeros(carriages),
         multipliers=np.zeros((bodies, dim)),
         moments=np.zeros((bodies, turns)),
+        clamp_holds=np.zeros(carriages, dtype=np.bool_),
+        clamp_force=np.zeros((carriages, dim)),
         attached=np.ones(carriages, dtype=np.bool_),
         payload=np.zeros(carriages),
         drive_mode=modes,
@@ -263,7 +268,8 @@ def allocate_workspace(system: System) -> Workspace:
         grip_by_s=np.zeros((carriages, turns)),
         sliding_pivot=np.zeros(carriages),
         sliding_row=np.zeros((carriages, 4, dim)),
-        sliding_column=np.zeros((4, dim)),
+        sliding_column=np.zeros((carriages, 4, dim)),
+        sliding_along=np.zeros((carriages, dim)),
         sliding_right=np.zeros(carriages),
         sliding_increment=np.zeros(carriages),
         saturation=np.zeros(carriages),

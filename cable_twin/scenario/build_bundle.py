@@ -11,6 +11,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
     HYDRAULIC,
+    Clamps,
     Connectors,
     Pantographs,
     Sheaves,
@@ -54,6 +55,32 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
         damping=floats([rod.damping for rod in rods]),
     )
     return connectors, [names[number] for number in order]
+
+
+def first_places(scenario: Scenario) -> dict[str, tuple[str, float]]:
+    """To which rope each clamped vehicle is clamped at the start, and at what arc length (m), by name."""
+    found = {}
+    for name, one in scenario.vehicles.items():
+        for rope, place in one.clamped_to.items():
+            if 0.0 < place < scenario.ropes[rope].unstrained_length:
+                found[name] = rope, place
+    return found
+
+
+def build_clamps(scenario: Scenario) -> Clamps:
+    """The carriages that are clamped to another rope, in the order of all vehicles."""
+    ropes = list(scenario.ropes)
+    numbers = {name: list(scenario.of_rope(name).vehicles) for name in ropes}
+    clamped = {name: one for name, one in scenario.vehicles.items() if one.clamped_to}
+    own = [one.rope or ropes[0] for one in clamped.values()]
+    return Clamps(
+        rope=np.array([ropes.index(name) for name in own], dtype=np.int64),
+        carriage=np.array([numbers[rope].index(name) for name, rope in zip(clamped, own, strict=True)], dtype=np.int64),
+        offset=floats([scenario.vector(one.clamp_offset) for one in clamped.values()], scenario.dim),
+        choice_offset=np.cumsum([0, *(len(one.clamped_to) for one in clamped.values())], dtype=np.int64),
+        choice=np.array([ropes.index(rope) for one in clamped.values() for rope in one.clamped_to], dtype=np.int64),
+        place=floats([place for one in clamped.values() for place in one.clamped_to.values()]),
+    )
 
 
 def build_pantographs(scenario: Scenario) -> Pantographs:
@@ -126,4 +153,4 @@ def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], t
     return HYDRAULIC, direction, (1.0, cylinder.force, cylinder.band, cylinder.rate, 0.0, 0.0), cylinder.travel
 
 
-__all__ = ["build_connectors", "build_pantographs", "build_ropes", "build_sheaves"]
+__all__ = ["build_clamps", "build_connectors", "build_pantographs", "build_ropes", "build_sheaves", "first_places"]

@@ -21,6 +21,9 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
         for key in ("sheaves", "connectors", "pantographs"):
             for name in getattr(scenario, key):
                 yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
+        for name, carriage in scenario.carriages.items():
+            if carriage.clamped_to:
+                yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
         for key in ("mass_damping", "tension_damping"):
             if getattr(scenario.cable, key) != 0.0:
                 yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
@@ -42,6 +45,7 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from sheave_faults(scenario)
     yield from _connectors(scenario)
     yield from _pantographs(scenario)
+    yield from _clamps(scenario)
 
 
 def _whose(scenario: Scenario) -> Iterator[Fault]:
@@ -87,6 +91,41 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
         for (_, before, one), (_, after, other) in pairwise(sorted(rods)):
             if after < before:
                 yield Fault(("connectors", other), f"given across '{one}'; allowed: the same order on both ropes")
+
+
+def _clamps(scenario: Scenario) -> Iterator[Fault]:
+    """Clamps to ropes that there are not, to the own one, beside them or where another one is."""
+    taken: dict[tuple[str, float], str] = {}
+    for name, carriage in scenario.carriages.items():
+        path, own = ("carriages", name), carriage.rope or next(iter(scenario.ropes))
+        clamped = carriage.clamped_to
+        held = carriage.joint != "sliding" or carriage.drive.mode == "speed" or carriage.drive.haul_rope is not None
+        if clamped and held:
+            text = (
+                "given beside a joint or a drive that holds it; allowed: one that slides, with a drive free or a force"
+            )
+            yield Fault((*path, "clamped_to"), text)
+        if not clamped and any(carriage.clamp_offset):
+            yield Fault((*path, "clamp_offset"), "given without a clamp; allowed: beside `clamped_to`")
+        on = []
+        for rope, place in clamped.items():
+            if rope not in scenario.ropes:
+                yield _unknown((*path, "clamped_to", rope), rope, scenario)
+                continue
+            if rope == own:
+                yield Fault((*path, "clamped_to", rope), f"given {rope!r}, on which it slides; allowed: another rope")
+            other = taken.setdefault((rope, place), name)
+            if other != name:
+                yield Fault((*path, "clamped_to", rope), f"given {place:g} m, as of {other!r}; allowed: a place each")
+            if 0.0 < place < scenario.ropes[rope].unstrained_length:
+                on.append(rope)
+        if clamped.keys() <= scenario.ropes.keys() and clamped and len(on) != 1:
+            lengths = ", ".join(f"0 to {scenario.ropes[rope].unstrained_length:.9g} m of {rope!r}" for rope in clamped)
+            given = ", ".join(f"{place:g} m" for place in clamped.values())
+            yield Fault(
+                (*path, "clamped_to"),
+                f"given {given}, between the ends of {len(on) or 'no'} ropes; allowed: of one, {lengths}",
+            )
 
 
 def _pantographs(scenario: Scenario) -> Iterator[Fault]:

@@ -268,6 +268,15 @@ class Carriage(Section):
         default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
     )
     drive: Drive = Field(default_factory=Drive, description="what moves it")
+    clamped_to: dict[str, float] = Field(
+        default_factory=dict,
+        description="the rope to which it is clamped as well, and the unstrained arc length there (m); of several, in "
+        "which one after the other goes on, those on which it is not yet have a place beyond their ends",
+        json_schema_extra={"unit": "m"},
+    )
+    clamp_offset: Place = quantity(
+        "m", "way from its joint to that clamp as x, z, in space x, y, z; forces act at the joint", (0.0, 0.0)
+    )
     friction: Friction = Field(default_factory=Friction, description="what resists it")
     end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)

@@ -9,8 +9,8 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
+from cable_twin.mechanics.parameters import FREE, FloatArray
+from cable_twin.mechanics.readout.columns import Columns, groups, sample_positions, sample_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
 from cable_twin.mechanics.solution.bundle.records import (
@@ -23,16 +23,25 @@ from cable_twin.mechanics.solution.bundle.records import (
     order_of,
 )
 from cable_twin.mechanics.solution.bundle.rest import settle_bundle
+from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build_bundle import build_connectors, build_pantographs, build_ropes, build_sheaves
+from cable_twin.scenario.build_bundle import (
+    build_clamps,
+    build_connectors,
+    build_pantographs,
+    build_ropes,
+    build_sheaves,
+    first_places,
+)
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
 
+FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
@@ -160,13 +169,14 @@ class RopeBundle:
             up=np.eye(scenario.dim)[-1].copy(),
             connectors=connectors,
             pantographs=pantographs,
+            clamps=(clamps := build_clamps(scenario)),
             wires=Wires(
                 by_mass=np.array([one for one, _ in damped]),
                 by_stiffness=np.array([one for _, one in damped]),
                 tension=np.zeros(len(parts)),
                 present=bool(np.any(damped)),
             ),
-            order=order_of(nodes, connectors.rope, connectors.node),
+            order=order_of(nodes, connectors.rope, connectors.node, self._along() if clamps.rope.size else None),
             sheaves=build_sheaves(scenario),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
@@ -177,6 +187,14 @@ class RopeBundle:
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
         self.commands: dict[str, Command] = {}
         self._forces = np.zeros(len(scenario.connectors))
+
+    def _along(self) -> list[FloatArray]:
+        """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
+        found = []
+        for part, rope in zip(self.parts, self._scenario.ropes.values(), strict=True):
+            start, end = rope.start.position[0], rope.end.position[0]
+            found.append(start + (end - start) * part.system.cable.node_arc_length / rope.unstrained_length)
+        return found
 
     def find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together.
@@ -191,6 +209,10 @@ class RopeBundle:
                 part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
+        self._check_clamps()
+        clamps = list(zip(self.bundle.clamps.rope.tolist(), self.bundle.clamps.carriage.tolist(), strict=True))
+        for row, carriage in clamps:  # its clamp holds it
+            self.parts[row].state.drive_mode[carriage], self.parts[row].state.drive_force[carriage] = FREE, 0.0
         for row, part in enumerate(self.parts):
             self._addresses.write(row, SYSTEM, without_friction(part.system))
         longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
@@ -200,6 +222,9 @@ class RopeBundle:
             self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
         else:
             settle_bundle(relaxed, SLACKEST_REST * longest)
+        for row, carriage in clamps:
+            state = self.parts[row].state
+            state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
             note_rest(part.system, part.state)
@@ -209,6 +234,25 @@ class RopeBundle:
             self.bundle.wires.tension[row] = _mean_tension(part)
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
         self.commands = self.loop.set_in_motion()
+
+    def _check_clamps(self) -> None:
+        """See that each rope, at rest by itself, is near the carriages that are clamped to it.
+
+        Raises:
+            EquilibriumError: a carriage is far from its place there; the line names it.
+        """
+        clamps, ropes = self.bundle.clamps, list(self._scenario.ropes)
+        for clamp, (name, (rope, place)) in enumerate(first_places(self._scenario).items()):
+            here, other = self.parts[int(clamps.rope[clamp])], self.parts[ropes.index(rope)]
+            joint = float(here.state.joints.position[int(clamps.carriage[clamp])])
+            way = _position(other, place) - _position(here, joint) - clamps.offset[clamp]
+            apart = float(np.linalg.norm(way))
+            shorter = min(part.system.cable.unstrained_length for part in (here, other))
+            if apart > FARTHEST_CLAMP * shorter:
+                raise EquilibriumError(
+                    f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
+                    f"from it before it is clamped; allowed: up to {FARTHEST_CLAMP * shorter:.4g} m"
+                )
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
@@ -303,6 +347,13 @@ def _is_taut(scenario: Scenario) -> bool:
     held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
     apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
     return held and not scenario.towers and cable.unstrained_length < apart
+
+
+def _position(part: Ropeway, place: float) -> FloatArray:
+    """Where (dim,) in m a rope is at an arc length (m)."""
+    found = np.empty((1, 3))
+    sample_positions(part.system.cable, part.state, np.array([place]), found)
+    return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 
 def _mean_tension(part: Ropeway) -> float:

@@ -71,10 +71,10 @@ class Loop:
             state, length = part.state, part.system.cable.unstrained_length
             gone = state.rope.position
             stretch = 1.0 + (gone[0] - gone[1]) / length
-            state.loop_start[0] = passed
+            state.loop_start[0] = passed + gone[0]
+            places = (part.system.carriages.loop_place - passed) / stretch
             passed += (stretch - 1.0) * length
             on = part.system.carriages.clamped & state.attached
-            places = (part.system.carriages.loop_place - state.loop_start[0]) / stretch
             state.joints.position[on] = np.clip(places, 0.0, length)[on]
             state.reference.position[on] = state.joints.position[on]
 
@@ -83,6 +83,7 @@ class Loop:
         for name in self._strands:
             state = self._parts[name].state
             state.surplus[0] = state.rope.position[0] - state.rope.position[1]
+            state.loop_start[0] -= state.rope.position[0]
             state.rope.position[:] = 0.0
         self.motion.rope.position[:] = 0.0
 

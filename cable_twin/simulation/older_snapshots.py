@@ -45,7 +45,7 @@ def brought_up(arrays: Mapping[str, Any], version: int) -> dict[str, Any]:
     if version < 5:
         arrays |= _in_grooves(arrays) | _even_wind(arrays)
     if version < 6:
-        arrays |= _one_speed(arrays)
+        arrays |= _one_speed(arrays) | _unclamped(arrays)
     return arrays
 
 
@@ -100,6 +100,19 @@ def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:
     loads = {part: arrays[f"{part}/tower_load"] for part in PARTS}
     lateral = {f"{part}/tower_lateral": np.zeros_like(load) for part, load in loads.items()}
     return lateral | {f"{part}/derailment": np.zeros(load.shape, dtype=np.int64) for part, load in loads.items()}
+
+
+def _unclamped(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 6 added: clamps to another rope, of which there are none."""
+    found: dict[str, Any] = {}
+    for key, array in arrays.items():
+        part, _, field = key.rpartition("/")
+        if field == "attached":
+            wide = arrays[f"{part}/multipliers"].shape[1]
+            found |= {f"{part}/clamp_holds": np.zeros_like(array), f"{part}/clamp_force": np.zeros((array.size, wide))}
+        elif field == "contact_force":  # of pantographs, beside which clamps are
+            found |= {f"{part}/clamp_rope": np.zeros(0, np.int64), f"{part}/clamp_place": np.zeros(0)}
+    return found
 
 
 __all__ = ["PARTS", "brought_up"]

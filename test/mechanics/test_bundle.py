@@ -11,6 +11,7 @@ from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.records import (
     Bundle,
+    Clamps,
     Connectors,
     Pantographs,
     Wires,
@@ -24,12 +25,14 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 ELEMENTS = (7, 5, 9)
+CLAMPED = np.array([[0, 1], [2, 0], [1, 2], [0, 2]])  # ropes; both their elements
+CLAMP_ELEMENTS = np.array([[0, 0], [4, 3], [3, 8], [6, 1]])
 ROPES = np.array([[0, 1], [0, 1], [1, 2], [0, 2]])
 NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
 LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
 
 
-def make_bundle(dim, *, stiffness=50.0, compression=20.0):
+def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
     """Three ropes with four rods between them; what keeps the records alive comes along."""
     systems = [make_system(dim, cable={"element_count": count}) for count in ELEMENTS]
     states, works = [allocate_state(s) for s in systems], [allocate_workspace(s) for s in systems]
@@ -48,10 +51,24 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0):
             damping=np.full(count, 3.0),
         ),
         pantographs=Pantographs(np.zeros(0, np.int64), *(np.zeros((0, 1)) for _ in range(3)), np.zeros(0), np.zeros(0)),
+        clamps=Clamps(
+            rope=CLAMPED[:clamps, 0].copy(),
+            carriage=np.zeros(clamps, np.int64),
+            offset=np.zeros((clamps, dim)),
+            choice_offset=np.arange(clamps + 1),
+            choice=CLAMPED[:clamps, 1].copy(),
+            place=np.zeros(clamps),
+        ),
         wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
         order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
     )
     return bundle, systems, states, works, addresses
+
+
+def as_matrix(block):
+    """Matrix (2 dim, 2 dim) of a block (2, 2, dim²)."""
+    dim = int(np.sqrt(block.shape[-1]))
+    return block.reshape(2, 2, dim, dim).transpose(0, 2, 1, 3).reshape(2 * dim, 2 * dim)
 
 
 def places_of(dim):
@@ -61,11 +78,14 @@ def places_of(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_elimination_solves_what_a_dense_solver_solves(dim):
-    bundle, systems, _, works, _kept = make_bundle(dim)
+@pytest.mark.parametrize("clamps", [0, 1, 4])
+def test_elimination_solves_what_a_dense_solver_solves(dim, clamps):
+    """Clamps in any order along the ropes; by itself, no force of one says anything about it."""
+    bundle, systems, _, works, _kept = make_bundle(dim, clamps=clamps)
     random, first = np.random.default_rng(dim), places_of(dim)
     scratch = allocate_bundle_work(bundle)
-    matrix, right = np.zeros((first[-1], first[-1])), np.zeros(first[-1])
+    size = first[-1] + clamps * 2 * dim
+    matrix, right = np.zeros((size, size)), np.zeros(size)
     for rope, work in enumerate(works):
         for array in (work.diagonal, work.upper, work.lower, work.right_side):
             array[:] = random.normal(size=array.shape)
@@ -80,9 +100,23 @@ def test_elimination_solves_what_a_dense_solver_solves(dim):
         a, b = (slice(p, p + dim) for p in first[ropes] + nodes * 2 * dim)
         matrix[a, b] += cross + cross.T
         matrix[b, a] += cross + cross.T
+    for clamp in range(clamps):
+        own = slice(first[-1] + clamp * 2 * dim, first[-1] + (clamp + 1) * 2 * dim)
+        blocks = scratch.clamp_diagonal[clamp], scratch.clamp_right[clamp]
+        for array in (*blocks, scratch.clamp_out[clamp], scratch.clamp_in[clamp]):
+            array[:] = random.normal(size=array.shape)
+        scratch.clamp_diagonal[clamp, 0, 0] = 0.0
+        matrix[own, own], right[own] = as_matrix(scratch.clamp_diagonal[clamp]), scratch.clamp_right[clamp].ravel()
+        for k in range(4):
+            rope, node = CLAMPED[clamp, k // 2], CLAMP_ELEMENTS[clamp, k // 2] + k % 2
+            scratch.clamp_node[clamp, k] = first[rope] // (2 * dim) + node
+            there = slice(first[rope] + node * 2 * dim, first[rope] + (node + 1) * 2 * dim)
+            matrix[there, own] += as_matrix(scratch.clamp_out[clamp, k])
+            matrix[own, there] += as_matrix(scratch.clamp_in[clamp, k])
     exact = np.linalg.solve(matrix, right)
     assert solve_bundle(bundle, scratch, works[0], systems[0].cable.gravity)
-    np.testing.assert_allclose(np.concatenate([w.right_side.ravel() for w in works]), exact, rtol=0, atol=1e-12)
+    found = [*(work.right_side.ravel() for work in works), scratch.clamp_right.ravel()]
+    np.testing.assert_allclose(np.concatenate(found), exact, rtol=0, atol=1e-11)
 
 
 def test_block_without_inverse_is_told():

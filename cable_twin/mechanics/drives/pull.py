@@ -57,20 +57,24 @@ def recover_drive(state, carriage, moved, work):
 @kernel
 def observe_haul(system, state, carriage):
     """Travel (m) and speed (m/s) of a haul rope at its sheave, and its force (N) on the carriage; NaN without one."""
+    r_x = joint_tangent(system.cable, state, carriage)
+    if state.clamp_holds[carriage]:
+        return nan, nan, dot(load(state.clamp_force[carriage], r_x), r_x) / sqrt(dot(r_x, r_x))
     if state.drive_mode[carriage] != HAULED:
         return nan, nan, nan
-    r_x = joint_tangent(system.cable, state, carriage)
     force = pull_on_carriage(system, state, carriage) / sqrt(dot(r_x, r_x))
     return state.sheaves.position[carriage], state.sheaves.velocity[carriage], force
 
 
 @kernel
 def joint_forces(system, state, carriage):
-    """Forces (dim,) in N on a carriage at its joint: of the cable, and of its haul rope, 0 without one."""
+    """Forces (dim,) in N on a carriage at its joint: of the cable, and of the rope that hauls it, 0 without one."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     pull = scale(0.0, force)
     if state.drive_mode[carriage] == HAULED:
         pull = scale(pull_on_carriage(system, state, carriage), haul_direction(system, state, carriage))
+    elif state.clamp_holds[carriage]:
+        pull = load(state.clamp_force[carriage], force)
     return add_scaled(-1.0, pull, force), pull
 
 

@@ -166,7 +166,7 @@ def add_grip(cable, state, carriage, first, joint, point, along, stiffness_facto
         accumulate(add_scaled(1.0, product(on_s, seen, still), scale(free, row)), work.sliding_row[carriage, j])
         column = add_scaled(shape_x[j], bent, scale(shape_xx[j], force))
         column = add_scaled(shape_x[j], product(pull, g, still), column)
-        accumulate(add_scaled(shape[j], product(pt, by_s, still), column), work.sliding_column[j])
+        accumulate(add_scaled(shape[j], product(pt, by_s, still), column), work.sliding_column[carriage, j])
         moved = add_scaled(shape[j], tp, product(tt, seen, still))  # of the moment, by Δe_j
         on_node, on_slope = product(pt, seen, still), product(flipped(g, like), moved, still)
         for i in range(4):

@@ -7,7 +7,7 @@ its drive force is what that takes. A haul rope pulls the carriage and not the c
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.turns import along_track, no_turn
@@ -22,6 +22,7 @@ from cable_twin.mechanics.language.vectors import (
     product,
     scale,
     store,
+    subtract,
     transpose,
 )
 from cable_twin.mechanics.on_rope.buffer import stop_force
@@ -155,6 +156,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     residual = load(work.impedance_force[first], like)
     if system.haul_ropes.present:
         force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
+    if state.clamp_holds[carriage]:
+        force = subtract(force, load(state.clamp_force[carriage], like))
 
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -180,7 +183,12 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         right = norm * f_t - dot(force, r_x) - dot(along, residual)
 
-    shape, shape_x, rows, columns = point.shape, point.shape_x, work.sliding_row[carriage], work.sliding_column
+    shape, shape_x, rows, columns = (
+        point.shape,
+        point.shape_x,
+        work.sliding_row[carriage],
+        work.sliding_column[carriage],
+    )
     for i in range(4):
         store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
@@ -189,6 +197,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         more = add_grip(cable, state, carriage, first, joint, point, along, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
+    store(along, work.sliding_along[carriage])
+    if state.clamp_holds[carriage]:
+        pivot = inf  # s stays, and is solved for with the force of the clamp
 
     contact = add_scaled(1.0, force, residual)
     for i in range(4):
@@ -220,6 +231,8 @@ def driven_force(system, state, carriage):
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     r_x = joint_tangent(cable, state, carriage)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
+    if state.clamp_holds[carriage]:
+        force = subtract(force, load(state.clamp_force[carriage], force))
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
     normal_force = add_scaled(-tangential / norm, r_x, force)

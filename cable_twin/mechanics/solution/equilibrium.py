@@ -229,8 +229,12 @@ def _advice(system: System) -> str:
 
 
 def without_friction(system: System) -> System:
-    """The same with towers that let the rope slide."""
-    return system._replace(towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)))
+    """The same with towers that let the rope slide, and joints that slide on it."""
+    smooth = np.zeros_like(system.carriages.rolling_friction)
+    return system._replace(
+        towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)),
+        carriages=system.carriages._replace(rolling_friction=smooth),
+    )
 
 
 def settle(system: System, state: State, work: Workspace) -> None:

@@ -1,16 +1,16 @@
 """The linear solver of a bundle: block elimination along all ropes side by side, O(nodes), no fill but at the front.
 
-The front is one node of each rope, the next to be eliminated. Nodes of different ropes are coupled only there: a
-connector is added when both its nodes are at the front, and what an elimination leaves couples the nodes that follow.
-Where nothing is linked this is `block_tridiagonal` rope by rope.
+The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
+block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
+added when both its nodes are at the front, a clamp with each of its nodes when that is, and what an elimination leaves
+couples what follows. Where nothing is linked this is `block_tridiagonal` rope by rope.
 """
 
 from __future__ import annotations
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.memory import clear_array
-from cable_twin.mechanics.language.vectors import accumulate, load, outer, scale
+from cable_twin.mechanics.language.vectors import accumulate, load, outer
 from cable_twin.mechanics.solution.bundle.node_blocks import (
     apply_node,
     invert_node,
@@ -18,44 +18,85 @@ from cable_twin.mechanics.solution.bundle.node_blocks import (
     load_pair,
     minus_nodes,
     multiply_nodes,
+    no_node,
     store_node,
     store_pair,
     subtract_pair,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK
 
+CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
+
 
 @kernel
 def solve_bundle(bundle, scratch, work, like):
-    """Solve for the nodal increments of all ropes, in their `right_side`; `upper` becomes a factor.
+    """Solve for the increments of all nodes, in their `right_side`, and clamps; `upper` becomes a factor.
 
     Args:
         bundle: parameters.
-        scratch: `BundleWork`, with `cross` of the connectors, which are in the diagonals already.
+        scratch: `BundleWork`, with `cross` of the connectors, which are in the diagonals already, and the blocks of
+            the clamps.
         work: Workspace of any of the ropes, for its type.
         like: any vector of the space.
 
     Returns:
         False when a block has no inverse.
     """
-    order = bundle.order
-    clear_array(scratch.fill)
-    scratch.linked[:] = 0
-    scratch.front[:] = 0
-    connector = 0
-    for number in range(order.node.size):
+    order, ropes = bundle.order, bundle.records.shape[0]
+    note_touches(bundle, scratch)
+    connector, event, nodes = 0, 0, order.node.size
+    for number in range(nodes):
+        rope, node = order.rope[number], order.node[number]
         while connector < order.connector_at.size and order.connector_at[connector] == number:
             link(bundle.connectors, connector, scratch, like)
             connector += 1
-        rope = order.rope[number]
-        if not eliminate(bundle, number, rope, order.node[number], scratch, work, like):
+        touch = scratch.touch[number]
+        while touch >= 0:
+            link_clamp(ropes, touch, rope, scratch, like)
+            touch = scratch.touch[nodes + touch]
+        if not eliminate(bundle, event, rope, node, scratch, work, like):
             return False
-        scratch.front[rope] = order.node[number] + 1
-    for number in range(order.node.size - 1, -1, -1):
-        rope, node = order.rope[number], order.node[number]
-        scratch.front[rope] = node
-        substitute(bundle, number, rope, node, scratch, work, like)
+        scratch.sequence[event] = number
+        scratch.front[rope] = node + 1
+        event += 1
+        touch = scratch.touch[number]
+        while touch >= 0:
+            clamp = touch // CLAMP_NODES
+            scratch.nodes_left[clamp] -= 1
+            if scratch.nodes_left[clamp] == 0:
+                if not eliminate_clamp(bundle, event, clamp, scratch, work, like):
+                    return False
+                scratch.sequence[event] = -1 - clamp
+                event += 1
+            touch = scratch.touch[nodes + touch]
+    while event > 0:
+        event -= 1
+        number = scratch.sequence[event]
+        if number >= 0:
+            scratch.front[order.rope[number]] = order.node[number]
+            substitute(bundle, event, order.rope[number], order.node[number], scratch, work, like)
+        else:
+            substitute_clamp(bundle, event, -1 - number, scratch, work, like)
     return True
+
+
+@kernel
+def note_touches(bundle, scratch):
+    """Make lists of the clamps that couple each node, and clear the front."""
+    nodes, ropes = bundle.order.node.size, bundle.records.shape[0]
+    scratch.linked[:] = 0
+    scratch.front[:ropes] = 0
+    scratch.front[ropes:] = -1
+    scratch.width[0] = ropes
+    scratch.touch[:nodes] = -1
+    for clamp in range(scratch.clamp_node.shape[0]):
+        if scratch.clamp_node[clamp, 0] < 0:
+            continue
+        scratch.member[clamp], scratch.nodes_left[clamp] = -1, CLAMP_NODES
+        for k in range(CLAMP_NODES):
+            touch, number = CLAMP_NODES * clamp + k, bundle.order.number[scratch.clamp_node[clamp, k]]
+            scratch.touch[nodes + touch] = scratch.touch[number]
+            scratch.touch[number] = touch
 
 
 @inlined_kernel
@@ -63,14 +104,52 @@ def link(connectors, connector, scratch, like):
     """Couple the front nodes of two ropes."""
     a, b = connectors.rope[connector, 0], connectors.rope[connector, 1]
     cross = load(scratch.cross[connector], outer(0.0, like, like))
+    if not scratch.linked[a, b]:
+        connect(a, b, scratch, like)
     accumulate(cross, scratch.fill[a, b, 0, 0])
     accumulate(cross, scratch.fill[b, a, 0, 0])  # it is symmetric
-    scratch.linked[a, b] = scratch.linked[b, a] = 1
 
 
 @inlined_kernel
-def eliminate(bundle, number, rope, node, scratch, work, like):
-    """Take the front node of a rope out of the equations of the next one, and of the front nodes of other ropes."""
+def connect(a, b, scratch, like):
+    """Let two members of the front be coupled, by nothing yet."""
+    nothing = no_node(like)
+    store_node(nothing, scratch.fill[a, b])
+    store_node(nothing, scratch.fill[b, a])
+    scratch.linked[a, b] = scratch.linked[b, a] = 1
+
+
+@kernel
+def link_clamp(ropes, touch, rope, scratch, like):
+    """Couple the front node of a rope with a clamp, which comes to the front with the first of its nodes."""
+    clamp, k, square = touch // CLAMP_NODES, touch % CLAMP_NODES, outer(0.0, like, like)
+    if scratch.member[clamp] < 0:
+        place = ropes
+        while scratch.front[place] >= 0:
+            place += 1
+        scratch.front[place], scratch.member[clamp] = clamp, place
+        scratch.width[0] = max(scratch.width[0], place + 1)
+    member = scratch.member[clamp]
+    if not scratch.linked[rope, member]:
+        connect(rope, member, scratch, like)
+    for i in range(2):
+        for j in range(2):
+            accumulate(load(scratch.clamp_out[clamp, k, i, j], square), scratch.fill[rope, member, i, j])
+            accumulate(load(scratch.clamp_in[clamp, k, i, j], square), scratch.fill[member, rope, i, j])
+
+
+@inlined_kernel
+def at_front(bundle, member, scratch, work):
+    """Diagonal block and right side of a member of the front."""
+    if member < bundle.records.shape[0]:
+        own = record_at(bundle.records[member, WORK], work)
+        return own.diagonal[scratch.front[member]], own.right_side[scratch.front[member]]
+    return scratch.clamp_diagonal[scratch.front[member]], scratch.clamp_right[scratch.front[member]]
+
+
+@kernel
+def eliminate(bundle, event, rope, node, scratch, work, like):
+    """Take the front node of a rope out of the equations of the next one, and of the other members of the front."""
     square = outer(0.0, like, like)
     own = record_at(bundle.records[rope, WORK], work)
     inverse, found = invert_node(load_node(own.diagonal[node], square))
@@ -79,7 +158,7 @@ def eliminate(bundle, number, rope, node, scratch, work, like):
     right = apply_node(inverse, load_pair(own.right_side[node], like))
     store_pair(right, own.right_side[node])
     follows = node + 1 < own.diagonal.shape[0]
-    lower = scale(0.0, square), scale(0.0, square), scale(0.0, square), scale(0.0, square)
+    lower = no_node(like)
     upper = lower
     if follows:
         lower = load_node(own.lower[node], square)
@@ -89,54 +168,86 @@ def eliminate(bundle, number, rope, node, scratch, work, like):
         store_node(after, own.diagonal[node + 1])
         rest = load_pair(own.right_side[node + 1], like)
         store_pair(subtract_pair(rest, apply_node(lower, right)), own.right_side[node + 1])
-    ropes = scratch.front.size
-    for other in range(ropes):
-        scratch.used[number, other] = scratch.linked[rope, other]
-        if scratch.linked[rope, other]:
-            store_node(
-                multiply_nodes(inverse, load_node(scratch.fill[rope, other], square)), scratch.side[number, other]
-            )
-    for other in range(ropes):
-        if scratch.used[number, other]:
-            back = load_node(scratch.fill[other, rope], square)
-            beside = record_at(bundle.records[other, WORK], work)
-            place = scratch.front[other]
-            rest = load_pair(beside.right_side[place], like)
-            store_pair(subtract_pair(rest, apply_node(back, right)), beside.right_side[place])
-            for third in range(ropes):
-                if scratch.used[number, third]:
-                    change = multiply_nodes(back, load_node(scratch.side[number, third], square))
-                    if third == other:
-                        changed = minus_nodes(load_node(beside.diagonal[place], square), change)
-                        store_node(changed, beside.diagonal[place])
-                    else:
-                        changed = minus_nodes(load_node(scratch.fill[other, third], square), change)
-                        store_node(changed, scratch.fill[other, third])
-                        scratch.linked[other, third] = 1
-    for other in range(ropes):
-        if scratch.used[number, other]:
-            zero = scale(0.0, square), scale(0.0, square), scale(0.0, square), scale(0.0, square)
+    eliminate_beside(bundle, event, rope, inverse, right, scratch, work, like)
+    for other in range(scratch.width[0]):
+        if scratch.used[event, other]:
             if follows:
-                on = multiply_nodes(lower, load_node(scratch.side[number, other], square))
-                store_node(minus_nodes(zero, on), scratch.fill[rope, other])
+                on = multiply_nodes(lower, load_node(scratch.side[event, other], square))
+                store_node(minus_nodes(no_node(like), on), scratch.fill[rope, other])
                 on = multiply_nodes(load_node(scratch.fill[other, rope], square), upper)
-                store_node(minus_nodes(zero, on), scratch.fill[other, rope])
+                store_node(minus_nodes(no_node(like), on), scratch.fill[other, rope])
             else:
                 scratch.linked[rope, other] = scratch.linked[other, rope] = 0
     return True
 
 
+@kernel
+def eliminate_clamp(bundle, event, clamp, scratch, work, like):
+    """Take a clamp out of the equations of the front, and free its place there."""
+    member, square = scratch.member[clamp], outer(0.0, like, like)
+    inverse, found = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
+    if not found:
+        return False
+    right = apply_node(inverse, load_pair(scratch.clamp_right[clamp], like))
+    store_pair(right, scratch.clamp_right[clamp])
+    eliminate_beside(bundle, event, member, inverse, right, scratch, work, like)
+    scratch.front[member] = -1
+    for other in range(scratch.width[0]):
+        scratch.linked[member, other] = scratch.linked[other, member] = 0
+    return True
+
+
 @inlined_kernel
-def substitute(bundle, number, rope, node, scratch, work, like):
-    """The solution at one node, from that of the nodes it was coupled with when it was eliminated."""
-    square = outer(0.0, like, like)
+def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like):
+    """Take a member out of the equations of the others at the front; keeps what gives it when those are known."""
+    square, width = outer(0.0, like, like), scratch.width[0]
+    for other in range(width):
+        scratch.used[event, other] = scratch.linked[member, other]
+        if scratch.linked[member, other]:
+            side = multiply_nodes(inverse, load_node(scratch.fill[member, other], square))
+            store_node(side, scratch.side[event, other])
+    for other in range(width):
+        if scratch.used[event, other]:
+            back = load_node(scratch.fill[other, member], square)
+            diagonal, right_side = at_front(bundle, other, scratch, work)
+            store_pair(subtract_pair(load_pair(right_side, like), apply_node(back, right)), right_side)
+            for third in range(width):
+                if scratch.used[event, third]:
+                    change = multiply_nodes(back, load_node(scratch.side[event, third], square))
+                    if third == other:
+                        store_node(minus_nodes(load_node(diagonal, square), change), diagonal)
+                    else:
+                        if not scratch.linked[other, third]:
+                            connect(other, third, scratch, like)
+                        changed = minus_nodes(load_node(scratch.fill[other, third], square), change)
+                        store_node(changed, scratch.fill[other, third])
+
+
+@inlined_kernel
+def substitute_beside(bundle, event, x, scratch, work, like):
+    """The solution of a member once that of the others is known, with which it was coupled when it was eliminated."""
+    for other in range(scratch.width[0]):
+        if scratch.used[event, other]:
+            _, beside = at_front(bundle, other, scratch, work)
+            side = load_node(scratch.side[event, other], outer(0.0, like, like))
+            x = subtract_pair(x, apply_node(side, load_pair(beside, like)))
+    return x
+
+
+@kernel
+def substitute(bundle, event, rope, node, scratch, work, like):
+    """The solution at one node."""
     own = record_at(bundle.records[rope, WORK], work)
     x = load_pair(own.right_side[node], like)
     if node + 1 < own.diagonal.shape[0]:
         after = load_pair(own.right_side[node + 1], like)
-        x = subtract_pair(x, apply_node(load_node(own.upper[node], square), after))
-    for other in range(scratch.front.size):
-        if scratch.used[number, other]:
-            beside = load_pair(record_at(bundle.records[other, WORK], work).right_side[scratch.front[other]], like)
-            x = subtract_pair(x, apply_node(load_node(scratch.side[number, other], square), beside))
-    store_pair(x, own.right_side[node])
+        x = subtract_pair(x, apply_node(load_node(own.upper[node], outer(0.0, like, like)), after))
+    store_pair(substitute_beside(bundle, event, x, scratch, work, like), own.right_side[node])
+
+
+@kernel
+def substitute_clamp(bundle, event, clamp, scratch, work, like):
+    """Force and sliding coordinate of a clamp, which takes its place at the front again."""
+    scratch.front[scratch.member[clamp]] = clamp
+    x = load_pair(scratch.clamp_right[clamp], like)
+    store_pair(substitute_beside(bundle, event, x, scratch, work, like), scratch.clamp_right[clamp])

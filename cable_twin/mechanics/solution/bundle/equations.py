@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.solution.bundle.clamp import add_clamps, recover_clamps
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, recover_pantographs
@@ -53,10 +54,12 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
     changed += add_pantographs(
         bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like
     )
+    add_clamps(bundle, moving, scratch, system, state, work, like)
     for rope in range(bundle.records.shape[0]):
         hold_ends(record_at(bundle.records[rope, SYSTEM], system).cable, record_at(bundle.records[rope, WORK], work))
     if not solve_bundle(bundle, scratch, work, like):
         return False, 0.0, changed
+    recover_clamps(bundle, moving, scratch, state, work, like)
     largest = recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like)
     for rope in range(bundle.records.shape[0]):
         own = record_at(bundle.records[rope, SYSTEM], system)

@@ -8,6 +8,7 @@ from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hol
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
+from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.bundle.sheaves import feel_ends, give_ends, move_sheaves, place_ends
@@ -56,6 +57,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
             c, h, own, record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
         )
     place_ends(bundle, moving.sheaves, system, state)
+    find_clamps(bundle, moving, system, state)
     predict(c, h, moving.stages)
     for pantograph in range(moving.place.position.size):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
@@ -106,6 +108,7 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
                 follow_again(here, own_work)
             elif converged and find_saturated(own, here, record_at(bundle.records[rope, column], state), own_work):
                 saturated = True
+        gap = max(gap, worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)) if converged else gap
         converged = converged and isfinite(gap)
         if converged:
             feel_ends(bundle, moving.sheaves, system, state)

@@ -42,6 +42,18 @@ class Pantographs(NamedTuple):
 
 
 @by_reference
+class Clamps(NamedTuple):
+    """Carriages of one rope that are clamped to another one; each may come to several, onto one after the other."""
+
+    rope: IntArray  # (clamps,) on which the carriage slides
+    carriage: IntArray  # (clamps,) its number there
+    offset: FloatArray  # (clamps, dim) m, of the clamp from the joint of the carriage
+    choice_offset: IntArray  # (clamps + 1,) the ropes to which clamp c may come are rows choice_offset[c] and on
+    choice: IntArray  # (choices,) rope
+    place: FloatArray  # (choices,) m, unstrained arc length on it when none of that rope has gone by yet
+
+
+@by_reference
 class Wires(NamedTuple):
     """Damping of ropes as a share of their mass and of the stiffness that their tension gives them."""
 
@@ -85,6 +97,8 @@ class Order(NamedTuple):
     rope: IntArray  # (nodes of all,)
     node: IntArray  # (nodes of all,)
     connector_at: IntArray  # (connectors,) nodes that are gone before; rising
+    number: IntArray  # (nodes of all,) when each of them is, rope after rope
+    first: IntArray  # (ropes,) of each rope in `number`
 
 
 @by_reference
@@ -95,6 +109,7 @@ class Bundle(NamedTuple):
     up: FloatArray  # (dim,) unit vector
     connectors: Connectors
     pantographs: Pantographs
+    clamps: Clamps
     wires: Wires
     order: Order
     sheaves: Sheaves
@@ -128,6 +143,8 @@ class BundleState(NamedTuple):
     place: Course  # (pantographs,) m, along the track
     arc_length: FloatArray  # (pantographs,) m, of the rope above the head
     contact_force: FloatArray  # (pantographs,) N
+    clamp_rope: IntArray  # (clamps,) to which it holds now, -1 to none
+    clamp_place: FloatArray  # (clamps,) m, arc length there
     tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
     sheaves: SheaveMotion
 
@@ -136,11 +153,21 @@ class BundleState(NamedTuple):
 class BundleWork(NamedTuple):
     """Scratch of the solver; contents have no meaning between steps."""
 
-    fill: FloatArray  # (ropes, ropes, 2, 2, dim²): front node of one rope against that of another
-    linked: IntArray  # (ropes, ropes) 1 where there is any
-    side: FloatArray  # (nodes of all, ropes, 2, 2, dim²): eliminated node by the front node of another rope
-    used: IntArray  # (nodes of all, ropes) 1 where there is any
-    front: IntArray  # (ropes,)
+    fill: FloatArray  # (members, members, 2, 2, dim²): of the front, each against each; ropes, then clamps
+    linked: IntArray  # (members, members) 1 where there is any
+    side: FloatArray  # (eliminated, members, 2, 2, dim²): what was eliminated by each member of the front
+    used: IntArray  # (eliminated, members) 1 where there is any
+    front: IntArray  # (ropes,) node of each rope, then (clamps,) clamp at each further place of the front, or -1
+    width: IntArray  # (1,) members that have been used so far
+    sequence: IntArray  # (eliminated,) what was: the number of a node, or -1 - clamp
+    touch: IntArray  # (nodes of all + 4 clamps,) first of the clamps' nodes at each node, then the one after each
+    member: IntArray  # (clamps,) place of each at the front
+    nodes_left: IntArray  # (clamps,) of its four, that are still to be eliminated
+    clamp_node: IntArray  # (clamps, 4) of both elements, among those of all ropes; -1 where it does not hold
+    clamp_diagonal: FloatArray  # (clamps, 2, 2, dim²): force and sliding coordinate by themselves
+    clamp_right: FloatArray  # (clamps, 2, dim), then their increments
+    clamp_out: FloatArray  # (clamps, 4, 2, 2, dim²): nodes of both elements by them
+    clamp_in: FloatArray  # (clamps, 4, 2, 2, dim²): them by the nodes
     cross: FloatArray  # (connectors, dim²) N/m: either node by the other
     elimination: FloatArray  # (pantographs, stages, 3): matrix row, and what stands right of it
     increment: FloatArray  # (pantographs, stages) m
@@ -150,12 +177,14 @@ class BundleWork(NamedTuple):
 def allocate_bundle_state(bundle: Bundle) -> BundleState:
     """State of zeros."""
     shape = bundle.pantographs.mass.shape
-    count = shape[0]
+    count, clamps = shape[0], bundle.clamps.rope.size
     return BundleState(
         stages=Motion(*(np.zeros(shape) for _ in Motion._fields)),
         place=Course(*(np.zeros(count) for _ in Course._fields)),
         arc_length=np.zeros(count),
         contact_force=np.zeros(count),
+        clamp_rope=np.full(clamps, -1, np.int64),
+        clamp_place=np.zeros(clamps),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
         sheaves=_sheaves_at_rest(bundle.sheaves.inertia.size),
     )
@@ -193,12 +222,24 @@ def allocate_bundle_work(bundle: Bundle) -> BundleWork:
     """Scratch of the size of a bundle."""
     ropes, dim = bundle.records.shape[0], bundle.up.size
     nodes, connectors, shape = bundle.order.node.size, bundle.connectors.length.size, bundle.pantographs.mass.shape
+    clamps = bundle.clamps.rope.size
+    members, eliminated, block = ropes + clamps, nodes + clamps, (2, 2, dim * dim)
     return BundleWork(
-        fill=np.zeros((ropes, ropes, 2, 2, dim * dim)),
-        linked=np.zeros((ropes, ropes), np.int64),
-        side=np.zeros((nodes, ropes, 2, 2, dim * dim)),
-        used=np.zeros((nodes, ropes), np.int64),
-        front=np.zeros(ropes, np.int64),
+        fill=np.zeros((members, members, *block)),
+        linked=np.zeros((members, members), np.int64),
+        side=np.zeros((eliminated, members, *block)),
+        used=np.zeros((eliminated, members), np.int64),
+        front=np.zeros(members, np.int64),
+        width=np.zeros(1, np.int64),
+        sequence=np.zeros(eliminated, np.int64),
+        touch=np.zeros(nodes + 4 * clamps, np.int64),
+        member=np.zeros(clamps, np.int64),
+        nodes_left=np.zeros(clamps, np.int64),
+        clamp_node=np.full((clamps, 4), -1, np.int64),
+        clamp_diagonal=np.zeros((clamps, *block)),
+        clamp_right=np.zeros((clamps, 2, dim)),
+        clamp_out=np.zeros((clamps, 4, *block)),
+        clamp_in=np.zeros((clamps, 4, *block)),
         cross=np.zeros((connectors, dim * dim)),
         elimination=np.zeros((*shape, 3)),
         increment=np.zeros(shape),
@@ -232,13 +273,15 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
     return sequence
 
 
-def order_of(nodes: list[int], ropes: IntArray, connected: IntArray) -> Order:
+def order_of(nodes: list[int], ropes: IntArray, connected: IntArray, along: list[FloatArray] | None = None) -> Order:
     """Order of elimination: ropes go on side by side from connector to connector.
 
     Args:
         nodes: number of nodes of each rope.
         ropes: (connectors, 2).
         connected: (connectors, 2) nodes; connectors in the order in which they follow each other along the ropes.
+        along: of each rope (nodes,) m along the track: between two connectors, nodes follow each other by that;
+            without it, rope by rope.
 
     Raises:
         ValueError: two connectors cross each other.
@@ -247,15 +290,22 @@ def order_of(nodes: list[int], ropes: IntArray, connected: IntArray) -> Order:
     rope: list[int] = []
     node: list[int] = []
     at: list[int] = []
+
+    def go_on(until: dict[int, int]) -> None:
+        ahead = [(one, place) for one, end in until.items() for place in range(front[one], end)]
+        if along is not None:
+            reached = [np.maximum.accumulate(places) for places in along]
+            ahead.sort(key=lambda item: reached[item[0]][item[1]])
+        rope.extend(one for one, _ in ahead)
+        node.extend(place for _, place in ahead)
+        front[:] = [max(place, until.get(one, 0)) for one, place in enumerate(front)]
+
     for number, (pair, places) in enumerate(zip(ropes.tolist(), connected.tolist(), strict=True)):
-        for one, place in zip(pair, places, strict=True):
-            if place < front[one]:
-                raise ValueError(f"connector {number} crosses the one before it")
-            rope += [one] * (place - front[one])
-            node += range(front[one], place)
-            front[one] = place
+        if any(place < front[one] for one, place in zip(pair, places, strict=True)):
+            raise ValueError(f"connector {number} crosses the one before it")
+        go_on(dict(zip(pair, places, strict=True)))
         at.append(len(node))
-    for one, count in enumerate(nodes):
-        rope += [one] * (count - front[one])
-        node += range(front[one], count)
-    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at)))
+    go_on(dict(enumerate(nodes)))
+    first = np.cumsum([0, *nodes[:-1]])
+    number_of = np.argsort(first[rope] + np.array(node))
+    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first)))

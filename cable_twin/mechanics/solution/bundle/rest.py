@@ -9,6 +9,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_record
 from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.generalized_alpha import copy_ropes
 from cable_twin.mechanics.solution.bundle.records import GOOD, STATE, WORK
@@ -16,6 +17,7 @@ from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
 
 FIRST_STEP = 1e-2  # s, of the pseudo-transient
+CLOSED = 1e-6  # m, gap of a clamp
 LONGEST_WAY = 0.2  # m, that a point goes in an iteration
 
 
@@ -29,6 +31,7 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
     like = system.cable.gravity
     mass_factor = 1.0 / (FIRST_STEP * FIRST_STEP)
     smallest, increment = 1e-12 * mass_factor, 0.0
+    find_clamps(bundle, moving, system, state)
     for iteration in range(max_relaxations):
         copy_ropes(bundle, STATE, GOOD, state)
         copy_record(moving, moving_good)
@@ -43,9 +46,11 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
         for rope in range(bundle.records.shape[0]):
             here, own = record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
             combine_arrays(here.nodes.position, 1.0, own.right_side, here.nodes.position)
+            combine_arrays(here.joints.position, 1.0, own.sliding_increment, here.joints.position)
             move_bodies(here.bodies.position, own.body_increment, like)
         combine_arrays(moving.stages.position, 1.0, scratch.increment, moving.stages.position)
-        if increment < tolerance and mass_factor <= smallest and changed == 0:
+        closed = worst_clamp_gap(bundle, moving, system, state, like) < CLOSED
+        if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
             return iteration + 1, increment
         if increment < LONGEST_WAY:
             mass_factor = max(0.25 * mass_factor, smallest)

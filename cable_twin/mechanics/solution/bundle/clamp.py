@@ -1,0 +1,169 @@
+"""A carriage that slides on one rope and is clamped to another: the haul rope pulls it, and the track rope carries it.
+
+The clamp is rigid, p + o = q: the place p = S(n) e of the joint, with the offset o of the clamp from it, is that of the
+other rope q = S(l) e_h at its arc length l. What holds it there is one more multiplier, the force F of the other rope
+on the carriage. The track rope bears λ - F, and nothing of F along itself: the row of n has (λ - F)·r_x. F and n
+together are one more block of the linear system beside the nodes of both elements (`elimination`), so that Newton's
+tangent is whole and no stiffness has to be chosen.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    add_scaled,
+    dot,
+    full,
+    load,
+    multiply,
+    outer,
+    scale,
+    store,
+    subtract,
+    symmetric,
+)
+from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent
+from cable_twin.mechanics.rope.point import add_force, point_at, value
+from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
+
+LONGEST_GAP = 0.2  # m, that an iteration closes: more of one is left to the next ones, as when a rest is sought
+
+
+@kernel
+def clamp_coordinate(system, state, place):
+    """Arc length (m) on the mesh of a rope of what was clamped to it at `place` when none of it had gone by yet."""
+    return (place - state.loop_start[0] + state.rope.position[0]) / rest_stretch(system.cable, state)
+
+
+@kernel
+def find_clamps(bundle, moving, system, state):
+    """Find to which rope each clamp holds now, and where; off all meshes, to none and without force."""
+    clamps = bundle.clamps
+    for clamp in range(clamps.rope.size):
+        found, found_place = -1, 0.0
+        for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
+            rope = clamps.choice[row]
+            own = record_at(bundle.records[rope, SYSTEM], system)
+            place = clamp_coordinate(own, record_at(bundle.records[rope, STATE], state), clamps.place[row])
+            if found < 0 and 0.0 < place < own.cable.unstrained_length:
+                found, found_place = rope, place
+        track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]
+        if not track.attached[carriage]:
+            found = -1
+        if found != moving.clamp_rope[clamp]:
+            clear_array(track.clamp_force[carriage])
+        moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
+        track.clamp_holds[carriage] = found >= 0
+
+
+@inlined_kernel
+def clamp_gap(bundle, moving, clamp, system, state, like):
+    """Way (dim,) in m from the clamp, where its carriage has it, to its place on the other rope."""
+    rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
+    track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
+    other = moving.clamp_rope[clamp]
+    haul = record_at(bundle.records[other, SYSTEM], system).cable
+    there = record_at(bundle.records[other, STATE], state).nodes
+    held = value(there.position, point_at(haul, moving.clamp_place[clamp]), like)
+    at = add_scaled(1.0, load(bundle.clamps.offset[clamp], like), joint_position(track.cable, here, carriage))
+    return subtract(held, at)
+
+
+@kernel
+def add_clamps(bundle, moving, scratch, system, state, work, like):
+    """Write the block of each clamp that holds, and what couples it to its nodes; its force goes to the other rope.
+
+    Needs both ropes assembled, before their supports hold them: the row of the sliding coordinate is found there.
+    """
+    square = outer(0.0, like, like)
+    one, zero = full(0.0, symmetric(0.0, 0.0, like), 1.0), scale(0.0, square)
+    e_1 = load(one, like)  # first row of the identity
+    for clamp in range(bundle.clamps.rope.size):
+        other = moving.clamp_rope[clamp]
+        if other < 0:
+            scratch.clamp_node[clamp] = -1
+            continue
+        rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
+        track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
+        own, beside = record_at(bundle.records[rope, WORK], work), record_at(bundle.records[other, WORK], work)
+        haul = record_at(bundle.records[other, SYSTEM], system).cable
+        force = load(here.clamp_force[carriage], like)
+        joint, held = joint_point(track.cable, here, carriage), point_at(haul, moving.clamp_place[clamp])
+        r_x = joint_tangent(track.cable, here, carriage)
+        gap = clamp_gap(bundle, moving, clamp, system, state, like)
+        size = sqrt(dot(gap, gap))
+        for k in range(2):
+            scratch.clamp_node[clamp, k] = bundle.order.first[rope] + joint.element + k
+            scratch.clamp_node[clamp, 2 + k] = bundle.order.first[other] + held.element + k
+
+        # rows: S Δe + r_x Δn - S_h Δe_h = gap, and that of n, which F enters as minus λ
+        diagonal = scratch.clamp_diagonal[clamp]
+        store(zero, diagonal[0, 0])
+        store(outer(1.0, r_x, e_1), diagonal[0, 1])
+        store(outer(-1.0, e_1, load(own.sliding_along[carriage], like)), diagonal[1, 0])
+        store(add_scaled(own.sliding_pivot[carriage] - 1.0, outer(1.0, e_1, e_1), one), diagonal[1, 1])
+        store(scale(LONGEST_GAP / size if size > LONGEST_GAP else 1.0, gap), scratch.clamp_right[clamp, 0])
+        store(scale(own.sliding_right[carriage], e_1), scratch.clamp_right[clamp, 1])
+
+        add_force(scale(-1.0, force), held, beside.right_side)
+        out, back = scratch.clamp_out[clamp], scratch.clamp_in[clamp]
+        clear_array(out)
+        clear_array(back)
+        for i in range(4):
+            node, row = i // 2, i % 2
+            store(scale(-joint.shape[i], one), out[node, row, 0])
+            store(outer(1.0, load(own.sliding_column[carriage, i], like), e_1), out[node, row, 1])
+            store(scale(joint.shape[i], one), back[node, 0, row])
+            store(outer(1.0, e_1, load(own.sliding_row[carriage, i], like)), back[node, 1, row])
+            store(scale(held.shape[i], one), out[2 + node, row, 0])
+            store(scale(-held.shape[i], one), back[2 + node, 0, row])
+        hold_coupling(track.cable, joint.element, 0, out, back, like)
+        hold_coupling(haul, held.element, 2, out, back, like)
+
+
+@inlined_kernel
+def hold_coupling(cable, element, first, out, back, like):
+    """Take out of the couplings of both nodes of an element what a support holds of them, as `hold_ends` does."""
+    square = outer(0.0, like, like)
+    for end in range(2):
+        held = 0 if end == 0 else cable.element_count
+        node = held - element
+        if 0 <= node <= 1:
+            for i in range(2):
+                free = load(cable.end_projector[end, i], square)
+                for j in range(2):
+                    store(multiply(free, load(out[first + node, i, j], square)), out[first + node, i, j])
+                    store(multiply(load(back[first + node, j, i], square), free), back[first + node, j, i])
+
+
+@kernel
+def recover_clamps(bundle, moving, scratch, state, work, like):
+    """Bring the forces of all clamps up to date, and leave their sliding coordinates for `recover_joint`."""
+    for clamp in range(bundle.clamps.rope.size):
+        if moving.clamp_rope[clamp] < 0:
+            continue
+        rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
+        here, own = record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
+        accumulate(load(scratch.clamp_right[clamp, 0], like), here.clamp_force[carriage])
+        own.sliding_pivot[carriage], own.sliding_right[carriage] = 1.0, scratch.clamp_right[clamp, 1, 0]
+        clear_array(own.sliding_row[carriage])
+
+
+@kernel
+def worst_clamp_gap(bundle, moving, system, state, like):
+    """The largest gap (m) of all clamps that hold."""
+    worst = 0.0
+    for clamp in range(bundle.clamps.rope.size):
+        if moving.clamp_rope[clamp] >= 0:
+            gap = clamp_gap(bundle, moving, clamp, system, state, like)
+            worst = max(worst, sqrt(dot(gap, gap)))
+    return worst
+
+
+__all__ = ["add_clamps", "clamp_coordinate", "clamp_gap", "find_clamps", "recover_clamps", "worst_clamp_gap"]
