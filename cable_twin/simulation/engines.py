@@ -170,6 +170,8 @@ class RopeBundle:
         self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
         given = scenario.pantographs.values()
         moving.place.position[:] = [one.position for one in given]
+        rows = [row for row, one in enumerate(scenario.vehicles.values()) if one.clamped_to]
+        self._clamp_rows = np.array(rows, np.int64)
         self._forces = np.zeros(len(scenario.connectors))
 
     def _along(self) -> list[FloatArray]:
@@ -260,8 +262,10 @@ class RopeBundle:
         )
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors and pantographs."""
+        """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
+        off = self._clamp_rows[moving.clamp_rope < 0]
+        columns.haul_pull[off], columns.haul_force[off] = 0.0, 0.0
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
