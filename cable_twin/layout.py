@@ -173,7 +173,7 @@ class Layout:
             tuple(scenario.drives),
             np.concatenate([np.linspace(0.0, one.cable.unstrained_length, samples) for one in alone]),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
-            hauled=tuple(name for name, one in scenario.carriages.items() if one.drive.haul_rope is not None),
+            hauled=[n for n, one in scenario.carriages.items() if one.drive.haul_rope is not None or one.clamped_to],
             towers=[name for own in supports for name in own[len(ENDS) :]],
             ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names or (CABLE,))},
             sheaves=tuple(scenario.sheaves),

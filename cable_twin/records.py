@@ -133,13 +133,14 @@ class CarriageState:
 
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
-    drive_force: float  # N, along the cable, on the carriage or on the sheave of its haul rope
+    drive_force: float  # N, along the cable, on the carriage, also by its clamp; or on the sheave of its haul rope
     contact_force: FloatArray  # (3,) N, of the cable on the carriage
     position: FloatArray  # (3,) m, of the joint
     bodies: Mapping[str, BodyState]
     attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
     payload: float = 0.0  # kg
     haul_rope: HaulRopeState | None = None
+    clamp_force: FloatArray | None = None  # (3,) N, of the rope to which it is clamped on the carriage
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,6 +149,7 @@ class Snapshot:
             attached=bool(c.attached[index]),
             payload=float(c.payload[index]),
             haul_rope=None if isnan(haul.travel) else haul,
+            clamp_force=c.haul_pull[index] if isnan(haul.travel) and not isnan(haul.force) else None,
         )
 
     def _body(self, row: int) -> BodyState:

@@ -31,6 +31,7 @@ MODULES = (
     "rotation",
     "wind",
     "grooves",
+    "ropes",
     "en50318",
 )
 

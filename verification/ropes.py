@@ -1,47 +1,151 @@
-"""Several ropes: carriages that slide on one rope and are clamped to another."""
+"""Cases of several ropes: carriages that slide on one rope and are clamped to another."""
 
 from __future__ import annotations
 
-from math import cos, hypot
+from collections.abc import Iterator
+from math import atan2, cos, hypot
 from typing import Any
 
 import numpy as np
 
+from cable_twin.mechanics.drives.moving_rope import moving_rope_force
+from cable_twin.mechanics.parameters import FloatArray, MovingCable
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification import Result, case
+from verification.models import GRAVITY, observed_order
+
 SPAN, RISE = 300.0, 90.0  # m
-TRACK = {"mass_per_length": 10.0, "axial_stiffness": 1.6e8, "bending_stiffness": 2e4}
-HAUL = {"mass_per_length": 2.5, "axial_stiffness": 3e7, "bending_stiffness": 1e3}
-GRAVITY = 9.81
+ROPES = {  # kg/m, N, N m²
+    "track": {"mass_per_length": 10.0, "axial_stiffness": 1.6e8, "bending_stiffness": 2e4},
+    "haul": {"mass_per_length": 2.5, "axial_stiffness": 3e7, "bending_stiffness": 1e3},
+}
+TENSIONS = {"track": 4e5, "haul": 6e4}  # N, of each by itself
+MASS = 4000.0  # kg
+TIGHT, SLACK = 1.2e5, 2e4  # N, of the haul rope
 
 
-def unstrained(weight: float, stiffness: float, tension: float) -> float:
-    """Unstrained length (m) of a rope in the span with about this tension (N): a parabola's."""
-    chord = hypot(SPAN, RISE)
-    load = weight * GRAVITY * cos(np.arctan2(RISE, SPAN))
-    return float((chord + load**2 * chord**3 / (24.0 * tension**2)) * (1.0 - tension / stiffness))
+def unstrained(rope: str, tension: float) -> float:
+    """Unstrained length (m) of a rope in the span that has about this tension (N) by itself: a parabola's."""
+    chord, load = hypot(SPAN, RISE), ROPES[rope]["mass_per_length"] * GRAVITY * cos(atan2(RISE, SPAN))
+    sagging = chord + load**2 * chord**3 / (24.0 * tension**2)
+    return float(sagging * (1.0 - tension / ROPES[rope]["axial_stiffness"]))
 
 
-def clamped(*, places: tuple[float, ...] = (150.0,), elements: int = 24, y: float | None = None, **changes: Any) -> Any:
-    """Carriages on a track rope that are clamped to a haul rope beside it, as plain data of a scenario."""
+def clamped(
+    *,
+    places: tuple[float, ...] = (150.0,),
+    elements: int = 32,
+    dim: int = 2,
+    haul: float = TENSIONS["haul"],
+    ropes: Any = ROPES,
+    **more: Any,
+) -> dict[str, Any]:
+    """Carriages at `places` (m) of a track rope, clamped to a haul rope beside it, as plain data of a scenario."""
 
     def at(x: float, z: float) -> list[float]:
-        return [x, z] if y is None else [x, y, z]
+        return [x, z] if dim == 2 else [x, 0.0, z]
 
     held = {"elements": elements, "start": {"position": at(0.0, 0.0)}, "end": {"position": at(SPAN, RISE)}}
-    lengths = {"track": unstrained(10.0, 1.6e8, 4e5), "haul": unstrained(2.5, 3e7, 6e4)}
-    body = {"mass": 4000.0, "inertia": 9000.0, "upper_pivot": at(0.0, 4.0)}
-    return {
-        "ropes": {
-            "track": TRACK | held | {"unstrained_length": lengths["track"]},
-            "haul": HAUL | held | {"unstrained_length": lengths["haul"]},
-        },
-        "carriages": {
-            f"cabin_{number + 1}": {
-                "rope": "track",
-                "arc_length": place,
-                "clamped_to": {"haul": place * lengths["haul"] / lengths["track"]},
-                "bodies": {"cabin": body},
-            }
-            for number, place in enumerate(places)
-        },
-        **changes,
+    lengths = {rope: unstrained(rope, tension) for rope, tension in (TENSIONS | {"haul": haul}).items()}
+    share = lengths["haul"] / lengths["track"]
+    bodies = {"cabin": {"mass": MASS, "inertia": 9000.0, "upper_pivot": at(0.0, 4.0)}}
+    carriages = {
+        f"cabin_{number + 1}": {"arc_length": place, "clamped_to": {"haul": place * share}, "bodies": bodies}
+        for number, place in enumerate(places)
     }
+    both = {name: rope | held | {"unstrained_length": lengths[name]} for name, rope in ropes.items()}
+    return {"gravity": GRAVITY, "ropes": both, "carriages": carriages, **more}
+
+
+def slope_of(simulation: Simulation, rope: str, place: float) -> FloatArray:
+    """Way (3,) along a rope per unstrained length at an arc length (m)."""
+    before, after = simulation.cable_positions([place - 1e-3, place + 1e-3], rope=rope)
+    return np.asarray((after - before) / 2e-3)
+
+
+def clamp_place(simulation: Simulation) -> float:
+    """Unstrained arc length (m) of the haul rope at which the first carriage is clamped at the start."""
+    return float(simulation.scenario.carriages["cabin_1"].clamped_to["haul"])
+
+
+@case("carriage clamped to a haul rope, at rest", "F·t = m g sin θ on a rope that is a rail without friction")
+def clamp_at_rest() -> Iterator[Result]:
+    """Slack and tight haul ropes, in a plane and in space; what the track rope does not give, the haul rope does."""
+    for label, haul, dim in (("tight", TIGHT, 2), ("slack", SLACK, 2), ("in space", TENSIONS["haul"], 3)):
+        simulation = Simulation(load_scenario(clamped(haul=haul, dim=dim, places=(100.0,))))
+        cabin = simulation.snapshot.carriages["cabin_1"]
+        slope = slope_of(simulation, "track", cabin.arc_length)
+        along = slope / np.linalg.norm(slope)
+        pull = float(simulation.snapshot.columns.haul_pull[0] @ along)
+        weight = MASS * GRAVITY * float(along[2])
+        yield Result(f"pull along the track rope, {label}", "N", weight, pull, 1e-5 * weight)
+        apart = simulation.cable_positions([clamp_place(simulation)], rope="haul")[0] - cabin.position
+        yield Result(f"distance of both ropes there, {label}", "m", 0.0, float(np.linalg.norm(apart)), 1e-9)
+
+
+@case("tension beside a clamped carriage", "T + T²/2EA - m g z is the same along a rope but for F·r_x")
+def tension_beside_clamp() -> Iterator[Result]:
+    """From end to end of both ropes, so stiff in bending that 2 m long elements have the bend at the carriage.
+
+    On the track rope nothing of the pull of the haul rope is left.
+    """
+    ropes = {name: rope | {"bending_stiffness": 2e7 if name == "track" else 2e6} for name, rope in ROPES.items()}
+    simulation = Simulation(load_scenario(clamped(places=(100.0,), elements=128, ropes=ropes)))
+    pull = simulation.snapshot.columns.haul_pull[0]
+    on_haul = float(pull @ slope_of(simulation, "haul", clamp_place(simulation)))
+    for name, expected in (("track", 0.0), ("haul", on_haul)):
+        rope, gained = ROPES[name], []
+        for end in ("start", "end"):
+            tension = float(np.linalg.norm(simulation.snapshot.supports[f"{name}/{end}"].force))
+            gained.append(tension + tension**2 / (2.0 * rope["axial_stiffness"]))
+        got = gained[1] - gained[0] - rope["mass_per_length"] * GRAVITY * RISE
+        yield Result(f"gained along the {name} rope", "N", expected, got, 1e-3 * on_haul)
+
+
+@case("carriage pulled by a haul rope, balance of energy", "first law", needs_jit=True)
+def clamp_energy() -> Iterator[Result]:
+    """What the drive of the haul rope gives beside the energy of both ropes and the carriage, over several nodes.
+
+    The haul rope moves along itself by its equations, but between two points: it has no bullwheels here.
+    """
+    for label, tension in (("tight", TIGHT), ("slack", SLACK)):
+        simulation = Simulation(load_scenario(clamped(haul=tension, places=(100.0,), solver={"step": 0.002})))
+        part, before, start = simulation.parts["haul"], simulation.energy().total, clamp_place(simulation)
+        part.system = part.system._replace(moving_cable=MovingCable(True, 1e4, 0.5, 0.5, 0.5))
+        part.state.rope_target[0] = 4.0  # m/s
+        work, power, stored, largest = 0.0, 0.0, 0.0, 0.0
+        for _ in range(4000):
+            snapshot = simulation.advance_to(simulation.time + simulation.step)
+            rope = part.state.rope
+            slope = slope_of(simulation, "haul", start + float(rope.position[0]))
+            force = moving_rope_force(part.system, part.state) + float(snapshot.columns.haul_pull[0] @ slope)
+            after = force * float(rope.velocity[0])
+            work, power = work + 0.5 * simulation.step * (power + after), after
+            stored = simulation.energy().total - before
+            largest = max(largest, abs(work - stored))
+        yield Result(f"work not found in ropes and carriage, {label}", "J", 0.0, largest, 2e-3 * stored)
+
+
+def hauled_for(steps: int, dim: int = 2) -> Simulation:
+    """A carriage of which the place on the haul rope goes 0.2 m (t / 0.4 s)⁴ on, within one element of each rope."""
+    solver = {"step": 0.4 / steps, "tolerance": 1e-12}
+    simulation = Simulation(load_scenario(clamped(places=(100.0,), elements=8, dim=dim, solver=solver)))
+    state = simulation.parts["haul"].state
+    for step in range(1, steps + 1):
+        state.rope.position[0] = 0.2 * (step / steps) ** 4
+        simulation.advance_to(0.4 * step / steps)
+    return simulation
+
+
+@case("carriage pulled by a haul rope, order in time", "Chung, Hulbert 1993: 2", needs_jit=True)
+def clamp_order() -> Iterator[Result]:
+    """Its place beside that of a step far shorter; a planar motion in space is that of the plane."""
+    found = [hauled_for(steps).snapshot.columns.joint_position[0].copy() for steps in (80, 160, 320, 2560)]
+    errors = [float(np.linalg.norm(one - found[-1])) for one in found[:-1]]
+    yield Result("order", "-", 2.0, observed_order(errors), 0.1)
+    flat, wide = (hauled_for(80, dim).snapshot.columns for dim in (2, 3))
+    apart = float(np.abs(flat.joint_position - wide.joint_position).max())
+    yield Result("place in a plane and in space, apart", "m", 0.0, apart, 1e-9)
+    apart = float(np.abs(flat.haul_pull - wide.haul_pull).max())
+    yield Result("pull in a plane and in space, apart", "N", 0.0, apart, 1e-3)

@@ -1,4 +1,4 @@
-"""Key figures of what is between ropes: the contact of pantographs, and the pull of connectors."""
+"""Key figures of what is between ropes: contact of pantographs, pull of connectors, and of clamps along the track."""
 
 from __future__ import annotations
 
@@ -29,6 +29,9 @@ class CouplingFigures:
         self._extremes = np.full((count, 2, 3), nan)  # lowest and highest: N, s, m along the track
         self._pull = np.full((len(self._connectors), 2), nan)  # highest: N, s
         self._slack = np.zeros(len(self._connectors))  # s
+        clamped = {name: row for row, (name, one) in enumerate(scenario.vehicles.items()) if one.clamped_to}
+        self._clamps, self._clamp_rows = list(clamped), np.array(list(clamped.values()), np.int64)
+        self._along = np.full((len(clamped), 3), nan)  # highest: N, s, m
         self._last = nan  # s
 
     def update(self, snapshot: Snapshot) -> None:
@@ -48,6 +51,9 @@ class CouplingFigures:
                 high[:] = value, time, x
         higher = ~(c.connector_force <= self._pull[:, 0])
         self._pull[higher] = np.stack([c.connector_force[higher], np.full(int(higher.sum()), time)], axis=1)
+        along, places = abs(c.drive_force[self._clamp_rows]), c.arc_length[self._clamp_rows]
+        higher = ~(along <= self._along[:, 0])
+        self._along[higher] = np.stack([along, np.full(along.size, time), places], axis=1)[higher]
         if time > self._last:
             self._slack += (time - self._last) * (c.connector_force <= 0.0)
         self._last = time
@@ -70,6 +76,9 @@ class CouplingFigures:
                 KeyFigure(f"{name}: contact force, lowest", low[0], "N", low[1], f"x {low[2]:.1f} m", band=UNFILTERED),
                 KeyFigure(f"{name}: loss of contact, share of the time", share, "%", self._last, band=UNFILTERED),
             ]
+        for name, (force, time, place) in zip(self._clamps, self._along.tolist(), strict=True):
+            label = f"{name}: pull of its clamp along the track, highest"
+            found.append(KeyFigure(label, force, "N", time, f"arc length {place:.1f} m"))
         if self._connectors:
             most, longest = int(np.argmax(self._pull[:, 0])), int(np.argmax(self._slack))
             pull, time = self._pull[most].tolist()

@@ -107,6 +107,8 @@ def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, in
             if used == len(path):
                 return field, None, used
             used += 1  # the name or the number of the item
+    if field is not None and model is None and get_origin(_scalar(field.annotation)[0]) is dict:
+        used = min(used + 1, len(path))
     return field, model, used
 
 
@@ -189,6 +191,9 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
         elif inner is not None:
             numbered = enumerate(given) if isinstance(given, list) else ()
             values[name] = tuple(_salvage(inner, item, bad, (*here, key)) for key, item in numbered)
+        elif get_origin(kind) is dict:
+            items = given.items() if isinstance(given, dict) else ()
+            values[name] = {key: item for key, item in items if (*here, key) not in bad}
         elif here not in bad and (name in data or not field.is_required()):
             values[name] = given if name in data else field.get_default(call_default_factory=True)
         elif get_origin(kind) is tuple and get_args(kind) not in ((float, float), (float, Ellipsis)):

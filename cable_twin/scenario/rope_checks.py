@@ -101,9 +101,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
         clamped = carriage.clamped_to
         held = carriage.joint != "sliding" or carriage.drive.mode == "speed" or carriage.drive.haul_rope is not None
         if clamped and held:
-            text = (
-                "given beside a joint or a drive that holds it; allowed: one that slides, with a drive free or a force"
-            )
+            text = "given beside a joint or drive that holds it; allowed: one that slides, its drive free or a force"
             yield Fault((*path, "clamped_to"), text)
         if not clamped and any(carriage.clamp_offset):
             yield Fault((*path, "clamp_offset"), "given without a clamp; allowed: beside `clamped_to`")

@@ -186,6 +186,8 @@ class RopeBundle:
         moving.place.position[:] = [one.position for one in given]
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
         self.commands: dict[str, Command] = {}
+        rows = [row for row, one in enumerate(scenario.vehicles.values()) if one.clamped_to]
+        self._clamp_rows = np.array(rows, np.int64)
         self._forces = np.zeros(len(scenario.connectors))
 
     def _along(self) -> list[FloatArray]:
@@ -278,8 +280,10 @@ class RopeBundle:
         )
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors and pantographs."""
+        """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
+        off = self._clamp_rows[moving.clamp_rope < 0]
+        columns.haul_pull[off], columns.haul_force[off] = 0.0, 0.0
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force

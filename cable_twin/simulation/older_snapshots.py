@@ -111,7 +111,9 @@ def _unclamped(arrays: Mapping[str, Any]) -> dict[str, Any]:
             wide = arrays[f"{part}/multipliers"].shape[1]
             found |= {f"{part}/clamp_holds": np.zeros_like(array), f"{part}/clamp_force": np.zeros((array.size, wide))}
         elif field == "contact_force":  # of pantographs, beside which clamps are
+            wide = arrays["state/wind"].size
             found |= {f"{part}/clamp_rope": np.zeros(0, np.int64), f"{part}/clamp_place": np.zeros(0)}
+            found |= {f"{part}/clamp_slack": np.zeros((0, wide))}
     return found
 
 

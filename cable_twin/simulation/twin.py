@@ -27,6 +27,7 @@ from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer, read_only
 from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
+from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import Layout, Snapshot
 
@@ -111,6 +112,11 @@ class Simulation(Readings):
     def state(self) -> State:
         """What the solver moves, to be read: a view, which goes on with it; `capture` gives what may be written."""
         return self._shown
+
+    @property
+    def parts(self) -> Mapping[str, Ropeway]:
+        """Parameters and present state of each rope with what is on it, by name; of one cable as "cable"."""
+        return dict(zip([*self.scenario.ropes] or ["cable"], self._parts, strict=True))
 
     @property
     def time(self) -> float:

@@ -44,7 +44,7 @@ class Columns(NamedTuple):
     payload: FloatArray  # (vehicles,) kg
     haul_travel: FloatArray  # (vehicles,) m, where the vehicle would be if its haul rope did not stretch
     haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
-    haul_force: FloatArray  # (vehicles,) N, of the haul rope on the vehicle, along the cable
+    haul_force: FloatArray  # (vehicles,) N, of the haul rope, or that of a clamp, on the vehicle, along the cable
     haul_pull: FloatArray  # (vehicles, 3) N, the same in space
     body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
     body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
@@ -122,6 +122,8 @@ def observe_vehicles(system, state, columns):
         columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
         if isnan(force):
             columns.haul_pull[vehicle] = nan
+        elif isnan(travel):  # of a clamp, with what its own drive gives
+            columns.drive_force[vehicle] += force
 
 
 @kernel

@@ -9,7 +9,7 @@ tangent is whole and no stiffness has to be chosen.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -32,34 +32,13 @@ from cable_twin.mechanics.rope.point import add_force, point_at, value
 from cable_twin.mechanics.rope.strand import rest_stretch
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
-LONGEST_GAP = 0.2  # m, that an iteration closes: more of one is left to the next ones, as when a rest is sought
+CLOSING_TIME = 0.5  # s, in which what is between a clamp and a rope that it has just taken falls to a third
 
 
 @kernel
 def clamp_coordinate(system, state, place):
     """Arc length (m) on the mesh of a rope of what was clamped to it at `place` when none of it had gone by yet."""
     return (place - state.loop_start[0] + state.rope.position[0]) / rest_stretch(system.cable, state)
-
-
-@kernel
-def find_clamps(bundle, moving, system, state):
-    """Find to which rope each clamp holds now, and where; off all meshes, to none and without force."""
-    clamps = bundle.clamps
-    for clamp in range(clamps.rope.size):
-        found, found_place = -1, 0.0
-        for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
-            rope = clamps.choice[row]
-            own = record_at(bundle.records[rope, SYSTEM], system)
-            place = clamp_coordinate(own, record_at(bundle.records[rope, STATE], state), clamps.place[row])
-            if found < 0 and 0.0 < place < own.cable.unstrained_length:
-                found, found_place = rope, place
-        track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]
-        if not track.attached[carriage]:
-            found = -1
-        if found != moving.clamp_rope[clamp]:
-            clear_array(track.clamp_force[carriage])
-        moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
-        track.clamp_holds[carriage] = found >= 0
 
 
 @inlined_kernel
@@ -72,7 +51,38 @@ def clamp_gap(bundle, moving, clamp, system, state, like):
     there = record_at(bundle.records[other, STATE], state).nodes
     held = value(there.position, point_at(haul, moving.clamp_place[clamp]), like)
     at = add_scaled(1.0, load(bundle.clamps.offset[clamp], like), joint_position(track.cable, here, carriage))
-    return subtract(held, at)
+    return subtract(subtract(held, at), load(moving.clamp_slack[clamp], like))
+
+
+@kernel
+def find_clamps(bundle, moving, system, state, h):
+    """Find to which rope each clamp holds after `h` (s), and where; off all meshes, to none and without force.
+
+    One that takes hold under way does so where its rope is. What is between them then closes within seconds.
+    """
+    clamps, like = bundle.clamps, system.cable.gravity
+    for clamp in range(clamps.rope.size):
+        found, found_place = -1, 0.0
+        for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
+            rope = clamps.choice[row]
+            own = record_at(bundle.records[rope, SYSTEM], system)
+            place = clamp_coordinate(own, record_at(bundle.records[rope, STATE], state), clamps.place[row])
+            if found < 0 and 0.0 < place < own.cable.unstrained_length:
+                found, found_place = rope, place
+        track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]
+        if not track.attached[carriage]:
+            found = -1
+        taken = found != moving.clamp_rope[clamp]
+        moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
+        track.clamp_holds[carriage] = found >= 0
+        left = scale(exp(-h / CLOSING_TIME), load(moving.clamp_slack[clamp], like))
+        if taken:
+            clear_array(track.clamp_force[carriage])
+            clear_array(moving.clamp_slack[clamp])
+            left = scale(0.0, left)
+            if found >= 0 and h > 0.0:
+                left = clamp_gap(bundle, moving, clamp, system, state, like)
+        store(left, moving.clamp_slack[clamp])
 
 
 @kernel
@@ -108,7 +118,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
         store(outer(1.0, r_x, e_1), diagonal[0, 1])
         store(outer(-1.0, e_1, load(own.sliding_along[carriage], like)), diagonal[1, 0])
         store(add_scaled(own.sliding_pivot[carriage] - 1.0, outer(1.0, e_1, e_1), one), diagonal[1, 1])
-        store(scale(LONGEST_GAP / size if size > LONGEST_GAP else 1.0, gap), scratch.clamp_right[clamp, 0])
+        store(scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap), scratch.clamp_right[clamp, 0])
         store(scale(own.sliding_right[carriage], e_1), scratch.clamp_right[clamp, 1])
 
         add_force(scale(-1.0, force), held, beside.right_side)

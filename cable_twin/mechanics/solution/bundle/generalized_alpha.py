@@ -57,7 +57,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
             c, h, own, record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
         )
     place_ends(bundle, moving.sheaves, system, state)
-    find_clamps(bundle, moving, system, state)
+    find_clamps(bundle, moving, system, state, h)
     predict(c, h, moving.stages)
     for pantograph in range(moving.place.position.size):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]

@@ -13,6 +13,8 @@ from cable_twin.mechanics.state import Course, Motion
 SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Sheaves.tensioning
 
+LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
+
 
 @by_reference
 class Connectors(NamedTuple):
@@ -145,6 +147,7 @@ class BundleState(NamedTuple):
     contact_force: FloatArray  # (pantographs,) N
     clamp_rope: IntArray  # (clamps,) to which it holds now, -1 to none
     clamp_place: FloatArray  # (clamps,) m, arc length there
+    clamp_slack: FloatArray  # (clamps, dim) m, what is left of the gap at which it took hold under way
     tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
     sheaves: SheaveMotion
 
@@ -164,6 +167,7 @@ class BundleWork(NamedTuple):
     member: IntArray  # (clamps,) place of each at the front
     nodes_left: IntArray  # (clamps,) of its four, that are still to be eliminated
     clamp_node: IntArray  # (clamps, 4) of both elements, among those of all ropes; -1 where it does not hold
+    closing: FloatArray  # (1,) m, largest gap of a clamp that an iteration closes whole
     clamp_diagonal: FloatArray  # (clamps, 2, 2, dim²): force and sliding coordinate by themselves
     clamp_right: FloatArray  # (clamps, 2, dim), then their increments
     clamp_out: FloatArray  # (clamps, 4, 2, 2, dim²): nodes of both elements by them
@@ -185,6 +189,7 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
         contact_force=np.zeros(count),
         clamp_rope=np.full(clamps, -1, np.int64),
         clamp_place=np.zeros(clamps),
+        clamp_slack=np.zeros(bundle.clamps.offset.shape),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
         sheaves=_sheaves_at_rest(bundle.sheaves.inertia.size),
     )
@@ -236,6 +241,7 @@ def allocate_bundle_work(bundle: Bundle) -> BundleWork:
         member=np.zeros(clamps, np.int64),
         nodes_left=np.zeros(clamps, np.int64),
         clamp_node=np.full((clamps, 4), -1, np.int64),
+        closing=np.full(1, LONGEST_GAP),
         clamp_diagonal=np.zeros((clamps, *block)),
         clamp_right=np.zeros((clamps, 2, dim)),
         clamp_out=np.zeros((clamps, 4, *block)),

@@ -12,7 +12,7 @@ from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.generalized_alpha import copy_ropes
-from cable_twin.mechanics.solution.bundle.records import GOOD, STATE, WORK
+from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, WORK
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
 
@@ -31,7 +31,7 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
     like = system.cable.gravity
     mass_factor = 1.0 / (FIRST_STEP * FIRST_STEP)
     smallest, increment = 1e-12 * mass_factor, 0.0
-    find_clamps(bundle, moving, system, state)
+    find_clamps(bundle, moving, system, state, 0.0)
     for iteration in range(max_relaxations):
         copy_ropes(bundle, STATE, GOOD, state)
         copy_record(moving, moving_good)
@@ -42,6 +42,7 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
             copy_ropes(bundle, GOOD, STATE, state)
             copy_record(moving_good, moving)
             mass_factor *= 8.0
+            scratch.closing[0] *= 0.5
             continue
         for rope in range(bundle.records.shape[0]):
             here, own = record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
@@ -53,6 +54,7 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
         if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
             return iteration + 1, increment
         if increment < LONGEST_WAY:
+            scratch.closing[0] = min(1.5 * scratch.closing[0], LONGEST_GAP)
             mass_factor = max(0.25 * mass_factor, smallest)
     return max_relaxations, increment
 
