@@ -140,6 +140,13 @@ class Layout:
         self._rows: dict[str, dict[str, Any]] = {}  # of a frame, by rope and what they are of
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
+        self._places, self.size = self._lay_out()
+        self.vehicle_rows, self.support_rows = numbered(self.vehicles), numbered(self.supports)
+        self.drive_rows = numbered(self.drives)
+        self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
+
+    def _lay_out(self) -> tuple[list[tuple[int, int, tuple[int, ...]]], int]:
+        """First and last number, and shape, of each column, and how many numbers there are."""
         counts: dict[str | int, int] = {
             "vehicles": len(self.vehicles),
             "bodies": len(self.bodies),
@@ -150,13 +157,9 @@ class Layout:
             "connectors": len(self.connectors),
             "pantographs": len(self.pantographs),
         }
-        shapes = [tuple(counts.get(count, count) for count in SHAPES[name]) for name in Columns._fields]
-        ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]  # type: ignore[arg-type]
-        self._places = [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)]
-        self.size: int = ends[-1]
-        self.vehicle_rows, self.support_rows = numbered(self.vehicles), numbered(self.supports)
-        self.drive_rows = numbered(self.drives)
-        self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
+        shapes = [tuple(int(counts.get(count, count)) for count in SHAPES[name]) for name in Columns._fields]
+        ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]
+        return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -188,6 +191,8 @@ class Layout:
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
             layout.loop_offsets[row] = strand.offset if strand else 0.0
+            if scenario.of_rope(name).riding is not None:  # what rides a loop is told by the track on which it is
+                layout.loop_offsets[row] = layout.rope_offsets[row]
         layout.joints = np.array(
             [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
             or [(0, row) for row in layout.vehicle_rows.values()],

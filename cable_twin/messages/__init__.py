@@ -5,6 +5,7 @@ from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
+from cable_twin.messages.sheaves import sheave_reader
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -94,6 +95,7 @@ __all__ = [
     "scenario_from_message",
     "scenario_message",
     "serialize",
+    "sheave_reader",
     "statuses_of_message",
     "support_force_topic",
     "time_of",

@@ -43,6 +43,7 @@ from cable_twin.messages import (
     hung_rows,
     joint_names,
     pose_topic,
+    sheave_reader,
     statuses_of_message,
     support_force_topic,
 )
@@ -159,7 +160,7 @@ class _Frames:
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
         if layout.sheaves:
-            readers[SHEAVES] = self._read_sheaves
+            readers[SHEAVES] = sheave_reader(last_numbers, c)
         if layout.connectors:
             readers[CONNECTORS] = reader(len(layout.connectors), [c.connector_force])
         for row, name in enumerate(layout.pantographs):
@@ -270,14 +271,6 @@ class _Frames:
         for row in self._hung:  # from the rope down: each against the one above it
             for column in (c.body_angles, c.body_angular_velocity):
                 column[row, 1] += column[row - 1, 1]
-
-    def _read_sheaves(self, data: bytes) -> None:
-        c, count = self._columns, 4 * len(self._layout.sheaves)
-        numbers = last_numbers(data, 3 * count + 2)
-        parts = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
-        places, speeds, forces = (part.reshape(-1, 4) for part in parts)
-        c.sheave_position[:], c.sheave_slip[:], c.sheave_travel[:] = places[:, 0], places[:, 1], places[:, 3]
-        c.sheave_speed[:], c.sheave_force[:], c.sheave_tension[:] = speeds[:, 0], forces[:, 0], forces[:, 1:3]
 
     def _read_cable(self, data: bytes) -> None:
         fields = (*CABLE_FIELDS, ROPE_FIELD) if self._layout.alone else CABLE_FIELDS

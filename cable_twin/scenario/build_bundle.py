@@ -7,6 +7,7 @@ from math import exp, inf, sqrt
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray, System
+from cable_twin.mechanics.solution.bundle.order import sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
@@ -15,13 +16,12 @@ from cable_twin.mechanics.solution.bundle.records import (
     Connectors,
     Pantographs,
     Sheaves,
-    sequence_of,
 )
 from cable_twin.scenario.build import BUFFER, build_system
 from cable_twin.scenario.build_vehicles import floats
 from cable_twin.scenario.drives import Limits
 from cable_twin.scenario.fields import Vector
-from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.schema import Carriage, Scenario
 from cable_twin.scenario.sheaves import Sheave
 
 
@@ -57,29 +57,30 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     return connectors, [names[number] for number in order]
 
 
-def first_places(scenario: Scenario) -> dict[str, tuple[str, float]]:
-    """To which rope each clamped vehicle is clamped at the start, and at what arc length (m), by name."""
-    found = {}
-    for name, one in scenario.vehicles.items():
-        for rope, place in one.clamped_to.items():
-            if 0.0 < place < scenario.ropes[rope].unstrained_length:
-                found[name] = rope, place
+def clamped(scenario: Scenario) -> list[tuple[int, int, str, Carriage]]:
+    """All that is clamped to a second rope: number of its own rope, and there, its name, and what it is."""
+    found = []
+    for row, rope in enumerate(scenario.ropes):
+        vehicles = scenario.of_rope(rope).vehicles
+        found += [(row, number, name, one) for number, (name, one) in enumerate(vehicles.items()) if one.clamped_to]
     return found
 
 
 def build_clamps(scenario: Scenario) -> Clamps:
-    """The carriages that are clamped to another rope, in the order of all vehicles."""
-    ropes = list(scenario.ropes)
-    numbers = {name: list(scenario.of_rope(name).vehicles) for name in ropes}
-    clamped = {name: one for name, one in scenario.vehicles.items() if one.clamped_to}
-    own = [one.rope or ropes[0] for one in clamped.values()]
+    """The carriages that are clamped to another rope, as `clamped` has them."""
+    ropes, found = list(scenario.ropes), clamped(scenario)
+    vehicles = [one for *_, one in found]
+    rides = [scenario.of_rope(ropes[row]).riding for row in range(len(ropes))]
+    carriers = set(scenario.vehicles) - set(scenario.carriages)
+    loops = [rides[row] if name in carriers else None for row, _, name, _ in found]
     return Clamps(
-        rope=np.array([ropes.index(name) for name in own], dtype=np.int64),
-        carriage=np.array([numbers[rope].index(name) for name, rope in zip(clamped, own, strict=True)], dtype=np.int64),
-        offset=floats([scenario.vector(one.clamp_offset) for one in clamped.values()], scenario.dim),
-        choice_offset=np.cumsum([0, *(len(one.clamped_to) for one in clamped.values())], dtype=np.int64),
-        choice=np.array([ropes.index(rope) for one in clamped.values() for rope in one.clamped_to], dtype=np.int64),
-        place=floats([place for one in clamped.values() for place in one.clamped_to.values()]),
+        rope=np.array([row for row, *_ in found], dtype=np.int64),
+        carriage=np.array([number for _, number, *_ in found], dtype=np.int64),
+        offset=floats([scenario.vector(one.clamp_offset) for one in vehicles], scenario.dim),
+        choice_offset=np.cumsum([0, *(len(one.clamped_to) for one in vehicles)], dtype=np.int64),
+        choice=np.array([ropes.index(rope) for one in vehicles for rope in one.clamped_to], dtype=np.int64),
+        place=floats([place for one in vehicles for place in one.clamped_to.values()]),
+        loop_length=floats([riding.loop_length if riding else 0.0 for riding in loops]),
     )
 
 
@@ -153,4 +154,4 @@ def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], t
     return HYDRAULIC, direction, (1.0, cylinder.force, cylinder.band, cylinder.rate, 0.0, 0.0), cylinder.travel
 
 
-__all__ = ["build_clamps", "build_connectors", "build_pantographs", "build_ropes", "build_sheaves", "first_places"]
+__all__ = ["build_clamps", "build_connectors", "build_pantographs", "build_ropes", "build_sheaves", "clamped"]

@@ -25,7 +25,7 @@ def floats(values: list, columns: int = 0) -> FloatArray:
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
     """Length (m) of the end stops of a carriage: as given, or 0.5 % of the cable's length; none where it is clamped."""
-    if carriage.joint == "clamped":
+    if carriage.joint == "clamped" or scenario.riding is not None:
         return 0.0
     given = carriage.end_stop.stroke
     return DEFAULT_STROKE * scenario.cable.unstrained_length if given is None else given
@@ -38,7 +38,7 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
     stiffness stops the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well,
     which counts only for slow drives; the damping is 0.5 / v. What is clamped to a moving cable goes through.
     """
-    if carriage.joint == "clamped":
+    if carriage.joint == "clamped" or scenario.riding is not None:
         return 0.0, 0.0, 0.0
     stop = carriage.end_stop
     stroke = stop_stroke(scenario, carriage)

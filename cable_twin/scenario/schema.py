@@ -15,7 +15,7 @@ from cable_twin.scenario.as_yaml import as_yaml
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import Drive, RopeDrive
 from cable_twin.scenario.fields import FromList, Place, Section, Tensor, Vector, in_space, quantity
-from cable_twin.scenario.sheaves import Sheave, Strand, expand_sheaves, strands_of
+from cable_twin.scenario.sheaves import Riding, Sheave, Strand, expand_sheaves, strands_of
 
 MOST_ELEMENTS = 100_000
 # whatever the mechanics have; without a stub's idea of a literal
@@ -372,6 +372,16 @@ class Carriers(Section):
         gt=0,
     )
     first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
+    tracks: dict[str, str] = Field(
+        default_factory=dict,
+        description="the track rope on which each slides beside a strand of the loop, by the name of the strand; "
+        "then they are carriages that are clamped to it",
+        json_schema_extra={"allowed": "a mapping of names of strands to names of ropes"},
+    )
+    friction: Friction = Field(default_factory=Friction, description="what resists each on its track")
+    clamp_offset: Place = quantity(
+        "m", "way from its joint on a track to its clamp as x, z, in space x, y, z", (0.0, 0.0)
+    )
     bodies: dict[str, Body] = Field(
         default_factory=dict, description="bodies of each by name, from the cable downwards; where all are of one kind"
     )
@@ -488,6 +498,7 @@ class Scenario(Section):
     sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
     _strand: Strand | None = PrivateAttr(default=None)
+    _rides: Riding | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
@@ -502,7 +513,8 @@ class Scenario(Section):
 
     def of_rope(self, name: str) -> Scenario:
         """The same of one rope alone, with what is on it: a scenario with a cable."""
-        first, strand = next(iter(self.ropes)), self.strands.get(name)
+        first, riding = next(iter(self.ropes)), self._riding(name)
+        strand = self.strands.get(name)
         update = {
             "cable": self.ropes[name],
             "towers": self._along(
@@ -513,15 +525,30 @@ class Scenario(Section):
         }
         update |= {"ropes": {}, "connectors": {}, "pantographs": {}}
         if self.sheaves:
-            carriers = self.carriers.on_strand(strand) if self.carriers and strand else None
+            along = self.strands.get(riding.strand) if riding else strand
+            slides = bool(self.carriers and self.carriers.tracks)
+            carriers = self.carriers.on_strand(along) if self.carriers and along and slides == bool(riding) else None
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
-        alone._strand = strand
+        alone._strand, alone._rides = strand, riding
         return alone
+
+    def _riding(self, rope: str) -> Riding | None:
+        """What rides a track rope, where something does."""
+        for strand, track in (self.carriers.tracks if self.carriers else {}).items():
+            if track == rope and strand in self.strands:
+                place = self.strands[strand]
+                return Riding(strand, self.ropes[strand].unstrained_length, place.loop_length, place.offset)
+        return None
+
+    @property
+    def riding(self) -> Riding | None:
+        """How carriers ride the cable, of one that is the track of a loop."""
+        return self._rides
 
     def _along(self, name: str, towers: dict[str, Tower]) -> dict[str, Tower]:
         """Towers of one rope in the order along it: of a strand, which may come down the line that another goes up."""
-        if name not in self.strands:
+        if name not in self.strands and self._riding(name) is None:
             return towers
         ends = [in_space(end.position) for end in (self.ropes[name].start, self.ropes[name].end)]
         chord = [there - here for here, there in zip(*ends, strict=True)]
@@ -552,7 +579,8 @@ class Scenario(Section):
             return carriages
         spacing = self.spacing
         first = 0.5 * spacing if carriers.first is None else carriers.first
-        start = self._strand.offset if self._strand else 0.0
+        where = self._strand or self._rides
+        start = where.offset if where else 0.0
         places = [(first - start + number * spacing) % self.loop_length for number in range(carriers.count)]
         return carriages | {
             f"{carriers.name}_{number + 1}": self._carrier(carriers.kind(number), place)
@@ -568,7 +596,17 @@ class Scenario(Section):
             if beyond > 0.0:  # it comes on next at the nearer station
                 mass = room.from_end if 2.0 * beyond < self.loop_length - length else room.from_start
             payload = Payload(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
-        return Carriage(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
+        riding, carriers = self._rides, self.carriers
+        if riding is None or carriers is None:
+            return Carriage(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
+        return Carriage(
+            arc_length=min(max(place / riding.length, 0.0), 1.0) * length,
+            clamped_to={riding.strand: place},
+            clamp_offset=carriers.clamp_offset,
+            friction=carriers.friction,
+            bodies=kind.bodies,
+            payload=payload,
+        )
 
     @property
     def dim(self) -> int:
@@ -585,8 +623,8 @@ class Scenario(Section):
     @property
     def loop_length(self) -> float:
         """Unstrained length (m) of the loop of a moving cable; without carriers, there and back."""
-        if self._strand is not None:
-            return self._strand.loop_length
+        if (where := self._strand or self._rides) is not None:
+            return where.loop_length
         for strand in self.strands.values():
             return strand.loop_length
         if self.carriers is None or self.carriers.spacing is None:

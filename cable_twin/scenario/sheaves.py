@@ -11,6 +11,7 @@ from pydantic import Field
 from cable_twin.scenario.drives import Brake
 from cable_twin.scenario.fields import FromList, Place, Section, Vector, quantity
 
+EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
 Joined = Annotated[tuple[str, str], FromList]
 
 
@@ -75,6 +76,19 @@ class Strand(NamedTuple):
     offset: float  # m, place on the loop of its start
     before: str  # the bullwheel off which rope comes onto its start
     after: str  # and that onto which its end runs
+
+
+class Riding(NamedTuple):
+    """How carriers ride a track rope."""
+
+    strand: str  # to which they are clamped there
+    length: float  # m, of that
+    loop_length: float  # m, unstrained
+    offset: float  # m, place on the loop of the start of the strand
+
+    def on_track(self, place: float) -> bool:
+        """Whether one at a `place` (m) of the strand is on the track, and not in a station."""
+        return EDGE < place / self.length < 1.0 - EDGE
 
 
 def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> dict[str, Strand]:

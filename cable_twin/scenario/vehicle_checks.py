@@ -210,7 +210,7 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
 
 
 def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    length, strand = scenario.cable.unstrained_length, scenario.strand
+    length, strand = scenario.cable.unstrained_length, scenario.strand or scenario.riding
     spacing = scenario.spacing
     if not scenario.drives and strand is None:
         yield Fault(("carriers",), "given for a cable that stands still; allowed: with a drive in drives")

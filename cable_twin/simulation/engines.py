@@ -1,48 +1,22 @@
-"""What takes solver steps: one rope, or several with what couples them, behind the same three calls."""
+"""What takes solver steps: one rope, or several with what couples them, behind the same calls."""
 
 from __future__ import annotations
 
 from typing import Any, Protocol
 
-import numpy as np
-
-from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FREE, FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_positions, sample_tensions
-from cable_twin.mechanics.solution.bundle.connector import connector_forces
-from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
-from cable_twin.mechanics.solution.bundle.records import (
-    SYSTEM,
-    Bundle,
-    Wires,
-    allocate_bundle_state,
-    allocate_bundle_work,
-    clone_bundle_state,
-    order_of,
-)
-from cable_twin.mechanics.solution.bundle.rest import settle_bundle
-from cable_twin.mechanics.solution.catenary import EquilibriumError
-from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.integrators import integrator_named
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
+from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
-    build_clamps,
-    build_connectors,
-    build_pantographs,
     build_ropes,
-    build_sheaves,
-    first_places,
 )
-from cable_twin.simulation.loop import Loop
+from cable_twin.simulation.rope_bundle import RopeBundle, restore_parts
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
-
-FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
-SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
 class Engine(Protocol):
@@ -79,19 +53,6 @@ class Engine(Protocol):
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits."""
-
-
-def restore_parts(parts: list[Ropeway], full: FullState) -> None:
-    """Go to what a full state has of each rope, and of what is commanded."""
-    for part, state, start in zip(parts, full.states, full.starts, strict=True):
-        write_state(state, part.state)
-        write_state(start, part.start)
-        part.note_stations()
-        part.carry(part.state.payload)
-        part.stopped = full.emergency_stopped
-        own = (*part.rows, *part.scenario.drives)
-        part.commands = {name: command for name, command in full.commands.items() if name in own}
-        part.loading = {name: mass for name, mass in full.loading.items() if name in own}
 
 
 class SingleRope:
@@ -145,228 +106,12 @@ class SingleRope:
         restore_parts(self.parts, full)
 
 
-class RopeBundle:
-    """Several ropes, what hangs between them and what pushes them from below."""
-
-    def __init__(self, scenario: Scenario, parts: list[Ropeway]) -> None:
-        self.parts, self._scenario = parts, scenario
-        systems = dict(zip(scenario.ropes, (part.system for part in parts), strict=True))
-        self._works = [allocate_workspace(system) for system in systems.values()]
-        connectors, names = build_connectors(scenario, systems)
-        self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
-        pantographs = build_pantographs(scenario)
-        self._addresses = Addresses(
-            [
-                (part.system, part.state, work, clone_state(part.state), clone_state(part.state))
-                for part, work in zip(parts, self._works, strict=True)
-            ]
-        )
-        self._packed_systems = [part.packed_system for part in parts]
-        nodes = [part.state.nodes.position.shape[0] for part in parts]
-        damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.ropes.values()]
-        self.bundle = Bundle(
-            records=self._addresses.table,
-            up=np.eye(scenario.dim)[-1].copy(),
-            connectors=connectors,
-            pantographs=pantographs,
-            clamps=(clamps := build_clamps(scenario)),
-            wires=Wires(
-                by_mass=np.array([one for one, _ in damped]),
-                by_stiffness=np.array([one for _, one in damped]),
-                tension=np.zeros(len(parts)),
-                present=bool(np.any(damped)),
-            ),
-            order=order_of(nodes, connectors.rope, connectors.node, self._along() if clamps.rope.size else None),
-            sheaves=build_sheaves(scenario),
-        )
-        self.moving = moving = self._start = allocate_bundle_state(self.bundle)
-        self._scratch = allocate_bundle_work(self.bundle)
-        self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
-        given = scenario.pantographs.values()
-        moving.place.position[:] = [one.position for one in given]
-        self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
-        self.commands: dict[str, Command] = {}
-        rows = [row for row, one in enumerate(scenario.vehicles.values()) if one.clamped_to]
-        self._clamp_rows = np.array(rows, np.int64)
-        self._forces = np.zeros(len(scenario.connectors))
-
-    def _along(self) -> list[FloatArray]:
-        """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
-        found = []
-        for part, rope in zip(self.parts, self._scenario.ropes.values(), strict=True):
-            start, end = rope.start.position[0], rope.end.position[0]
-            found.append(start + (end - start) * part.system.cable.node_arc_length / rope.unstrained_length)
-        return found
-
-    def find_rest(self) -> None:
-        """Bring each rope to rest by itself, then all of them together.
-
-        Raises:
-            EquilibriumError: there is none.
-        """
-        for part, work in zip(self.parts, self._works, strict=True):
-            if _is_taut(part.scenario):
-                lay_taut(part.system, part.state)
-            else:
-                part.lay(work)
-        self._raise_pantographs()
-        modes = [hold_all(part.state) for part in self.parts]
-        self._check_clamps()
-        clamps = list(zip(self.bundle.clamps.rope.tolist(), self.bundle.clamps.carriage.tolist(), strict=True))
-        for row, carriage in clamps:  # its clamp holds it
-            self.parts[row].state.drive_mode[carriage], self.parts[row].state.drive_force[carriage] = FREE, 0.0
-        for row, part in enumerate(self.parts):
-            self._addresses.write(row, SYSTEM, without_friction(part.system))
-        longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
-        first = self.parts[0]
-        relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
-        if self._scenario.sheaves:
-            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
-        else:
-            settle_bundle(relaxed, SLACKEST_REST * longest)
-        for row, carriage in clamps:
-            state = self.parts[row].state
-            state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
-        for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
-            self._addresses.write(row, SYSTEM, part.system)
-            note_rest(part.system, part.state)
-            part.state.tower_load[:, 1] = part.state.tower_load[:, 0]
-            let_go(part.system, part.state, own_modes)
-            part.take_over_rest()
-            self.bundle.wires.tension[row] = _mean_tension(part)
-        self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
-        self.commands = self.loop.set_in_motion()
-
-    def _check_clamps(self) -> None:
-        """See that each rope, at rest by itself, is near the carriages that are clamped to it.
-
-        Raises:
-            EquilibriumError: a carriage is far from its place there; the line names it.
-        """
-        clamps, ropes = self.bundle.clamps, list(self._scenario.ropes)
-        for clamp, (name, (rope, place)) in enumerate(first_places(self._scenario).items()):
-            here, other = self.parts[int(clamps.rope[clamp])], self.parts[ropes.index(rope)]
-            joint = float(here.state.joints.position[int(clamps.carriage[clamp])])
-            way = _position(other, place) - _position(here, joint) - clamps.offset[clamp]
-            apart = float(np.linalg.norm(way))
-            shorter = min(part.system.cable.unstrained_length for part in (here, other))
-            if apart > FARTHEST_CLAMP * shorter:
-                raise EquilibriumError(
-                    f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
-                    f"from it before it is clamped; allowed: up to {FARTHEST_CLAMP * shorter:.4g} m"
-                )
-
-    def _raise_pantographs(self) -> None:
-        """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
-        moving, pantographs = self.moving, self.bundle.pantographs
-        for row, one in enumerate(self._scenario.pantographs.values()):
-            part = self.parts[int(pantographs.rope[row])]
-            places = part.state.nodes.position[:, 0]
-            nearest = int(np.argmin(abs(places[:, 0] - one.position)))
-            moving.arc_length[row] = part.system.cable.node_arc_length[nearest]
-            head = places[nearest, -1] + one.uplift_force / pantographs.contact_stiffness[row]
-            yielded = np.cumsum([0.0, *(one.uplift_force / pantographs.stiffness[row, :-1])])
-            moving.stages.position[row] = head + yielded
-
-    def advance(self, steps: int) -> tuple[Any, ...]:
-        """Take so many steps; the fields of `Outcome`."""
-        for row, part in enumerate(self.parts):
-            if part.packed_system is not self._packed_systems[row]:
-                self._addresses.write(row, SYSTEM, part.system)
-                self._packed_systems[row] = part.packed_system
-        first = self.parts[0]
-        return advance_bundle(  # type: ignore[no-any-return]
-            self.bundle, self.moving, *self._spare, self._scratch, first.system, first.state, self._works[0], steps
-        )
-
-    def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
-        first, moving = self.parts[0], self.moving
-        off = self._clamp_rows[moving.clamp_rope < 0]
-        columns.haul_pull[off], columns.haul_force[off] = 0.0, 0.0
-        connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
-        columns.connector_force[self._rows] = self._forces
-        columns.pantograph_force[:] = moving.contact_force
-        columns.pantograph_speed[:] = moving.place.velocity
-        columns.pantograph_position[:, 0] = moving.place.position
-        columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
-        self.loop.observe(columns)
-
-    def take(self, command: Command) -> None:
-        """Carry out what a command asks of what is on no rope alone."""
-        if command.kind == "emergency_stop":
-            self.loop.stop()
-            self.commands.clear()
-        elif command.kind == "release":
-            self.loop.release()
-        elif command.kind == "reset":
-            self._reset()
-        elif command.kind in ("speed", "force"):
-            for name, value in command.values.items():
-                if name in self.loop.drives:
-                    self.loop.drive(name, command.kind, value)
-                    self.commands[name] = Command(command.kind, {name: value})
-
-    def energy(self) -> Energy:
-        """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
-        return self.loop.energy()
-
-    def begin(self) -> None:
-        """Let this be the start, to which a reset goes back."""
-        for part in self.parts:
-            part.begin()
-        self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
-
-    def _reset(self) -> None:
-        """Put pantographs and bullwheels back to the start."""
-        self.commands = dict(self._first_commands)
-        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
-            now[...] = start
-
-    def between(self) -> dict[str, FloatArray]:
-        """A copy of the motion of the pantographs, now and at the start, by name."""
-        both = ("now", self.moving), ("start", self._start)
-        return {f"{key}/{name}": array.copy() for key, one in both for name, array in fields_of(one).items()}
-
-    def restore(self, full: FullState) -> None:
-        """Go to a full state that fits."""
-        restore_parts(self.parts, full)
-        for key, one in (("now", self.moving), ("start", self._start)):
-            for name, array in fields_of(one).items():
-                array[...] = full.between[f"{key}/{name}"]
-        self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
-
-
 def engine_of(scenario: Scenario) -> Engine:
     """What takes the steps of a scenario."""
     if not scenario.ropes:
         return SingleRope(scenario, Ropeway(scenario))
     systems = build_ropes(scenario)
     return RopeBundle(scenario, [Ropeway(scenario.of_rope(name), system) for name, system in systems.items()])
-
-
-def _is_taut(scenario: Scenario) -> bool:
-    """Whether a rope is shorter than the straight way between two ends that hold it, with nothing between them."""
-    cable = scenario.cable
-    held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
-    apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
-    return held and not scenario.towers and cable.unstrained_length < apart
-
-
-def _position(part: Ropeway, place: float) -> FloatArray:
-    """Where (dim,) in m a rope is at an arc length (m)."""
-    found = np.empty((1, 3))
-    sample_positions(part.system.cable, part.state, np.array([place]), found)
-    return found[0] if part.scenario.dim == 3 else found[0, ::2]
-
-
-def _mean_tension(part: Ropeway) -> float:
-    """Mean tension (N) of a rope."""
-    cable, elements = part.system.cable, part.system.cable.element_count
-    places = np.linspace(0.0, cable.unstrained_length, elements + 1)
-    tensions = np.empty(places.size)
-    sample_tensions(cable, part.state, places, tensions, np.empty(groups(cable)))
-    return float(tensions.mean())
 
 
 __all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of"]

@@ -30,7 +30,11 @@ class Meeting:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        on_rope = [(c.arc_length, row) for row, c in enumerate(scenario.vehicles.values()) if c.joint != "clamped"]
+        on_rope = [
+            (c.arc_length, row)
+            for row, c in enumerate(scenario.vehicles.values())
+            if c.joint != "clamped" and not c.clamped_to
+        ]
         self._rows = np.array([row for _, row in sorted(on_rope)], dtype=np.int64)
         self._names = [list(scenario.vehicles)[row] for row in self._rows]
         reach = [_reach(scenario.vehicles[name]) for name in self._names]

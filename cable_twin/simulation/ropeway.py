@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.drives.moving_rope import park
+from cable_twin.mechanics.drives.moving_rope import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
@@ -60,6 +60,11 @@ class Ropeway:
             self.state.joints.position[row] = vehicle.arc_length
             if vehicle.joint == "clamped" and vehicle.arc_length > scenario.cable.unstrained_length:
                 park(self.system, self.state, row, vehicle.arc_length)
+            riding = scenario.riding
+            if riding and vehicle.clamped_to and not riding.on_track(place := vehicle.clamped_to[riding.strand]):
+                beyond = riding.loop_length - place
+                end = scenario.cable.unstrained_length if place - riding.length < beyond and place > 1.0 else 0.0
+                hang_in_station(self.system, self.state, row, end)
             if vehicle.joint == "sliding":
                 as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
 

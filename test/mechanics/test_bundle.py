@@ -9,16 +9,16 @@ from systems import dense_matrix, difference, disturbed_state, make_system
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
+from cable_twin.mechanics.solution.bundle.order import order_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     Bundle,
     Clamps,
     Connectors,
     Pantographs,
+    Sheaves,
     Wires,
     allocate_bundle_state,
     allocate_bundle_work,
-    order_of,
-    sequence_of,
 )
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
 from cable_twin.scenario import load_scenario
@@ -58,8 +58,10 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
             choice_offset=np.arange(clamps + 1),
             choice=CLAMPED[:clamps, 1].copy(),
             place=np.zeros(clamps),
+            loop_length=np.zeros(clamps),
         ),
         wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
+        sheaves=Sheaves(*(np.zeros((0, 2) if name in ("rope", "travel") else 0) for name in Sheaves._fields)),
         order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
     )
     return bundle, systems, states, works, addresses

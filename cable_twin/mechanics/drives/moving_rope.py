@@ -108,8 +108,15 @@ def park(system, state, carriage, place):
     station = (
         cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
     )
+    hang_in_station(system, state, carriage, station)
+
+
+@kernel
+def hang_in_station(system, state, carriage, station):
+    """Take a carriage off the cable: it hangs at rest at the end of it that is at the arc length `station` (m)."""
+    cable = system.cable
     state.attached[carriage] = False
-    state.joints.position[carriage] = station
+    state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
     state.joints.algorithmic[carriage] = 0.0
     state.drive_force[carriage] = 0.0
@@ -138,8 +145,14 @@ def attach_carriers(system, state):
 @kernel
 def attach(system, state, carriage, place):
     """Put one carriage on the cable at the arc length `place` (m)."""
+    speed, rate = going_by(system.cable, state, place)
+    put_on(system, state, carriage, place, speed, rate)
+
+
+@kernel
+def put_on(system, state, carriage, place, speed, rate):
+    """Put a carriage on the cable at an arc length (m): hanging upright, and moving along it at `speed` (m/s)."""
     cable = system.cable
-    speed, rate = going_by(cable, state, place)
     state.attached[carriage] = True
     state.joints.position[carriage] = place
     state.joints.velocity[carriage] = speed

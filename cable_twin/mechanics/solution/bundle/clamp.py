@@ -9,7 +9,7 @@ tangent is whole and no stiffness has to be chosen.
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, floor, sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -36,9 +36,15 @@ CLOSING_TIME = 0.5  # s, in which what is between a clamp and a rope that it has
 
 
 @kernel
-def clamp_coordinate(system, state, place):
-    """Arc length (m) on the mesh of a rope of what was clamped to it at `place` when none of it had gone by yet."""
-    return (place - state.loop_start[0] + state.rope.position[0]) / rest_stretch(system.cable, state)
+def clamp_coordinate(system, state, place, loop_length):
+    """Arc length (m) on the mesh of a rope of what was clamped to it at `place` when none of it had gone by yet.
+
+    On a loop, where its length (m) is not 0, it comes round again.
+    """
+    way = place - state.loop_start[0] + state.rope.position[0]
+    if loop_length > 0.0:
+        way -= loop_length * floor(way / loop_length)
+    return way / rest_stretch(system.cable, state)
 
 
 @inlined_kernel
@@ -66,7 +72,8 @@ def find_clamps(bundle, moving, system, state, h):
         for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
             rope = clamps.choice[row]
             own = record_at(bundle.records[rope, SYSTEM], system)
-            place = clamp_coordinate(own, record_at(bundle.records[rope, STATE], state), clamps.place[row])
+            there = record_at(bundle.records[rope, STATE], state)
+            place = clamp_coordinate(own, there, clamps.place[row], clamps.loop_length[clamp])
             if found < 0 and 0.0 < place < own.cable.unstrained_length:
                 found, found_place = rope, place
         track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]

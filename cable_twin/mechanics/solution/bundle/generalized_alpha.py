@@ -11,6 +11,7 @@ from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
+from cable_twin.mechanics.solution.bundle.riders import ride_tracks
 from cable_twin.mechanics.solution.bundle.sheaves import feel_ends, give_ends, move_sheaves, place_ends
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.generalized_alpha import (
@@ -111,6 +112,7 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
         gap = max(gap, worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)) if converged else gap
         converged = converged and isfinite(gap)
         if converged:
+            ride_tracks(bundle, system, state)
             feel_ends(bundle, moving.sheaves, system, state)
         if attempt == 1 or not converged or not saturated:
             break
