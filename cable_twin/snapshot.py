@@ -149,6 +149,7 @@ class Snapshot:
             attached=bool(c.attached[index]),
             payload=float(c.payload[index]),
             haul_rope=None if isnan(haul.travel) else haul,
+            push=float(c.push[index]),
         )
 
     def _body(self, row: int) -> BodyState:
