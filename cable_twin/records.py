@@ -141,6 +141,7 @@ class CarriageState:
     payload: float = 0.0  # kg
     haul_rope: HaulRopeState | None = None
     clamp_force: FloatArray | None = None  # (3,) N, of the rope to which it is clamped on the carriage
+    push: float = 0.0  # N, with which it and what is after it on the rope push each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +193,24 @@ class Derailment:
         """One line for people."""
         x, y, z = self.position
         return f"{self.tower}: rope derailed {self.how} at {self.time:.3f} s, at x {x:.1f}, y {y:.1f}, z {z:.1f} m"
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Two vehicles on a rope have met."""
+
+    vehicle: str
+    other: str  # after it on the rope
+    time: float  # s, simulated
+    place: float  # m, unstrained arc length of the joint of the first
+    speed: float  # m/s, at which they came together
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return (
+            f"'{self.vehicle}' and '{self.other}' touch at {self.time:.3f} s, at {self.place:.2f} m of the cable, "
+            f"with {self.speed:.3g} m/s"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,6 +150,7 @@ class Snapshot:
             payload=float(c.payload[index]),
             haul_rope=None if isnan(haul.travel) else haul,
             clamp_force=c.haul_pull[index] if isnan(haul.travel) and not isnan(haul.force) else None,
+            push=float(c.push[index]),
         )
 
     def _body(self, row: int) -> BodyState:

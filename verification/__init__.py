@@ -19,6 +19,7 @@ MODULES = (
     "conservation",
     "drives",
     "carriages",
+    "vehicle_buffers",
     "hinges",
     "supports",
     "counterweights",

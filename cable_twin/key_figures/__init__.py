@@ -5,10 +5,20 @@ Carriers of one kind share their figures, which are those of the worst of them, 
 memory of an update do not grow with the run.
 """
 
+from cable_twin.key_figures.buffers import BUFFER_FORCE
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.figures_of_rope import SOURCES
 from cable_twin.key_figures.key_figures import KeyFigures
 from cable_twin.key_figures.space import DERAILED
 
-__all__ = ["DERAILED", "ENERGY_LOST", "SOURCES", "KeyFigure", "KeyFigures", "figure_from_values", "values_of"]
+__all__ = [
+    "BUFFER_FORCE",
+    "DERAILED",
+    "ENERGY_LOST",
+    "SOURCES",
+    "KeyFigure",
+    "KeyFigures",
+    "figure_from_values",
+    "values_of",
+]

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from cable_twin.key_figures.allocation import allocate
+from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
@@ -58,6 +59,7 @@ class FiguresOfRope:
         self._packed_memory = pack(self._memory)
         self._space = SpaceFigures(scenario) if scenario.dim == 3 else None
         self._dissipation = Dissipation(scenario)
+        self.buffers = BufferFigures(scenario)
         self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
         driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
@@ -78,6 +80,7 @@ class FiguresOfRope:
         if self._space is not None:
             self._space.update(self._packed_columns)
         self._dissipation.update(self._time, snapshot.solver)
+        self.buffers.update(self._time, self._columns)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
         if self._braking:
@@ -130,6 +133,7 @@ class FiguresOfRope:
             *self._of_supports(),
             *(figure for name in self._drives for figure in self._of_drive(name)),
             *(figure for name, members in self._groups() for figure in self._of_vehicles(name, members)),
+            *self.buffers.figures(),
         ]
         frames = "" if math.isnan(self._period) else f"frames of {self._period:.4g} s"
         found = [figure if figure.band else replace(figure, band=frames) for figure in found]

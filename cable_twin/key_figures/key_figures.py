@@ -8,7 +8,7 @@ from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.figures_of_rope import FiguresOfRope
-from cable_twin.records import AppliedCommand
+from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
 
@@ -40,6 +40,11 @@ class KeyFigures:
         """Take in a command where it took effect."""
         for rope in [self._whole] if self._whole is not None else self._ropes.values():
             rope.command(applied)
+
+    def touches(self) -> list[Touch]:
+        """Vehicles that have met: the last touch of each with one after it on its rope."""
+        ropes = [self._whole] if self._whole is not None else self._ropes.values()
+        return [touch for rope in ropes for touch in rope.buffers.touches()]
 
     def figures(self) -> list[KeyFigure]:
         """All figures that have a value so far."""

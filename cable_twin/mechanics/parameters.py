@@ -177,6 +177,30 @@ class HaulRopes(NamedTuple):
 
 
 @by_reference
+class VehicleBuffers(NamedTuple):
+    """Who can meet whom on the rope; those of carriage c are the entries offset[c] to offset[c + 1]."""
+
+    offset: IntArray  # (carriages + 1,)
+    other: IntArray  # (entries,) the carriage that it can meet
+    side: FloatArray  # (entries,) 1 where that is after it on the rope, -1 where it is before
+    room: FloatArray  # (entries,) m between their joints where the buffers touch
+    stiffness: FloatArray  # (entries,) N/m, of both buffers in series
+    damping: FloatArray  # (entries,) s/m, of their force, per unit of its elastic part
+    present: bool  # whether there are any
+
+
+NO_BUFFERS = VehicleBuffers(
+    offset=np.zeros(1, dtype=np.int64),
+    other=np.zeros(0, dtype=np.int64),
+    side=np.zeros(0),
+    room=np.zeros(0),
+    stiffness=np.zeros(0),
+    damping=np.zeros(0),
+    present=False,
+)
+
+
+@by_reference
 class Wind(NamedTuple):
     """How the wind differs from place to place and from moment to moment; vectors are x, y, z, in a plane too."""
 
@@ -253,3 +277,4 @@ class System(NamedTuple):
     air: Air
     solver: Solver
     moving_cable: MovingCable = STANDING
+    buffers: VehicleBuffers = NO_BUFFERS

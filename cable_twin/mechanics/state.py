@@ -87,6 +87,10 @@ class State(NamedTuple):
     tower_lateral: FloatArray  # (towers, 2) in space: N to the left that a tower gives the rope in its grooves, at the
     # end of the last step, and the highest ratio (-) of that to its normal force
     derailment: NDArray[np.int64]  # (towers, 2) in space: IN_GROOVE or how the rope came out, and the clock at that
+    push: FloatArray  # (carriages, 4) N with which each and those after it on the rope push each other, at the end of
+    # the last step, and the highest since the start or the last reset; m/s at which they close in; clock of contact
+    touch: FloatArray  # (carriages, 4) 1 + number of the one after it that it has met last, or 0; m, its place on the
+    # cable there; m/s at which they met; the clock at that
     wind: FloatArray  # (dim,) m/s, its mean at the reference height
     wind_field: WindField
     newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
@@ -148,6 +152,9 @@ class Workspace(NamedTuple):
     haul_increment: FloatArray  # (carriages,)
     sheave_row: FloatArray  # (carriages, 3) eliminated row of the sheave: pivot, coefficient of the way, right side
     sheave_increment: FloatArray  # (carriages,)
+    pressed: NDArray[np.bool_]  # (carriages,) others push it
+    pressed_stiffness: FloatArray  # (entries,) N/m, tangent of the buffers of each pair
+    foreseen: FloatArray  # (carriages, 3) where others push it: N/m and N of its own way along the rope, and that in m
     body_drag: FloatArray  # (bodies, dim) N, of the air
     body_drag_tangent: FloatArray  # (bodies, dim²) N/m, minus its derivative by the place
     body_drag_turning: FloatArray  # (bodies, dim turns) N/rad, minus its derivative by the turn
@@ -194,6 +201,8 @@ def allocate_state(system: System) -> State:
         tower_load=np.zeros((system.towers.top.shape[0], 2)),
         tower_lateral=np.zeros((system.towers.top.shape[0], 2)),
         derailment=np.zeros((system.towers.top.shape[0], 2), dtype=np.int64),
+        push=np.zeros((carriages, 4)),
+        touch=np.zeros((carriages, 4)),
         wind=np.zeros(dim),
         wind_field=_calm(system, dim),
         newton_curvature=np.zeros(1),
@@ -285,6 +294,9 @@ def allocate_workspace(system: System) -> Workspace:
         haul_increment=np.zeros(carriages),
         sheave_row=np.zeros((carriages, 3)),
         sheave_increment=np.zeros(carriages),
+        pressed=np.zeros(carriages, dtype=np.bool_),
+        pressed_stiffness=np.zeros(system.buffers.other.size),
+        foreseen=np.zeros((carriages, 3)),
         body_drag=np.zeros((bodies, dim)),
         body_drag_tangent=np.zeros((bodies, dim * dim)),
         body_drag_turning=np.zeros((bodies, dim * turns)),

@@ -17,7 +17,7 @@ from rich.console import Console
 from cable_twin.command_line import left_at_once
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.figure_messages import describe
-from cable_twin.key_figures import DERAILED, ENERGY_LOST, KeyFigure, KeyFigures
+from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure, KeyFigures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
@@ -270,8 +270,9 @@ def _report(
 ) -> int:
     """Say what was done and what it showed."""
     print_figures(table_console(), [figures])
-    warned = [figure for figure in figures if figure.kept is False and figure.name.endswith((ENERGY_LOST, DERAILED))]
-    told = [f"warning: {figure.name}: {describe(figure)}" for figure in warned]
+    warned = [one for one in figures if one.kept is False and one.name.endswith((ENERGY_LOST, DERAILED))]
+    met = [one for one in figures if one.name.endswith(BUFFER_FORCE)]
+    told = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
     told += [f"refused: {line}" for line in outcome.refused[:5]]
     told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     told += [*faults]
@@ -280,9 +281,8 @@ def _report(
     told += [f"not given, before the snapshot: {_count(outcome.past)}"] if outcome.past else []
     for line in told:
         print(f"simulate: {line}", file=sys.stderr)
-    simulated = outcome.time - start
+    simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
     factor = simulated / max(outcome.wall_time, 1e-9)
-    since = f" from {start:.2f} s on" if start else ""
     print(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
         f"{_count(outcome.applied)}" + (f", {len(outcome.refused)} refused" if outcome.refused else "")

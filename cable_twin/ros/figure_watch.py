@@ -22,6 +22,7 @@ class FigureWatch:
         self._figures = figures
         self._lock = threading.Lock()  # so that value, time and place of an extreme belong together
         self._passed: dict[str, KeyFigure] = {}  # by name, as it was when it was first seen
+        self._told: dict[tuple[str, str], float] = {}  # s, of the last touch of two vehicles
         self._news: list[str] = []
 
     def update(self, snapshot: Snapshot) -> None:
@@ -43,7 +44,11 @@ class FigureWatch:
     def statuses(self) -> list[Status]:
         """A status for each figure: a warning where its limit is passed."""
         with self._lock:
-            figures = self._figures.figures()
+            figures, touches = self._figures.figures(), self._figures.touches()
+        for touch in touches:
+            if self._told.get((touch.vehicle, touch.other)) != touch.time:
+                self._told[touch.vehicle, touch.other] = touch.time
+                self._news.append(str(touch))
         for figure in figures:
             if figure.kept is False and figure.name not in self._passed:
                 self._passed[figure.name] = figure
@@ -51,7 +56,7 @@ class FigureWatch:
         return figure_statuses(figures)
 
     def take_news(self) -> list[str]:
-        """A line for each figure whose limit was passed for the first time since the last call."""
+        """A line for each figure whose limit was passed for the first time, and of vehicles that met, since then."""
         taken, self._news = self._news, []
         return taken
 

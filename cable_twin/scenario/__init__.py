@@ -1,6 +1,7 @@
 """Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
 
 from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
+from cable_twin.scenario.build_vehicles import vehicle_buffer
 from cable_twin.scenario.files import (
     ScenarioError,
     config_directory,
@@ -25,4 +26,5 @@ __all__ = [
     "scenario_lines",
     "scenario_names",
     "tower_axes",
+    "vehicle_buffer",
 ]

@@ -9,12 +9,13 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario.drives import Drive
-from cable_twin.scenario.schema import Body, Carriage, Scenario
+from cable_twin.scenario.schema import Body, Carriage, EndStop, Scenario, VehicleBuffer
 
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length
 NO_BRAKE = (0.0, 0.0)  # N, s
 BRAKES = ("service_brake", "emergency_brake", "track_rope_brake")  # in the columns of `parameters`
+BUFFER_DEPTH = 0.2  # m, by which a buffer between vehicles gives way at the speed limit; assumed
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
 
 
@@ -40,18 +41,31 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
     """
     if carriage.joint == "clamped" or scenario.riding is not None:
         return 0.0, 0.0, 0.0
-    stop = carriage.end_stop
     stroke = stop_stroke(scenario, carriage)
+    return stroke, *_buffer(scenario, carriage, carriage.end_stop, USED_STROKE * stroke)
+
+
+def vehicle_buffer(scenario: Scenario, carriage: Carriage, length: float) -> tuple[float, float]:
+    """Stiffness (N/m) and damping (s/m) of the buffer of a carriage of a `length` (m) against others.
+
+    What is not given follows as for end stops; the stiffness of a point is infinite, then the other one's counts.
+    """
+    if length == 0.0 and carriage.buffers.stiffness is None:
+        return inf, 0.0
+    return _buffer(scenario, carriage, carriage.buffers, min(BUFFER_DEPTH, length / 4.0) or BUFFER_DEPTH)
+
+
+def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuffer, used: float) -> tuple[float, float]:
+    """Stiffness (N/m) and damping (s/m), as given, or what stops the whole carriage from its speed within `used` m."""
     speed = carriage.drive.limits.speed
     if speed is None:
         speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
     mass = sum(body.mass for body in carriage.bodies.values())
     if carriage.payload is not None:
         mass += carriage.payload.capacity
-    used = USED_STROKE * stroke
-    stiffness = mass * max(speed**2 / used**2, scenario.gravity / used) if stop.stiffness is None else stop.stiffness
-    damping = 0.5 / speed if stop.damping is None else stop.damping
-    return stroke, stiffness, damping
+    least = mass * max(speed**2 / used**2, scenario.gravity / used)
+    stiffness = least if given.stiffness is None else given.stiffness
+    return stiffness, 0.5 / speed if given.damping is None else given.damping
 
 
 def build_carriages(scenario: Scenario) -> parameters.Carriages:

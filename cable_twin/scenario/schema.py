@@ -190,6 +190,21 @@ class EndStop(Section):
     )
 
 
+class VehicleBuffer(Section):
+    """Elastic buffer against other vehicles on the rope; what is not given follows from mass and speed limit."""
+
+    stiffness: float | None = quantity(
+        "N/m",
+        "stiffness of its own buffer, in series with that of the other vehicle; null: at the speed limit it gives way "
+        "by 0.2 m, assumed, and by a quarter of its length at most",
+        None,
+        gt=0,
+    )
+    damping: float | None = quantity(
+        "s/m", "damping: force = stiffness d (1 + damping d_dot); null: 0.5 over the speed limit", None, ge=0
+    )
+
+
 class Shedding(Section):
     """Eddies behind a body, left and right in turn, v strouhal / width a second, that push it across the wind v."""
 
@@ -279,6 +294,9 @@ class Carriage(Section):
     )
     friction: Friction = Field(default_factory=Friction, description="what resists it")
     end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
+    buffers: VehicleBuffer = Field(
+        default_factory=VehicleBuffer, description="what it and another vehicle that it meets push each other with"
+    )
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
     payload: Payload | None = Field(default=None, description="what it can carry")
 

@@ -27,7 +27,7 @@ def in_parts(
         advance: takes so many of them.
 
     Returns:
-        What came of all of them, or until one failed or two vehicles have met.
+        What came of all of them, or until one failed or two vehicles are pressed through each other.
     """
     if not _has_more_to_do(parts, meetings):
         return Outcome(*advance(steps))
@@ -60,7 +60,7 @@ def _has_more_to_do(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> bo
 
 
 def meeting_found(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> str:
-    """The line about two vehicles that have met, or nothing."""
+    """The line about two vehicles that are pressed through each other, or nothing."""
     lines = (meeting.found(part.state) for part, meeting in zip(parts, meetings, strict=True))
     return next((line for line in lines if line), "")
 

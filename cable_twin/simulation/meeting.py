@@ -1,23 +1,32 @@
-"""Vehicles that meet on one rope: what they would do to each other is not simulated, so the run ends there."""
+"""Vehicles that can meet on one rope: the buffers between them, and when even these have not kept them apart."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from cable_twin.geometry.outlines import body_outline
+from cable_twin.mechanics.parameters import System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, vehicle_buffer
 from cable_twin.scenario.schema import Carriage
 
 
-class Meeting:
-    """Watches that vehicles which move on a rope keep their order and their distance along it.
+class Pair(NamedTuple):
+    """Two vehicles by their rows, the one nearer to the start of the rope first."""
 
-    Their bodies count as they hang upright; two points, of a `size` of 0, may pass each other. What is clamped to a
-    moving cable keeps its distance anyway.
+    before: int
+    after: int
+    room: float  # m between their joints where they touch
+    stiffness: float  # N/m
+    damping: float  # s/m
+
+
+class Meeting:
+    """Watches that vehicles which can meet keep their order: buffers hold all but a drive without a limit of its force.
 
     Attributes:
         possible: whether there are vehicles that could meet.
@@ -30,36 +39,82 @@ class Meeting:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        on_rope = [
-            (c.arc_length, row)
-            for row, c in enumerate(scenario.vehicles.values())
-            if c.joint != "clamped" and not c.clamped_to
-        ]
-        self._rows = np.array([row for _, row in sorted(on_rope)], dtype=np.int64)
-        self._names = [list(scenario.vehicles)[row] for row in self._rows]
-        reach = [_reach(scenario.vehicles[name]) for name in self._names]
-        room = np.array([before[1] + after[0] for before, after in pairwise(reach)], dtype=np.float64)
-        self._room = np.where(room > 0.0, room, -np.inf)
-        self.possible = bool(np.any(room > 0.0))
-        for number, (before, after) in enumerate(pairwise(sorted(on_rope))):
-            if after[0] - before[0] < self._room[number]:
+        pairs = list(_pairs(scenario))
+        self._names, places = list(scenario.vehicles), [one.arc_length for one in scenario.vehicles.values()]
+        self._before = np.array([pair.before for pair in pairs], dtype=np.int64)
+        self._after = np.array([pair.after for pair in pairs], dtype=np.int64)
+        self.possible = bool(pairs)
+        for before, after, room, *_ in pairs:
+            if places[after] - places[before] < room:
                 raise EquilibriumError(
-                    f"carriages.{self._names[number + 1]}.arc_length: given {after[0]!r}, within "
-                    f"'{self._names[number]}' at {before[0]!r}; allowed: {self._room[number]:.3g} m apart at least"
+                    f"carriages.{self._names[after]}.arc_length: given {places[after]!r}, within "
+                    f"'{self._names[before]}' at {places[before]!r}; allowed: {room:.3g} m apart at least"
                 )
 
     def found(self, state: State) -> str:
-        """The line about two vehicles that have met, or nothing."""
+        """The line about two vehicles that are pressed through each other, or nothing."""
         if not self.possible:
             return ""
-        places = state.joints.position[self._rows]
-        for number in np.flatnonzero(np.diff(places) < self._room).tolist():
-            one, other = self._names[number : number + 2]
+        places, push = state.joints.position, state.push[:, 0]
+        for number in np.flatnonzero(places[self._after] <= places[self._before])[:1].tolist():
+            one, other = int(self._before[number]), int(self._after[number])
             return (
-                f"'{one}' and '{other}' have met at {places[number]:.2f} and {places[number + 1]:.2f} m of the cable; "
-                f"their bodies need {self._room[number]:.3g} m, and contact of vehicles is not simulated"
+                f"'{self._names[one]}' and '{self._names[other]}' are pressed through each other at "
+                f"{places[one]:.2f} m of the cable, with {push[one]:.3g} N; allowed: drives with limits.force (N), or "
+                "buffers.stiffness (N/m) that holds them apart"
             )
         return ""
+
+
+def with_buffers(system: System, scenario: Scenario) -> System:
+    """The same system with the buffers between the vehicles of a scenario of one rope."""
+    pairs = list(_pairs(scenario))
+    count = len(scenario.vehicles)
+    entries = sorted(
+        [(pair.before, pair.after, 1.0, pair) for pair in pairs]
+        + [(pair.after, pair.before, -1.0, pair) for pair in pairs]
+    )
+    owners = np.array([owner for owner, *_ in entries], dtype=np.int64)
+    return system._replace(
+        buffers=VehicleBuffers(
+            offset=np.searchsorted(owners, np.arange(count + 1)).astype(np.int64),
+            other=np.array([other for _, other, _, _ in entries], dtype=np.int64),
+            side=np.array([side for _, _, side, _ in entries], dtype=np.float64),
+            room=np.array([pair.room for *_, pair in entries], dtype=np.float64),
+            stiffness=np.array([pair.stiffness for *_, pair in entries], dtype=np.float64),
+            damping=np.array([pair.damping for *_, pair in entries], dtype=np.float64),
+            present=bool(pairs),
+        )
+    )
+
+
+def _pairs(scenario: Scenario) -> Iterator[Pair]:
+    """Vehicles that can meet: neighbours on the rope; those next to points, which may pass each other, all of these.
+
+    Bodies count as they hang upright; two points, of a `size` of 0, do not meet. What is clamped to a moving cable
+    keeps its distance, and so does what rides a loop.
+    """
+    if scenario.riding is not None:
+        return
+    vehicles = list(scenario.vehicles.values())
+    rows = [row for row, vehicle in enumerate(vehicles) if vehicle.joint != "clamped"]
+    rows.sort(key=lambda row: vehicles[row].arc_length)
+    reach = {row: _reach(vehicles[row]) for row in rows}
+    buffers = {row: vehicle_buffer(scenario, vehicles[row], sum(reach[row])) for row in rows}
+    for number, one in enumerate(rows):
+        for other in rows[number + 1 :]:
+            room = reach[one][1] + reach[other][0]
+            if room > 0.0:
+                yield Pair(one, other, room, *_in_series(*buffers[one], *buffers[other]))
+            if sum(reach[other]) > 0.0:
+                break
+
+
+def _in_series(stiffness: float, damping: float, other_stiffness: float, other_damping: float) -> tuple[float, float]:
+    """Stiffness (N/m) and damping (s/m) of two buffers that press on each other; inf is the stiffness of none."""
+    both = 1.0 / (1.0 / stiffness + 1.0 / other_stiffness)
+    # each yields its share of depth and rate, and takes as much power as k d c d_dot² of that
+    return both, damping * (both / stiffness) ** 2 + other_damping * (both / other_stiffness) ** 2
 
 
 def _reach(carriage: Carriage) -> tuple[float, float]:
@@ -73,4 +128,4 @@ def _reach(carriage: Carriage) -> tuple[float, float]:
     return -low, high
 
 
-__all__ = ["Meeting"]
+__all__ = ["Meeting", "with_buffers"]

@@ -42,6 +42,8 @@ def brought_up(arrays: Mapping[str, Any], version: int) -> dict[str, Any]:
         arrays |= {key.replace("joints", "hauled"): array for key, array in joints.items()}
     if version < 4:
         arrays |= _planar_moments(arrays)
+    if version < 6:
+        arrays |= _never_met(arrays)
     if version < 5:
         arrays |= _in_grooves(arrays) | _even_wind(arrays)
     if version < 6:
@@ -93,6 +95,12 @@ def _one_speed(arrays: Mapping[str, Any]) -> dict[str, Any]:
     found = {key: np.repeat(array, 2) for key, array in arrays.items() if "/rope." in key and array.size == 1}
     parts = {key.partition("/")[0] for key in arrays if key.endswith("/rope_target")}
     return found | {f"{part}/{name}": np.zeros(1) for part in parts for name in ("surplus", "loop_start")}
+
+
+def _never_met(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 6 added: what vehicles push each other with, which never met."""
+    carriages = {key.partition("/")[0]: len(array) for key, array in arrays.items() if key.endswith("/drive_force")}
+    return {f"{part}/{name}": np.zeros((count, 4)) for part, count in carriages.items() for name in ("push", "touch")}
 
 
 def _in_grooves(arrays: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, w
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.simulation.driving import hang_in_ropes, set_in_motion
+from cable_twin.simulation.meeting import with_buffers
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
@@ -41,7 +42,7 @@ class Ropeway:
         """Lay it out: vehicles at their places, with their payloads; `system` is that of the scenario."""
         self.scenario = scenario
         self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
-        self._empty: System = build_system(scenario) if system is None else system
+        self._empty: System = with_buffers(build_system(scenario) if system is None else system, scenario)
         self._payloads: Payloads = build_payloads(scenario)
         self.state = self.start = allocate_state(self._empty)
         self.stopped = False

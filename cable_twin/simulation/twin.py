@@ -253,7 +253,8 @@ class Simulation(Readings):
         """Run until `time` (s), to the nearest whole step; never back.
 
         Raises:
-            SolverError: a step fails, `snapshot` then is the last good one; or two vehicles have met.
+            SolverError: a step fails, `snapshot` then is the last good one; or two vehicles are pressed
+                through each other.
             ValueError: when `time` is not finite.
         """
         if not math.isfinite(time):

@@ -15,6 +15,7 @@ from cable_twin.mechanics.drives.haul_rope import condense_sheave, haul_directio
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
+from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
 from cable_twin.mechanics.parameters import HAULED, SPEED, IntArray, System
 
 
@@ -75,6 +76,8 @@ def joint_forces(system, state, carriage):
         pull = scale(pull_on_carriage(system, state, carriage), haul_direction(system, state, carriage))
     elif state.clamp_holds[carriage]:
         pull = load(state.clamp_force[carriage], force)
+    if system.buffers.present:
+        force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
     return add_scaled(-1.0, pull, force), pull
 
 

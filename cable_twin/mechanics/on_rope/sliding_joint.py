@@ -29,6 +29,7 @@ from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
+from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours, push_on
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -151,13 +152,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
-    force = load(state.multipliers[first], like)
-    impedance = load(work.impedance[first], outer(0.0, like, like))
-    residual = load(work.impedance_force[first], like)
-    if system.haul_ropes.present:
-        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
-    if state.clamp_holds[carriage]:
-        force = subtract(force, load(state.clamp_force[carriage], like))
+    force, impedance, residual = seen_by_cable(system, state, carriage, work)
 
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
@@ -211,6 +206,22 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
             add_block(minus(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
 
 
+@inlined_kernel
+def seen_by_cable(system, state, carriage, work):
+    """Force (dim,) in N on a carriage that the cable has to give, impedance D and b of it."""
+    first, like = system.carriages.body_offset[carriage], system.cable.gravity
+    force = load(state.multipliers[first], like)
+    impedance = load(work.impedance[first], outer(0.0, like, like))
+    residual = load(work.impedance_force[first], like)
+    if system.haul_ropes.present:
+        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
+    if state.clamp_holds[carriage]:
+        force = subtract(force, load(state.clamp_force[carriage], like))
+    if system.buffers.present:
+        force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
+    return force, impedance, residual
+
+
 @kernel
 def beside_haul_rope(carriage, force, impedance, residual, work):
     """What the cable sees of a carriage that a haul rope pulls: force (dim,) in N, impedance D, and b of it.
@@ -226,13 +237,18 @@ def beside_haul_rope(carriage, force, impedance, residual, work):
 
 @kernel
 def driven_force(system, state, carriage):
-    """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops."""
+    """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops.
+
+    What others push it with is no part of that contact, so that its drive shows what it takes to hold against them.
+    """
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     r_x = joint_tangent(cable, state, carriage)
     force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))
+    if system.buffers.present:
+        force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
     norm = sqrt(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
     normal_force = add_scaled(-tangential / norm, r_x, force)

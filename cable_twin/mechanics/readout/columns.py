@@ -18,6 +18,7 @@ from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
+from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.parameters import Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import mean_tension
 from cable_twin.mechanics.rope.element import end_forces
@@ -46,6 +47,12 @@ class Columns(NamedTuple):
     haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
     haul_force: FloatArray  # (vehicles,) N, of the haul rope, or that of a clamp, on the vehicle, along the cable
     haul_pull: FloatArray  # (vehicles, 3) N, the same in space
+    push: FloatArray  # (vehicles,) N, with which it and those after it on the rope push each other
+    push_highest: FloatArray  # (vehicles,) N, the highest of all steps since the start or the last reset
+    touched: FloatArray  # (vehicles,) 1 + row, on its rope, of the one after it that it has met last, or 0
+    touch_place: FloatArray  # (vehicles,) m, its arc length there
+    touch_speed: FloatArray  # (vehicles,) m/s, at which they met
+    touch_time: FloatArray  # (vehicles,) s, of that
     body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
     body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
     body_velocity: FloatArray  # (bodies, 3) m/s
@@ -124,6 +131,14 @@ def observe_vehicles(system, state, columns):
             columns.haul_pull[vehicle] = nan
         elif isnan(travel):  # of a clamp, with what its own drive gives
             columns.drive_force[vehicle] += force
+        push, touch = state.push[vehicle], state.touch[vehicle]
+        columns.push[vehicle], columns.push_highest[vehicle] = push[FORCE_NOW], push[HIGHEST]
+        columns.touched[vehicle], columns.touch_place[vehicle], columns.touch_speed[vehicle] = (
+            touch[0],
+            touch[1],
+            touch[2],
+        )
+        columns.touch_time[vehicle] = round(touch[3] * system.solver.step * 1e9) / 1e9
 
 
 @kernel

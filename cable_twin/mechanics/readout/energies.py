@@ -10,6 +10,7 @@ from cable_twin.mechanics.on_rope.chain import axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.sliding_joint import spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
+from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
 from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.flow import flow_energy
 from cable_twin.mechanics.rope.point import coordinate
@@ -54,6 +55,8 @@ def energies(system, state):
             kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
+        if system.buffers.present:
+            elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):
         elastic += contact_energy(cable, system.towers, state, contact)
     for end in range(2):

@@ -17,6 +17,7 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, ke
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.orientations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import OPTIONS, Vector
+from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
@@ -213,8 +214,9 @@ def integrate(system, state, h, work):
         correct_all(c, h, system, state, work)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
+        left = max(curvature * increment * increment, still_off(system, work, increment, before))
         before = increment
-        if curvature * increment * increment < solver.tolerance or increment == 0.0:
+        if left < solver.tolerance or increment == 0.0:
             state.newton_curvature[0] = curvature
             return True, iteration, increment
     return False, solver.max_iterations, increment

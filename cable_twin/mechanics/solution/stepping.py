@@ -10,6 +10,7 @@ from cable_twin.mechanics.drives.moving_rope import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
+from cable_twin.mechanics.on_rope.vehicle_buffer import settle_buffers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
 
@@ -55,5 +56,7 @@ def settle(system, state):
     """What friction is mobilised now, and what each tower bears, is where the next step starts from."""
     for carriage in range(system.carriages.fixed.size):
         settle_friction(system.carriages, state, carriage)
+    if system.buffers.present:
+        settle_buffers(system, state)
     settle_towers(system.cable, system.towers, state)
     derail(system.cable, system.towers, state, system.cable.gravity)

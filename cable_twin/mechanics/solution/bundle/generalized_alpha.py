@@ -8,6 +8,7 @@ from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hol
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
+from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
@@ -80,11 +81,22 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         correct(c, h, scratch.increment, moving.stages)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
+        left = max(curvature * increment * increment, still_off_any(bundle, system, work, increment, before))
         before = increment
-        if (curvature * increment * increment < solver.tolerance and changed == 0) or increment == 0.0:
+        if (left < solver.tolerance and changed == 0) or increment == 0.0:
             memory[0] = curvature
             return True, iteration, increment
     return False, solver.max_iterations, increment
+
+
+@kernel
+def still_off_any(bundle, system, work, increment, before):
+    """Error (m) left where vehicles push each other on any of the ropes."""
+    worst = 0.0
+    for rope in range(bundle.records.shape[0]):
+        own = record_at(bundle.records[rope, SYSTEM], system)
+        worst = max(worst, still_off(own, record_at(bundle.records[rope, WORK], work), increment, before))
+    return worst
 
 
 @kernel
