@@ -9,8 +9,8 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.parameters import FREE, FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_positions, sample_tensions
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
 from cable_twin.mechanics.solution.bundle.records import (
@@ -23,22 +23,15 @@ from cable_twin.mechanics.solution.bundle.records import (
     order_of,
 )
 from cable_twin.mechanics.solution.bundle.rest import settle_bundle
-from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build_bundle import (
-    build_clamps,
-    build_connectors,
-    build_pantographs,
-    build_ropes,
-    first_places,
-)
+from cable_twin.scenario.build_bundle import build_clamps, build_connectors, build_pantographs, build_ropes
+from cable_twin.simulation.clamping import along_track, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
 
-FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
@@ -141,7 +134,7 @@ class RopeBundle:
         self._works = [allocate_workspace(system) for system in systems.values()]
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
-        pantographs = build_pantographs(scenario)
+        pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
         self._addresses = Addresses(
             [
                 (part.system, part.state, work, clone_state(part.state), clone_state(part.state))
@@ -150,37 +143,28 @@ class RopeBundle:
         )
         self._packed_systems = [part.packed_system for part in parts]
         nodes = [part.state.nodes.position.shape[0] for part in parts]
+        along = along_track(scenario, parts) if clamps.rope.size else None
         damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.ropes.values()]
         self.bundle = Bundle(
             records=self._addresses.table,
             up=np.eye(scenario.dim)[-1].copy(),
             connectors=connectors,
             pantographs=pantographs,
-            clamps=(clamps := build_clamps(scenario)),
+            clamps=clamps,
             wires=Wires(
                 by_mass=np.array([one for one, _ in damped]),
                 by_stiffness=np.array([one for _, one in damped]),
                 tension=np.zeros(len(parts)),
                 present=bool(np.any(damped)),
             ),
-            order=order_of(nodes, connectors.rope, connectors.node, self._along() if clamps.rope.size else None),
+            order=order_of(nodes, connectors.rope, connectors.node, along),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
         self._scratch = allocate_bundle_work(self.bundle)
         self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
         given = scenario.pantographs.values()
         moving.place.position[:] = [one.position for one in given]
-        rows = [row for row, one in enumerate(scenario.vehicles.values()) if one.clamped_to]
-        self._clamp_rows = np.array(rows, np.int64)
         self._forces = np.zeros(len(scenario.connectors))
-
-    def _along(self) -> list[FloatArray]:
-        """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
-        found = []
-        for part, rope in zip(self.parts, self._scenario.ropes.values(), strict=True):
-            start, end = rope.start.position[0], rope.end.position[0]
-            found.append(start + (end - start) * part.system.cable.node_arc_length / rope.unstrained_length)
-        return found
 
     def find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together.
@@ -195,10 +179,7 @@ class RopeBundle:
                 part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
-        self._check_clamps()
-        clamps = list(zip(self.bundle.clamps.rope.tolist(), self.bundle.clamps.carriage.tolist(), strict=True))
-        for row, carriage in clamps:  # its clamp holds it
-            self.parts[row].state.drive_mode[carriage], self.parts[row].state.drive_force[carriage] = FREE, 0.0
+        let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         for row, part in enumerate(self.parts):
             self._addresses.write(row, SYSTEM, without_friction(part.system))
         longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
@@ -207,9 +188,7 @@ class RopeBundle:
             (self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]),
             SLACKEST_REST * longest,
         )
-        for row, carriage in clamps:
-            state = self.parts[row].state
-            state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
+        note_clamps(self.parts, self.bundle.clamps)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
             note_rest(part.system, part.state)
@@ -218,25 +197,6 @@ class RopeBundle:
             part.take_over_rest()
             self.bundle.wires.tension[row] = _mean_tension(part)
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
-
-    def _check_clamps(self) -> None:
-        """See that each rope, at rest by itself, is near the carriages that are clamped to it.
-
-        Raises:
-            EquilibriumError: a carriage is far from its place there; the line names it.
-        """
-        clamps, ropes = self.bundle.clamps, list(self._scenario.ropes)
-        for clamp, (name, (rope, place)) in enumerate(first_places(self._scenario).items()):
-            here, other = self.parts[int(clamps.rope[clamp])], self.parts[ropes.index(rope)]
-            joint = float(here.state.joints.position[int(clamps.carriage[clamp])])
-            way = _position(other, place) - _position(here, joint) - clamps.offset[clamp]
-            apart = float(np.linalg.norm(way))
-            shorter = min(part.system.cable.unstrained_length for part in (here, other))
-            if apart > FARTHEST_CLAMP * shorter:
-                raise EquilibriumError(
-                    f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
-                    f"from it before it is clamped; allowed: up to {FARTHEST_CLAMP * shorter:.4g} m"
-                )
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
@@ -264,8 +224,7 @@ class RopeBundle:
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
-        off = self._clamp_rows[moving.clamp_rope < 0]
-        columns.haul_pull[off], columns.haul_force[off] = 0.0, 0.0
+        observe_clamps(self._scenario, self.parts, self.bundle.clamps, moving, columns)
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
@@ -311,13 +270,6 @@ def _is_taut(scenario: Scenario) -> bool:
     held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
     apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
     return held and not scenario.towers and cable.unstrained_length < apart
-
-
-def _position(part: Ropeway, place: float) -> FloatArray:
-    """Where (dim,) in m a rope is at an arc length (m)."""
-    found = np.empty((1, 3))
-    sample_positions(part.system.cable, part.state, np.array([place]), found)
-    return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 
 def _mean_tension(part: Ropeway) -> float:
