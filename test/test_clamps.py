@@ -77,6 +77,17 @@ def test_clamp_that_leaves_its_rope_lets_go_and_another_rope_takes_it():
     assert np.isfinite(snapshot.numbers[: snapshot.columns.arc_length.size]).all()
 
 
+def test_supports_of_both_ropes_hold_all_weight_wherever_the_clamp_is():
+    """Also on the end element of the haul rope, where a part of its pull goes to the support."""
+    for place in (8.0, 100.0):
+        simulation = Simulation(load_scenario(clamped(places=(place,), elements=16)))
+        weight = MASS + sum(
+            rope.mass_per_length * rope.unstrained_length for rope in simulation.scenario.ropes.values()
+        )
+        held = sum(support.force for support in simulation.snapshot.supports.values())
+        np.testing.assert_allclose(held, [0.0, 0.0, 9.81 * weight], rtol=0, atol=1e-3)
+
+
 def test_tangent_of_a_clamp_is_whole():
     """What a Newton step leaves goes with the square of what it has to do: ropes, bodies, arc length and forces."""
     data = clamped(places=(100.0, 200.0), elements=8)

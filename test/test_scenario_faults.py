@@ -174,7 +174,8 @@ def test_unknown_keys_name_the_nearest_one():
         "cable.axial_stiffness": "nothing given, but it is needed; allowed: a finite number above 0, in N",
         "cable.elemnts": "this key does not exist; did you mean 'elements'?",
         "carriages.carriage.colour": "this key does not exist; "
-        "allowed: rope, arc_length, speed, joint, drive, friction, end_stop, buffers, bodies, payload",
+        "allowed: rope, arc_length, speed, joint, drive, clamped_to, clamp_offset, friction, end_stop, buffers, "
+        "bodies, payload",
     }
 
 

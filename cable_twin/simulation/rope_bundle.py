@@ -8,8 +8,8 @@ import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.addresses import Addresses
-from cable_twin.mechanics.parameters import FREE, FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_positions, sample_tensions
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
 from cable_twin.mechanics.solution.bundle.order import order_of
@@ -22,7 +22,6 @@ from cable_twin.mechanics.solution.bundle.records import (
     clone_bundle_state,
 )
 from cable_twin.mechanics.solution.bundle.rest import settle_bundle
-from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.records import Command, Energy
@@ -32,8 +31,8 @@ from cable_twin.scenario.build_bundle import (
     build_connectors,
     build_pantographs,
     build_sheaves,
-    clamped,
 )
+from cable_twin.simulation.clamping import along_track, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
@@ -64,7 +63,7 @@ class RopeBundle:
         self._works = [allocate_workspace(system) for system in systems.values()]
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
-        pantographs = build_pantographs(scenario)
+        pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
         self._addresses = Addresses(
             [
                 (part.system, part.state, work, clone_state(part.state), clone_state(part.state))
@@ -79,14 +78,16 @@ class RopeBundle:
             up=np.eye(scenario.dim)[-1].copy(),
             connectors=connectors,
             pantographs=pantographs,
-            clamps=(clamps := build_clamps(scenario)),
+            clamps=clamps,
             wires=Wires(
                 by_mass=np.array([one for one, _ in damped]),
                 by_stiffness=np.array([one for _, one in damped]),
                 tension=np.zeros(len(parts)),
                 present=bool(np.any(damped)),
             ),
-            order=order_of(nodes, connectors.rope, connectors.node, self._along() if clamps.rope.size else None),
+            order=order_of(
+                nodes, connectors.rope, connectors.node, along_track(scenario, parts) if clamps.rope.size else None
+            ),
             sheaves=build_sheaves(scenario),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
@@ -96,17 +97,7 @@ class RopeBundle:
         moving.place.position[:] = [one.position for one in given]
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
         self.commands: dict[str, Command] = {}
-        numbers = {name: row for row, name in enumerate(scenario.vehicles)}
-        self._clamp_rows = np.array([numbers[name] for _, _, name, _ in clamped(scenario)], np.int64)
         self._forces = np.zeros(len(scenario.connectors))
-
-    def _along(self) -> list[FloatArray]:
-        """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
-        found = []
-        for part, rope in zip(self.parts, self._scenario.ropes.values(), strict=True):
-            start, end = rope.start.position[0], rope.end.position[0]
-            found.append(start + (end - start) * part.system.cable.node_arc_length / rope.unstrained_length)
-        return found
 
     def find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together.
@@ -121,10 +112,7 @@ class RopeBundle:
                 part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
-        self._check_clamps()
-        clamps = list(zip(self.bundle.clamps.rope.tolist(), self.bundle.clamps.carriage.tolist(), strict=True))
-        for row, carriage in clamps:  # its clamp holds it
-            self.parts[row].state.drive_mode[carriage], self.parts[row].state.drive_force[carriage] = FREE, 0.0
+        let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         for row, part in enumerate(self.parts):
             self._addresses.write(row, SYSTEM, without_friction(part.system))
         longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
@@ -134,9 +122,7 @@ class RopeBundle:
             self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
         else:
             settle_bundle(relaxed, SLACKEST_REST * longest)
-        for row, carriage in clamps:
-            state = self.parts[row].state
-            state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
+        note_clamps(self.parts, self.bundle.clamps)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
             note_rest(part.system, part.state)
@@ -146,34 +132,6 @@ class RopeBundle:
             self.bundle.wires.tension[row] = _mean_tension(part)
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
         self.commands = self.loop.set_in_motion()
-
-    def _check_clamps(self) -> None:
-        """See that each rope, at rest by itself, is near the carriages that are clamped to it.
-
-        Raises:
-            EquilibriumError: a carriage is far from its place there; the line names it.
-        """
-        clamps, ropes = self.bundle.clamps, list(self._scenario.ropes)
-        for clamp, (row, number, name, one) in enumerate(clamped(self._scenario)):
-            here = self.parts[row]
-            on = {
-                rope: place
-                for rope, place in one.clamped_to.items()
-                if 0.0 < place < self._scenario.ropes[rope].unstrained_length and here.state.attached[number]
-            }
-            if not on:
-                continue
-            rope, place = next(iter(on.items()))
-            other = self.parts[ropes.index(rope)]
-            joint = float(here.state.joints.position[int(clamps.carriage[clamp])])
-            way = _position(other, place) - _position(here, joint) - clamps.offset[clamp]
-            apart = float(np.linalg.norm(way))
-            shorter = min(part.system.cable.unstrained_length for part in (here, other))
-            if apart > FARTHEST_CLAMP * shorter:
-                raise EquilibriumError(
-                    f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
-                    f"from it before it is clamped; allowed: up to {FARTHEST_CLAMP * shorter:.4g} m"
-                )
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
@@ -201,8 +159,7 @@ class RopeBundle:
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
-        off = np.setdiff1d(self._clamp_rows, self._clamp_rows[moving.clamp_rope >= 0])
-        columns.haul_pull[off], columns.haul_force[off] = 0.0, 0.0
+        observe_clamps(self._scenario, self.parts, self.bundle.clamps, moving, columns)
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
@@ -262,13 +219,6 @@ def _is_taut(scenario: Scenario) -> bool:
     held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
     apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
     return held and not scenario.towers and cable.unstrained_length < apart
-
-
-def _position(part: Ropeway, place: float) -> FloatArray:
-    """Where (dim,) in m a rope is at an arc length (m)."""
-    found = np.empty((1, 3))
-    sample_positions(part.system.cable, part.state, np.array([place]), found)
-    return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 
 def _mean_tension(part: Ropeway) -> float:

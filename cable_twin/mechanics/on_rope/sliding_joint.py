@@ -140,6 +140,24 @@ def velocity_turning(cable, state, carriage):
 
 
 @inlined_kernel
+def contact_force(system, state, carriage):
+    """Force (dim,) in N of the cable, and of a haul rope of its own, on a carriage: λ without what a clamp gives."""
+    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    if state.clamp_holds[carriage]:
+        force = subtract(force, load(state.clamp_force[carriage], force))
+    return force
+
+
+@inlined_kernel
+def along_and_across(force, r_x):
+    """Length of r_x (-); of a force (dim,) its part (N) along it, what is left of it (dim,), and the size of that."""
+    norm = sqrt(dot(r_x, r_x))
+    tangential = dot(force, r_x) / norm
+    normal_force = add_scaled(-tangential / norm, r_x, force)
+    return norm, tangential, normal_force, sqrt(dot(normal_force, normal_force))
+
+
+@inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
@@ -154,10 +172,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     first = carriages.body_offset[carriage]
     force, impedance, residual = seen_by_cable(system, state, carriage, work)
 
-    norm = sqrt(dot(r_x, r_x))
-    tangential = dot(force, r_x) / norm
-    normal_force = add_scaled(-tangential / norm, r_x, force)
-    normal = sqrt(dot(normal_force, normal_force))
+    norm, tangential, normal_force, normal = along_and_across(force, r_x)
     f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, friction_by_s, friction_by_s_dot, friction_by_normal = friction_force(
         carriages, state, carriage, normal
@@ -196,7 +211,13 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     if state.clamp_holds[carriage]:
         pivot = inf  # s stays, and is solved for with the force of the clamp
 
-    contact = add_scaled(1.0, force, residual)
+    hang_on_nodes(point, add_scaled(1.0, force, residual), impedance, pivot, right, rows, columns, work)
+
+
+@inlined_kernel
+def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
+    """Add force (dim,) in N and impedance of a joint to its element, less what its eliminated arc length takes."""
+    like, shape = contact, point.shape
     for i in range(4):
         column = load(columns[i], like)
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
@@ -210,13 +231,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 def seen_by_cable(system, state, carriage, work):
     """Force (dim,) in N on a carriage that the cable has to give, impedance D and b of it."""
     first, like = system.carriages.body_offset[carriage], system.cable.gravity
-    force = load(state.multipliers[first], like)
+    force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
     residual = load(work.impedance_force[first], like)
     if system.haul_ropes.present:
         force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
-    if state.clamp_holds[carriage]:
-        force = subtract(force, load(state.clamp_force[carriage], like))
     if system.buffers.present:
         force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
     return force, impedance, residual
@@ -244,15 +263,10 @@ def driven_force(system, state, carriage):
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     r_x = joint_tangent(cable, state, carriage)
-    force = load(state.multipliers[carriages.body_offset[carriage]], cable.gravity)
-    if state.clamp_holds[carriage]:
-        force = subtract(force, load(state.clamp_force[carriage], force))
+    force = contact_force(system, state, carriage)
     if system.buffers.present:
         force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
-    norm = sqrt(dot(r_x, r_x))
-    tangential = dot(force, r_x) / norm
-    normal_force = add_scaled(-tangential / norm, r_x, force)
-    normal = sqrt(dot(normal_force, normal_force))
+    norm, tangential, _, normal = along_and_across(force, r_x)
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     _, turning = grip_moment(system, state, carriage)

@@ -1,0 +1,87 @@
+"""Carriages that are clamped to another rope: where their rest begins, and what is read of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import FREE, FloatArray
+from cable_twin.mechanics.readout.columns import Columns, sample_positions, share_of_node
+from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.build_bundle import clamped
+from cable_twin.simulation.ropeway import Ropeway
+
+FARTHEST = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
+
+
+def along_track(scenario: Scenario, parts: list[Ropeway]) -> list[FloatArray]:
+    """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
+    found = []
+    for part, rope in zip(parts, scenario.ropes.values(), strict=True):
+        start, end = rope.start.position[0], rope.end.position[0]
+        found.append(start + (end - start) * part.system.cable.node_arc_length / rope.unstrained_length)
+    return found
+
+
+def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) -> None:
+    """Let go of all joints that clamps hold; each rope is at rest by itself.
+
+    Raises:
+        EquilibriumError: a carriage is far from its place on the other rope; the line names it.
+    """
+    ropes = list(scenario.ropes)
+    for clamp, (row, carriage, name, one) in enumerate(clamped(scenario)):
+        here, lengths = parts[row], {rope: cable.unstrained_length for rope, cable in scenario.ropes.items()}
+        on = [(rope, place) for rope, place in one.clamped_to.items() if 0.0 < place < lengths[rope]]
+        if not on or not here.state.attached[carriage]:
+            continue
+        (rope, place), *_ = on
+        other = parts[ropes.index(rope)]
+        joint = float(here.state.joints.position[carriage])
+        apart = float(np.linalg.norm(_position(other, place) - _position(here, joint) - clamps.offset[clamp]))
+        shorter = min(part.system.cable.unstrained_length for part in (here, other))
+        if apart > FARTHEST * shorter:
+            raise EquilibriumError(
+                f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
+                f"from it before it is clamped; allowed: up to {FARTHEST * shorter:.4g} m"
+            )
+        here.state.drive_mode[carriage], here.state.drive_force[carriage] = FREE, 0.0
+
+
+def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
+    """Let friction of all clamped carriages, and drives to come, begin where they have come to rest."""
+    for row, carriage in zip(clamps.rope.tolist(), clamps.carriage.tolist(), strict=True):
+        state = parts[row].state
+        state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
+
+
+def observe_clamps(
+    scenario: Scenario, parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
+) -> None:
+    """Fill what no rope knows alone: that a clamp holds to none, and its pull beside a support of the other rope."""
+    numbers = {name: row for row, name in enumerate(scenario.vehicles)}
+    rows = [numbers[name] for _, _, name, _ in clamped(scenario)]
+    held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
+    counts = np.cumsum([0, *(2 + len(part.scenario.towers) for part in parts)])
+    for clamp, row in enumerate(rows):
+        other = int(moving.clamp_rope[clamp])
+        if other < 0:
+            if row not in held:
+                columns.haul_pull[row], columns.haul_force[row] = 0.0, 0.0
+            continue
+        cable, place = parts[other].system.cable, float(moving.clamp_place[clamp])
+        for end, (element, node) in enumerate(((0, 0), (cable.element_count - 1, 2))):
+            share = share_of_node(cable, place, element, node)
+            if share != 0.0:
+                columns.support_force[counts[other] + end] += share * columns.haul_pull[row]
+
+
+def _position(part: Ropeway, place: float) -> FloatArray:
+    """Where (dim,) in m a rope is at an arc length (m)."""
+    found = np.empty((1, 3))
+    sample_positions(part.system.cable, part.state, np.array([place]), found)
+    return found[0] if part.scenario.dim == 3 else found[0, ::2]
+
+
+__all__ = ["along_track", "let_clamps_hold", "note_clamps", "observe_clamps"]
