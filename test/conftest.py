@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 
 import pytest
@@ -32,6 +33,13 @@ def pytest_collection_modifyitems(items):
     computing = [file for file in files if file.parent.name != "ros"]
     places = {file: (index + 0.5) / len(kind) for kind in (waiting, computing) for index, file in enumerate(kind)}
     items.sort(key=lambda item: places[item.path])
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish():
+    """The tests themselves stay: no need to look for garbage among them each time a compiler has made a few objects."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(scope="session", autouse=True)

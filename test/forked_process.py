@@ -8,6 +8,7 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -20,11 +21,11 @@ from importlib import import_module
 from pathlib import Path
 
 COMMANDS = {"sim": "cable_twin.ros.sim", "drive": "cable_twin.ros.drive"}
-LATER = ("cable_twin.ros.node",)
+LATER = ("cable_twin.ros.node",)  # what they import when they need it
 
 
 class ForkedProcess:
-    """A command as `subprocess.Popen` would start it, its output in a file."""
+    """A command, or a script by its path, as `subprocess.Popen` would start it, its output in a file."""
 
     def __init__(
         self, name: str, arguments: Sequence[str], directory: Path, variables: Mapping[str, str], output: Path
@@ -106,7 +107,11 @@ def serve() -> None:
         for descriptor, file in ((0, os.devnull), (1, output), (2, output)):
             os.dup2(os.open(file, os.O_RDWR | os.O_APPEND), descriptor)
         sys.argv = [name, *arguments]
-        sys.exit(import_module(COMMANDS[name]).main())
+        if name in COMMANDS:
+            sys.exit(import_module(COMMANDS[name]).main())
+        sys.path[0] = str(Path(name).parent)
+        runpy.run_path(name, run_name="__main__")
+        sys.exit()
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ class TwinProcess:
         self,
         directory: Path,
         *arguments: str,
-        module: str = "sim",
+        module: str = "sim",  # or the path of a script
         domain: int | None = None,
         command: Sequence[str] | None = None,
         variables: Mapping[str, str] | None = None,
@@ -125,7 +125,7 @@ class TwinProcess:
         self.directory = directory
         self.owns_domain = domain is None
         self.domain = allocate_domain() if domain is None else domain
-        self.output_path = directory / f"{module}_{time.monotonic_ns()}.txt"
+        self.output_path = directory / f"{Path(module).stem}_{time.monotonic_ns()}.txt"
         self.output_path.touch()
         self.process: subprocess.Popen[bytes] | ForkedProcess
         if command is None and variables is None:
