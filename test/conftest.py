@@ -7,6 +7,8 @@ import os
 import pytest
 from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
 
+from cable_twin.mechanics.language.compilation import Kernel
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -40,6 +42,8 @@ def pytest_collection_finish():
     """The tests themselves stay: no need to look for garbage among them each time a compiler has made a few objects."""
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    if isinstance(relax, Kernel) and relax._from_python.signatures:
+        raise pytest.UsageError("a file of tests simulates while it is imported: each process of -n compiles for that")
 
 
 @pytest.fixture(scope="session", autouse=True)
