@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 
 import pytest
 from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
 
+from cable_twin.mechanics.language.compilation import Kernel
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -32,6 +35,15 @@ def pytest_collection_modifyitems(items):
     computing = [file for file in files if file.parent.name != "ros"]
     places = {file: (index + 0.5) / len(kind) for kind in (waiting, computing) for index, file in enumerate(kind)}
     items.sort(key=lambda item: places[item.path])
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish():
+    """The tests themselves stay: no need to look for garbage among them each time a compiler has made a few objects."""
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+    if isinstance(relax, Kernel) and relax._from_python.signatures:
+        raise pytest.UsageError("a file of tests simulates while it is imported: each process of -n compiles for that")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -104,7 +104,7 @@ def test_explicit_integrator_goes_on_with_the_same_bits(tmp_path):
 
 
 def ski_lift():
-    return Simulation(short_lift().scenario), [
+    return short_lift(), [
         (0.0, lambda simulation: simulation.command("haul_rope", speed=3.0)),
         (2.5, lambda simulation: simulation.emergency_stop()),
     ]

@@ -17,6 +17,7 @@ from itertools import cycle, islice, pairwise
 from pathlib import Path
 from typing import IO, Any
 
+from forked_process import ForkedProcess
 from ruamel.yaml import YAML
 
 import cable_twin
@@ -110,13 +111,13 @@ def wait_until(condition: Callable[[], Any], timeout: float = PATIENCE, what: st
 
 
 class TwinProcess:
-    """A command of the package as a process of its own."""
+    """A command of the package as a process of its own: from nothing where `command` or `variables` are given."""
 
     def __init__(
         self,
         directory: Path,
         *arguments: str,
-        module: str = "sim",
+        module: str = "sim",  # or the path of a script
         domain: int | None = None,
         command: Sequence[str] | None = None,
         variables: Mapping[str, str] | None = None,
@@ -124,7 +125,13 @@ class TwinProcess:
         self.directory = directory
         self.owns_domain = domain is None
         self.domain = allocate_domain() if domain is None else domain
-        self.output_path = directory / f"{module}_{time.monotonic_ns()}.txt"
+        self.output_path = directory / f"{Path(module).stem}_{time.monotonic_ns()}.txt"
+        self.output_path.touch()
+        self.process: subprocess.Popen[bytes] | ForkedProcess
+        if command is None and variables is None:
+            variables = environment(directory, self.domain)
+            self.process = ForkedProcess(module, arguments, directory, variables, self.output_path)
+            return
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
                 [*(command or [sys.executable, "-m", f"cable_twin.ros.{module}"]), *arguments],

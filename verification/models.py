@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, write_state
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
 GRAVITY = 9.81  # m/s^2
@@ -74,7 +74,7 @@ def beam(
     )
 
 
-def moving(
+def moving_scenario(
     *,
     unstrained_length: float,
     end: tuple[float, float],
@@ -88,29 +88,32 @@ def moving(
     carriages: dict[str, Any] | None = None,
     carriers: dict[str, Any] | None = None,
     **solver: Any,
-) -> Simulation:
+) -> Scenario:
     """A cable from the origin that moves along itself, pinned at both ends; its drive is `haul_rope`."""
-    return Simulation(
-        load_scenario(
-            {
-                "gravity": gravity,
-                "cable": {
-                    "unstrained_length": unstrained_length,
-                    "mass_per_length": mass_per_length,
-                    "axial_stiffness": axial,
-                    "bending_stiffness": bending,
-                    "elements": elements,
-                    "damping_time": damping_time,
-                    "start": {"position": [0.0, 0.0]},
-                    "end": {"position": list(end)},
-                },
-                "drives": {"haul_rope": {"kind": "moving_cable", "limits": limits or {}}},
-                "carriages": carriages or {},
-                "carriers": carriers,
-                "solver": solver,
-            }
-        )
+    return load_scenario(
+        {
+            "gravity": gravity,
+            "cable": {
+                "unstrained_length": unstrained_length,
+                "mass_per_length": mass_per_length,
+                "axial_stiffness": axial,
+                "bending_stiffness": bending,
+                "elements": elements,
+                "damping_time": damping_time,
+                "start": {"position": [0.0, 0.0]},
+                "end": {"position": list(end)},
+            },
+            "drives": {"haul_rope": {"kind": "moving_cable", "limits": limits or {}}},
+            "carriages": carriages or {},
+            "carriers": carriers,
+            "solver": solver,
+        }
     )
+
+
+def moving(**changes: Any) -> Simulation:
+    """The cable of `moving_scenario`."""
+    return Simulation(moving_scenario(**changes))
 
 
 def chairlift(**changes: Any) -> Simulation:

@@ -12,7 +12,7 @@ from cable_twin.messages import APPLIED_COMMANDS
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.ros.command_line import Ending
 
-ANSWER = 2.0  # s within which the twin has to apply a command
+ANSWER = 5.0  # s within which the twin has to apply a command, on a machine that is busy with other things
 SERVICE_ANSWER = 10.0  # s within which a service has to answer: the node itself waits for a frame for 5 s
 SLOW_FRAME = 0.1  # s that a frame may take where many are asked for
 REFUSED = "command refused, the last good one stays: "  # in the log of the node

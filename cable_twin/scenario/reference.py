@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Iterator
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
@@ -63,6 +64,7 @@ def tables() -> list[Table]:
     return [Table(tuple(where), _summary(model), tuple(_entries(model))) for model, where in places.items()]
 
 
+@cache
 def entries() -> list[Entry]:
     """Every key of a scenario file, in the order of the schema."""
     return [

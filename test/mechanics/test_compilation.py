@@ -158,22 +158,42 @@ KINDS = {
     "beyond": [through(overloaded(of_closure(2.0))), through(overloaded(of_closure(3.0)))],
     "source": [overloaded(eval(f"lambda x: {number} * x")) for number in (2.0, 3.0)],
 }
-two, three = KINDS[sys.argv[1]]
 
-@kernel
-def first(x):
-    return two(x)
+def values(two, three):
+    @kernel
+    def first(x):
+        return two(x)
 
-@kernel
-def second(x):
-    return three(x)
+    @kernel
+    def second(x):
+        return three(x)
 
-@kernel
-def both(x):
-    return first(x) + 100.0 * second(x)
+    @kernel
+    def both(x):
+        return first(x) + 100.0 * second(x)
 
-print({"first": first, "second": second, "both": both}[sys.argv[2]](1.0))
+    return {"first": first, "second": second, "both": both}[sys.argv[1]](1.0)
+
+for kind, (two, three) in KINDS.items():
+    print(kind, values(two, three))
 """
+
+
+@pytest.fixture(scope="module")
+def values_of_alike(tmp_path_factory):
+    """What three processes give: two keep parts of the same numbers in numba's count, which meet in the third."""
+    directory = tmp_path_factory.mktemp("alike")
+    program = directory / "program.py"
+    program.write_text(ALIKE)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(directory / "cache")}
+    environment["NUMBA_DISABLE_JIT"] = "0"
+    outputs = []
+    for caller in ("first", "second", "both"):
+        command = [sys.executable, str(program), caller]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        assert result.returncode == 0, result.stderr
+        outputs.append(dict(line.split() for line in result.stdout.splitlines()))
+    return outputs
 
 
 @pytest.mark.parametrize(
@@ -188,19 +208,10 @@ print({"first": first, "second": second, "both": both}[sys.argv[2]](1.0))
         ("source", 0.0),
     ],
 )
-def test_functions_of_one_name_and_types_stay_apart(tmp_path, kind, more):
-    """Two parts that two processes have kept, which had the same number in numba's count there, meet in a third."""
-    program = tmp_path / "program.py"
-    program.write_text(ALIKE)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    environment["NUMBA_DISABLE_JIT"] = "0"
-    outputs = []
-    for caller in ("first", "second", "both"):
-        command = [sys.executable, str(program), kind, caller]
-        result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
-        assert result.returncode == 0, result.stderr
-        outputs.append(float(result.stdout))
-    assert outputs == [2.0 + more, 3.0 + more, 302.0 + 101.0 * more]
+def test_functions_of_one_name_and_types_stay_apart(values_of_alike, kind, more):
+    """Two parts that two processes have kept meet in a third."""
+    given = [float(values[kind]) for values in values_of_alike]
+    assert given == [2.0 + more, 3.0 + more, 302.0 + 101.0 * more]
 
 
 HELPER = """

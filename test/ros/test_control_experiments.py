@@ -171,8 +171,7 @@ pytest.importorskip("rclpy")
 
 
 def start(directory, script, *arguments, domain):
-    command = [sys.executable, str(EXAMPLES / script), "--wait", str(PATIENCE)]
-    return TwinProcess(directory, *arguments, module=Path(script).stem, domain=domain, command=command)
+    return TwinProcess(directory, "--wait", str(PATIENCE), *arguments, module=str(EXAMPLES / script), domain=domain)
 
 
 def write_span(directory):

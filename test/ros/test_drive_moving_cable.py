@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 
 import pytest
-from test_moving_cable_twin import short_lift
+from test_moving_cable_twin import short_scenario
 from twin_process import PATIENCE, TwinProcess
 
 pytest.importorskip("rclpy")
@@ -19,7 +19,7 @@ WAIT = ("--wait", str(PATIENCE))
 def lift(tmp_path_factory):
     """A running lift of six chairs, and a participant."""
     directory = tmp_path_factory.mktemp("lift")
-    (directory / "lift.yaml").write_text(short_lift().scenario.to_yaml())
+    (directory / "lift.yaml").write_text(short_scenario().to_yaml())
     process = TwinProcess(directory, "--scenario", "lift.yaml", "--record", "false")
     participant = Participant(process.domain)
     participant.subscribe_standard()

@@ -1,0 +1,118 @@
+"""Commands of the package in processes forked from one that has imported it: that takes a second or two of most starts.
+
+From there on each is a process as ever, with arguments, environment, directory, signals and an exit code of its own.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import runpy
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+COMMANDS = {"sim": "cable_twin.ros.sim", "drive": "cable_twin.ros.drive"}
+LATER = ("cable_twin.ros.node",)  # what they import when they need it
+
+
+class ForkedProcess:
+    """A command, or a script by its path, as `subprocess.Popen` would start it, its output in a file."""
+
+    def __init__(
+        self, name: str, arguments: Sequence[str], directory: Path, variables: Mapping[str, str], output: Path
+    ) -> None:
+        self._exit = Path(tempfile.mkdtemp(prefix="exit_", dir=directory)) / "code"
+        self.returncode: int | None = None
+        server = _server()
+        request = [name, list(arguments), str(directory), dict(variables), str(output), str(self._exit)]
+        server.stdin.write(json.dumps(request) + "\n")
+        server.stdin.flush()
+        self.pid = int(server.stdout.readline())
+
+    def poll(self) -> int | None:
+        """Exit code, or None while it runs."""
+        if self.returncode is None and self._exit.exists():
+            self.returncode = int(self._exit.read_text())
+        return self.returncode
+
+    def wait(self, timeout: float = float("inf")) -> int:
+        """Exit code, once it has ended."""
+        deadline = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > deadline:
+                raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
+            time.sleep(0.01)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to it, if it still runs."""
+        if self.poll() is None:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.send_signal(signal.SIGKILL)
+
+
+@cache
+def _server() -> subprocess.Popen[str]:
+    """The process that has imported all, one for this one."""
+    root = Path(__file__).resolve().parents[1]
+    paths = [str(root), *filter(None, [os.environ.get("PYTHONPATH")])]
+    server = subprocess.Popen(
+        [sys.executable, __file__],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONUNBUFFERED": "1"},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    atexit.register(server.communicate)  # it ends with its input
+    return server
+
+
+def serve() -> None:
+    """Fork a command for each line of the input; its parent waits for it, and leaves its exit code in a file."""
+    for module in (*COMMANDS.values(), *LATER):
+        import_module(module)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the tests
+    for line in sys.stdin:
+        name, arguments, directory, variables, output, code = json.loads(line)
+        if os.fork():
+            with suppress(ChildProcessError):
+                while os.waitpid(-1, os.WNOHANG)[0]:  # those that have waited for theirs
+                    pass
+            continue
+        if command := os.fork():
+            os.write(1, f"{command}\n".encode())
+            os.close(0)
+            os.close(1)
+            status = os.waitstatus_to_exitcode(os.waitpid(command, 0)[1])
+            Path(f"{code}_").write_text(str(status))
+            Path(f"{code}_").rename(code)
+            os._exit(0)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.chdir(directory)
+        os.environ.clear()
+        os.environ.update(variables)
+        for descriptor, file in ((0, os.devnull), (1, output), (2, output)):
+            os.dup2(os.open(file, os.O_RDWR | os.O_APPEND), descriptor)
+        sys.argv = [name, *arguments]
+        if name in COMMANDS:
+            sys.exit(import_module(COMMANDS[name]).main())
+        sys.path[0] = str(Path(name).parent)
+        runpy.run_path(name, run_name="__main__")
+        sys.exit()
+
+
+if __name__ == "__main__":
+    serve()
