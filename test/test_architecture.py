@@ -33,7 +33,12 @@ ALLOWED = {
     "rates": (),
     "records": (),
     "commands": (),
-    "scenario": ("mechanics.parameters", "mechanics.solution.catenary", "mechanics.solution.bundle.records"),
+    "scenario": (
+        "mechanics.parameters",
+        "mechanics.solution.catenary",
+        "mechanics.solution.bundle.records",
+        "mechanics.solution.bundle.order",
+    ),
     "layout": ("mechanics.readout", "records", "scenario"),
     "snapshot": ("layout", "mechanics.readout", "records", "scenario"),
     "signals": ("records", "snapshot"),

@@ -62,11 +62,11 @@ def test_clamp_that_leaves_its_rope_lets_go_and_another_rope_takes_it():
     simulation = Simulation(load_scenario(data))
     first, second = (simulation.parts[name].state for name in ("haul", "second"))
     assert simulation.snapshot.carriages["cabin_1"].clamp_force[0] > 1000.0
-    first.rope.position[0] = lengths["haul"]  # both by hand: gone by at once
+    first.rope.position[:] = lengths["haul"]  # both by hand: gone by at once
     snapshot = simulation.advance_to(0.02)
     np.testing.assert_array_equal(snapshot.carriages["cabin_1"].clamp_force, 0.0)
     assert snapshot.carriages["cabin_1"].speed < 0.0  # down the slope
-    second.rope.position[0] = lengths["haul"] + 0.05
+    second.rope.position[:] = lengths["haul"] + 0.05
     apart = []
     for time in (0.021, 4.0):
         snapshot = simulation.advance_to(time)

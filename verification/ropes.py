@@ -133,7 +133,7 @@ def hauled_for(steps: int, dim: int = 2) -> Simulation:
     simulation = Simulation(load_scenario(clamped(places=(100.0,), elements=8, dim=dim, solver=solver)))
     state = simulation.parts["haul"].state
     for step in range(1, steps + 1):
-        state.rope.position[0] = 0.2 * (step / steps) ** 4
+        state.rope.position[:] = 0.2 * (step / steps) ** 4
         simulation.advance_to(0.4 * step / steps)
     return simulation
 

@@ -7,7 +7,7 @@ its drive force is what that takes. A haul rope pulls the carriage and not the c
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.turns import along_track, no_turn
@@ -26,7 +26,7 @@ from cable_twin.mechanics.language.vectors import (
     transpose,
 )
 from cable_twin.mechanics.on_rope.buffer import stop_force
-from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours, push_on
@@ -146,15 +146,6 @@ def contact_force(system, state, carriage):
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))
     return force
-
-
-@inlined_kernel
-def along_and_across(force, r_x):
-    """Length of r_x (-); of a force (dim,) its part (N) along it, what is left of it (dim,), and the size of that."""
-    norm = sqrt(dot(r_x, r_x))
-    tangential = dot(force, r_x) / norm
-    normal_force = add_scaled(-tangential / norm, r_x, force)
-    return norm, tangential, normal_force, sqrt(dot(normal_force, normal_force))
 
 
 @inlined_kernel
