@@ -1,4 +1,4 @@
-"""What several ropes cost: one to eight of them, alone and with rods between, and the pantograph of EN 50318."""
+"""What several ropes cost: one to eight of them, alone and with rods between, whole lifts, and the pantograph."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
 COUNTS = (1, 2, 4, 8)
+KINDS = ("alone", "in pairs", "all")  # which ropes are coupled: none, each two as track and haul rope are, all
+CHAIRS = (10, 28, 50, 100, 200)  # on the loop of the chairlift
 ELEMENTS, LENGTH, STRETCH = 200, 200.0, 1.01  # of each rope; m; chord over unstrained length
 RODS = 19  # between two neighbours
-STEP, DURATION = 0.005, 1.0  # s
+STEP, LIFT_STEP, DURATION = 0.005, 0.01, 1.0  # s, the second one of the chairlift
 MOST_EXPONENT, MOST_SHARE, LEAST_PACE = 1.05, 1.3, 1.0  # of cost over ropes; of one alone; times real time
 NOTES = [
     f"Ropes of {ELEMENTS} elements side by side, {RODS} rods from each to the next one where they are coupled; "
     f"steps of {STEP * 1e3:g} ms. Costs are by processor time, per Newton iteration and element; that of one rope is "
-    "the unit. A rod makes one front of two ropes, whose elimination multiplies two blocks more a node.",
+    "the unit. A rod makes one front of two ropes, whose elimination multiplies two blocks more a node; rods between all "
+    "neighbours make one front of all, which no ropeway has.",
     f"Allowed: an exponent of {MOST_EXPONENT:g} over ropes, {MOST_SHARE:g} times the cost of one rope where nothing is "
     f"coupled, and the pantograph faster than real time.",
 ]
 
 
-def ropes(count: int, *, coupled: bool) -> Scenario:
+def ropes(count: int, kind: str) -> Scenario:
     """Ropes side by side that swing from rest, under gravity."""
     wire = {
         "unstrained_length": LENGTH / STRETCH,
@@ -44,11 +47,11 @@ def ropes(count: int, *, coupled: bool) -> Scenario:
         },
         "solver": {"step": STEP},
     }
-    if coupled:
+    if kind != "alone":
         places = [LENGTH / STRETCH * (rod + 1) / (RODS + 1) for rod in range(RODS)]
         data["connectors"] = {
             f"rod_{k + 1}_{rod + 1}": {"from": [names[k], s], "to": [names[k + 1], s], "length": 0.98, "stiffness": 1e4}
-            for k in range(count - 1)
+            for k in range(0, count - 1, 2 if kind == "in pairs" else 1)
             for rod, s in enumerate(places)
         }
     return load_scenario(data)
@@ -58,12 +61,10 @@ def run(effort: Effort, progress: Progress) -> Part:
     """All of them, in turns."""
     counts = COUNTS[:2] if effort.quick else COUNTS
     duration = 0.1 if effort.quick else DURATION
-    cases = {
-        (n, coupled): ropes(n, coupled=coupled) for n in counts for coupled in (False, True) if n > 1 or not coupled
-    }
+    cases = {(n, kind): ropes(n, kind) for n in counts for kind in KINDS if n > 1 or kind == "alone"}
     iterations = dict.fromkeys(cases, 0)
 
-    def prepare(case: tuple[int, bool]) -> Callable[[], None]:
+    def prepare(case: tuple[int, str]) -> Callable[[], None]:
         simulation = Simulation(cases[case])
 
         def advance() -> None:
@@ -73,32 +74,57 @@ def run(effort: Effort, progress: Progress) -> Part:
 
     contestants = {str(case): (lambda case=case: prepare(case)) for case in cases}
     contestants["pantograph"] = lambda: _pantograph(duration)
+    chairs = CHAIRS[1:2] if effort.quick else CHAIRS
+    contestants |= {f"lift {n}": (lambda n=n: _lift(n, duration)) for n in chairs}
     measured = interleave(contestants, effort.repetitions, progress, "several ropes")
     costs = {case: measured[str(case)].processor / iterations[case] / (case[0] * ELEMENTS) for case in cases}
     rows: list[dict[str, Value]] = [
         {
             "ropes": n,
-            "coupled": "yes" if coupled else "no",
-            "iterations per step": iterations[n, coupled] / round(duration / STEP),
+            "coupled": {"alone": "no"}.get(kind, kind),
+            "iterations per step": iterations[n, kind] / round(duration / STEP),
             "per element and iteration [ns]": cost * 1e9,
-            "times one rope": cost / costs[1, False],
+            "times one rope": cost / costs[1, "alone"],
         }
-        for (n, coupled), cost in costs.items()
+        for (n, kind), cost in costs.items()
     ]
     exponents: dict[str, float] = {}
-    for kind, coupled in (("alone", False), ("coupled", True)):
-        chosen = [n for n, own in cases if own == coupled]
+    for kind in KINDS:
+        chosen = [n for n, own in cases if own == kind]
         if len(chosen) > 1:
-            total = [costs[n, coupled] * n for n in chosen]
-            exponents[kind] = float(np.polyfit(np.log(chosen), np.log(total), 1)[0])
+            exponents[f"ropes, {kind}"] = _exponent(chosen, [costs[n, kind] * n for n in chosen])
+    lifts = [measured[f"lift {n}"].processor for n in chairs]
+    if len(chairs) > 1:
+        exponents["chairs of a lift"] = _exponent(list(chairs), lifts)
     pace = duration / measured["pantograph"].processor
-    summary: list[dict[str, Value]] = [
-        {"figure": f"exponent over ropes, {kind}", "value": e} for kind, e in exponents.items()
-    ]
+    summary: list[dict[str, Value]] = [{"figure": f"exponent over {what}", "value": e} for what, e in exponents.items()]
     summary.append({"figure": "pantograph: times real time, by processor time", "value": pace})
     faults = [] if effort.quick else _faults(exponents, costs, pace)
-    tables = [Table("cost of several ropes", rows), Table("exponents and pace", summary)]
+    whole: list[dict[str, Value]] = [
+        {
+            "chairs": n,
+            "processor per step [µs]": cost / duration * LIFT_STEP * 1e6,
+            "real time [times]": duration / cost,
+        }
+        for n, cost in zip(chairs, lifts, strict=True)
+    ]
+    tables = [
+        Table("cost of several ropes", rows),
+        Table("chairlift, both strands and bullwheels, at 2.5 m/s, solver alone", whole),
+        Table("exponents and pace", summary),
+    ]
     return Part("Several ropes", tables, [*NOTES, note_on_load(list(measured.values()))], faults)
+
+
+def _exponent(counts: list[int], costs: list[float]) -> float:
+    """Slope of costs over counts on logarithmic axes (-)."""
+    return float(np.polyfit(np.log(counts), np.log(costs), 1)[0])
+
+
+def _lift(chairs: int, duration: float) -> Callable[[], None]:
+    """The chairlift with so many chairs evenly round its loop, under way."""
+    simulation = Simulation(load_scenario("chairlift", {"carriers.count": chairs, "drives.haul_rope.speed": 2.5}))
+    return lambda: simulation.advance_to(duration) and None
 
 
 def _pantograph(duration: float) -> Callable[[], None]:
@@ -106,14 +132,14 @@ def _pantograph(duration: float) -> Callable[[], None]:
     return lambda: simulation.advance_to(duration) and None
 
 
-def _faults(exponents: dict[str, float], costs: dict[tuple[int, bool], float], pace: float) -> list[str]:
+def _faults(exponents: dict[str, float], costs: dict[tuple[int, str], float], pace: float) -> list[str]:
     """Limits that are missed, a line each."""
     found = [
-        f"ropes: exponent over ropes, {kind}, is {value:.3g}, allowed: {MOST_EXPONENT:g}"
-        for kind, value in exponents.items()
+        f"ropes: exponent over {what} is {value:.3g}, allowed: {MOST_EXPONENT:g}"
+        for what, value in exponents.items()
         if value > MOST_EXPONENT
     ]
-    worst = max(cost / costs[1, False] for (_, coupled), cost in costs.items() if not coupled)
+    worst = max(cost / costs[1, "alone"] for (_, kind), cost in costs.items() if kind == "alone")
     if worst > MOST_SHARE:
         found.append(f"ropes: an element of several ropes costs {worst:.3g} of one alone, allowed: {MOST_SHARE:g}")
     if pace < LEAST_PACE:
