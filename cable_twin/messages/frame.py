@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentMessage
-from cable_twin.messages.joints import hung_rows, joint_names, sheave_rows
+from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
+from cable_twin.messages.sheaves import SheavesMessage
 from cable_twin.messages.templates import (
     UPRIGHT,
     body_pose_template,
@@ -102,7 +103,7 @@ class MessageEncoder:
         self._frames, self._absolute = frames, absolute
         self._header = Header(STAMP, frames.frame_id)
         self._joint_angle, self._joint_rate = np.zeros((2, len(layout.bodies)))  # rad, rad/s
-        self._place, self._at_sheaves = np.zeros(len(layout.vehicles)), np.zeros((3, len(layout.sheaves), 4))
+        self._place = np.zeros(len(layout.vehicles))
         self._layout = layout
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
@@ -122,7 +123,7 @@ class MessageEncoder:
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
         if layout.sheaves:
-            self._makers[SHEAVES] = self._sheaves
+            self._makers[SHEAVES] = partial(SheavesMessage, self._header, layout, self._columns)
         if layout.connectors:
             self._makers[CONNECTORS] = self._connectors
         if layout.pantographs:
@@ -169,8 +170,6 @@ class MessageEncoder:
         self._encoders[name] = clock_message if name == CLOCK else self._makers[name]().fill
         if name == JOINT_STATES:
             self._encoders[name] = self._fill_joint_states(self._encoders[name])
-        if name == SHEAVES:
-            self._encoders[name] = self._fill_sheaves(self._encoders[name])
         return self._encoders[name]
 
     def _header_at(self, thing: str) -> Header:
@@ -218,28 +217,6 @@ class MessageEncoder:
             return fill(stamp_ns)
 
         return fill_joints
-
-    def _sheaves(self) -> Template:
-        """Of each bullwheel the rope gone by (m), its speed and drive force, and by rows of their own what is at it.
-
-        NAME/on and NAME/off are the strands that come to it and leave it, with their tensions (N) as effort;
-        NAME/carriage is what tensions it, with its travel (m).
-        """
-        names = sheave_rows(self._layout)
-        places, speeds, forces = marks(3 * len(names)).reshape(3, -1)
-        return Template(JointState(self._header, names, places, speeds, forces), list(self._at_sheaves))
-
-    def _fill_sheaves(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
-        """Put together what the message has, before it is filled in."""
-        c, (places, speeds, forces) = self._columns, self._at_sheaves
-
-        def fill_sheaves(stamp_ns: int) -> bytes:
-            places[:, 0], places[:, 3] = c.sheave_position, c.sheave_travel
-            places[:, 1], places[:, 2] = c.sheave_slip, 0.0
-            speeds[:, 0], forces[:, 0], forces[:, 1:3] = c.sheave_speed, c.sheave_force, c.sheave_tension
-            return fill(stamp_ns)
-
-        return fill_sheaves
 
     def _connectors(self) -> Template:
         """Pull of each, as effort in N."""

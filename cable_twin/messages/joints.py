@@ -18,9 +18,4 @@ def hung_rows(layout: Layout) -> NDArray[np.intp]:
     return np.array([row for row in range(len(layout.bodies)) if row not in layout.first_body], dtype=np.intp)
 
 
-def sheave_rows(layout: Layout) -> list[str]:
-    """Names in the message about bullwheels: each, the strands that come to it and leave it, and what tensions it."""
-    return [f"{name}{row}" for name in layout.sheaves for row in ("", "/on", "/off", "/carriage")]
-
-
-__all__ = ["hung_rows", "joint_names", "sheave_rows"]
+__all__ = ["hung_rows", "joint_names"]

@@ -21,7 +21,7 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
         for key in ("sheaves", "connectors", "pantographs"):
             for name in getattr(scenario, key):
                 yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
-        for key in ("mass_damping", "tension_damping"):
+        for key in ("mass_damping", "tension_damping", "lateral"):
             if getattr(scenario.cable, key) != 0.0:
                 yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
         return
