@@ -15,6 +15,7 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
+from cable_twin.geometry.wheels import wheel_rims
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.recording.tension_colors import TensionColors
@@ -37,6 +38,7 @@ REPEAT = 1.0  # s after which they are sent again where none have come: a paused
 LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
 LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
 GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
+WHEEL = (0.60, 0.43, 0.88, 1.0)
 LINE, FORCE, REACTION = (0.78, 0.49, 0.0, 1.0), (0.88, 0.32, 0.35, 1.0), (0.60, 0.43, 0.88, 1.0)
 ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -84,6 +86,10 @@ class Markers:
                 for n, part in enumerate(self._ropes)
             ),
             *self._still(scenario),
+            *(
+                self._marker("wheels", row, Marker.LINE_STRIP, (0.001 * self._span, 0, 0), WHEEL, points=rim)
+                for row, rim in enumerate(wheel_rims(scenario).values())
+            ),
             *self._bodies(scenario, [box for box in boxes if box is not None], rest),
             *self._forces(rest[4]),
         ]
