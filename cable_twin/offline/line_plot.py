@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cable_twin.offline.line_places import Line
-from cable_twin.offline.plots import ASIDE, COLORS, INK, QUIET, STYLE
+from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
@@ -123,11 +123,12 @@ def _clearance(axes: Axes, line: Line) -> None:
     limits = line.scenario.limits
     for number, (key, limit) in enumerate((("rope", limits.rope_clearance), ("vehicle", limits.vehicle_clearance))):
         names = [name for name in line.rows if name.endswith("clearance over the terrain [m]")]
-        own = [name for name in names if name.startswith("rope ") == (key == "rope")]
-        for name in own[:1]:
-            axes.plot(line.places, line.rows[name], color=COLORS[number], label=name.removesuffix(" [m]"))
-            if limit is not None:
-                axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
+        own = [name for name in names if ("rope clearance" in name) == (key == "rope")]
+        for name, dashes in zip(own if key == "rope" else own[:1], ("-", "--", ":", "-.") * len(own), strict=False):
+            shown = name.removesuffix(" [m]")
+            axes.plot(line.places, line.rows[name], color=COLORS[number], linestyle=dashes, label=shown)
+        if own and limit is not None:
+            axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
     axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
     axes.set_xlabel(_where(line))
     axes.set_ylabel("clearance [m]")
@@ -148,7 +149,7 @@ def _towers(axes: Axes, line: Line) -> None:
     axes.set_xlabel(_where(line))
     axes.set_ylabel("load of the rope\non towers [kN]")
     if len(towers) > 2:
-        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0))
+        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=9.0 if len(towers) <= MANY else 5.5)
     else:
         axes.legend(ncols=4, **HEAD)
 
@@ -161,7 +162,7 @@ def _where(line: Line) -> str:
 
 
 def _layout(line: Line) -> Layout:
-    return Layout.of(line.scenario, line.columns[0].rope_tension.size)
+    return Layout.of(line.scenario, line.columns[0].rope_tension.size // max(len(line.scenario.ropes), 1))
 
 
 __all__ = ["write_line_plot"]

@@ -68,7 +68,7 @@ def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: M
     if wheels:
         rims = rr.LineStrips2D([plane(planar(rim)) for rim in wheels.values()], colors=[WHEEL], radii=pixels(2.5))
         stream.log("track/wheels", rims, static=True)
-    together = gathered({name: mast[1] for name, mast in zip(supports, masts, strict=True)})
+    together = gathered({name: mast[1] for name, mast in zip(supports, masts, strict=True)}, wheels)
     feet = np.array(list(together.values())).reshape(-1, 2)
     depths = NAME_HEIGHT * width * (0.5 + name_rows(feet[:, 0] / width, list(together)))
     places = plane(feet - np.column_stack([np.zeros(len(feet)), depths]))
@@ -77,12 +77,22 @@ def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: M
     return float(depths.max(initial=0.0)) + NAME_HEIGHT * width
 
 
-def gathered(places: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
-    """Places by name, once each: of several names there what they begin with, or all of them."""
+def gathered(places: Mapping[str, Sequence[float]], wheels: Mapping[str, FloatArray]) -> dict[str, Sequence[float]]:
+    """Places by name, once each: of several names there what they begin with, the bullwheel between them, or all.
+
+    Args:
+        places: Name -> m, x first.
+        wheels: Name -> (n, 3) m, rims of bullwheels.
+    """
     names: dict[tuple[float, ...], list[str]] = {}
     for name, place in places.items():
         names.setdefault(tuple(round(float(part), 3) for part in place), []).append(name)
-    called = [commonprefix(some).rstrip("_/") or ", ".join(some) for some in names.values()]  # noqa: RUF071 - of letters
+    called = []
+    for some in names.values():
+        x = places[some[0]][0]
+        near = [name for name, rim in wheels.items() if np.min(rim[:, 0]) <= x <= np.max(rim[:, 0])]
+        common = commonprefix(some).rstrip("_/")  # noqa: RUF071 - of letters
+        called.append(common or (near[0] if near else ", ".join(some)))
     return {name: places[some[0]] for name, some in zip(called, names.values(), strict=True)}
 
 

@@ -102,7 +102,7 @@ class Space:
         side = STRIP * self._span
         _draw_ground(stream, ground, low[1] - side, high[1] + side)
         ends = {name: c.rope_position[sample] for name, sample in self._end_samples.items()}
-        self._draw_supports(stream, {name: top for name, top in ends.items() if not np.isnan(top).any()}, ground)
+        self._draw_supports(stream, {n: top for n, top in ends.items() if not np.isnan(top).any()}, ground, wheels)
         if wheels:
             rims = rr.LineStrips3D(list(wheels.values()), colors=[WHEEL], radii=pixels(3.0))
             stream.log(f"{SPACE}/wheels", rims, static=True)
@@ -131,13 +131,20 @@ class Space:
                 target = place - [0.0, 0.0, self._reach]
                 self.close_ups[path] = Eye(target + np.array(BEHIND) * self._reach, target)
 
-    def _draw_supports(self, stream: rr.RecordingStream, ends: Mapping[str, FloatArray], ground: FloatArray) -> None:
+    def _draw_supports(
+        self,
+        stream: rr.RecordingStream,
+        ends: Mapping[str, FloatArray],
+        ground: FloatArray,
+        wheels: Mapping[str, FloatArray],
+    ) -> None:
         """Log stations as masts, towers as masts beside the rope with an arm above it, and their names.
 
         Args:
             stream: Takes it.
             ends: Name -> (3,) m, ends of ropes.
             ground: (n, 2) m, x and z.
+            wheels: Name -> (n, 3) m, rims of bullwheels.
         """
         arm = max(
             ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
@@ -151,7 +158,7 @@ class Space:
             strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
             places[name] = [beside[0], beside[1], foot - 0.02 * self._span]
         stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
-        together = gathered(places)
+        together = gathered(places, wheels)
         labels = rr.Points3D(
             list(together.values()), colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True
         )

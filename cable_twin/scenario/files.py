@@ -240,7 +240,7 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
             container = None
         if node.get(part) is None and model is not None and container is None:
             node[part] = {}  # not there yet, or null
-        below = node.setdefault(part, {}) if model is not None and container is not tuple else {}
+        below = node.setdefault(part, {}) if (model is not None or container is dict) and container is not tuple else {}
         if below is None:  # a section that is left out
             below = node[part] = {}
         if not isinstance(below, dict):
