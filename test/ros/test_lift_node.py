@@ -35,7 +35,7 @@ def write_lift(directory: Path, chairs: int = CHAIRS) -> Path:
     content = yaml.load((config_directory() / "chairlift.yaml").read_text(encoding="utf-8"))
     content["carriers"].update(count=chairs)
     for rope in content["ropes"].values():
-        rope["elements"] = 150
+        rope["elements"] = {"target": 8.0, "at_towers": 2.0}
     path = directory / f"lift_{chairs}.yaml"
     with path.open("w", encoding="utf-8") as stream:
         yaml.dump(content, stream)
