@@ -28,7 +28,9 @@ class ReadSupports:
         count = len(layout.towers)
         self._rows = np.array([layout.support_rows[name] for name in layout.towers], dtype=np.int64)
         self._scenario, self._layout, self._step = scenario, layout, scenario.solver.step
-        self._axes = tower_axes(scenario) if layout.grooves else None
+        alone = [scenario.of_rope(name) for name in scenario.ropes] or [scenario]
+        each = zip(*map(tower_axes, alone), strict=True) if layout.grooves else ()
+        self._axes = tuple(np.concatenate(axes) for axes in each)  # up, and to the left
         self.rest_loads = np.full(count, nan)
         self._lowest_loads = np.full(count, nan)  # N, since the start or the last reset
         self._ratios = np.full(count, nan)  # -, highest of lateral over normal force since then
@@ -63,7 +65,7 @@ class ReadSupports:
         self._lowest_loads[:] = np.fmin(self._lowest_loads, loads)
         c.tower_load[self._rows], c.tower_lowest_load[self._rows] = loads, seen * self._lowest_loads
         c.tower_rest_load[self._rows] = seen * self.rest_loads
-        if self._axes is not None:
+        if self._axes:
             normal, left = (np.einsum("td,td->t", axes, c.support_force[self._rows]) for axes in self._axes)
             self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, np.inf))
             c.tower_lateral[self._rows], c.tower_lateral_ratio[self._rows] = left, seen * self._ratios
