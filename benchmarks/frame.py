@@ -23,7 +23,7 @@ GROWTH = "growth beyond the solver's [%]"
 
 
 MANY = "chairlift, 112 chairs"
-MANY_CHAIRS = Case("chairlift", "haul_rope", 2.5, ("carriers.count=112", "carriers.spacing=15.0"))
+MANY_CHAIRS = Case("chairlift", "haul_rope", 2.5, ("carriers.count=112",))
 CONTESTANTS = ("yardstick", "solver", "off", "all")
 
 

@@ -94,9 +94,10 @@ def _costs(name: str, effort: Effort, sources: Any, done: Any) -> float:
 
 
 def _trip(name: str, elements: Any, part: float) -> Trip:
-    """Run the first `part` (0..1) of the trip on the mesh of the scenario, or with other `cable.elements`."""
+    """Run the first `part` (0..1) of the trip on the mesh of the scenario, or with other elements of each rope."""
     case: Case = CASES[name]
-    scenario = load_scenario(name, {} if elements is None else {"cable.elements": elements})
+    keys = [f"ropes.{rope}.elements" for rope in load_scenario(name).ropes] or ["cable.elements"]
+    scenario = load_scenario(name, {} if elements is None else dict.fromkeys(keys, elements))
     simulation, figures = Simulation(scenario), KeyFigures(scenario)
     arc_lengths = np.linspace(0.0, scenario.cable.unstrained_length, POINTS)
     shapes = []

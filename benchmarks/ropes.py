@@ -23,8 +23,8 @@ MOST_EXPONENT, MOST_SHARE, LEAST_PACE = 1.05, 1.3, 1.0  # of cost over ropes; of
 NOTES = [
     f"Ropes of {ELEMENTS} elements side by side, {RODS} rods from each to the next one where they are coupled; "
     f"steps of {STEP * 1e3:g} ms. Costs are by processor time, per Newton iteration and element; that of one rope is "
-    "the unit. A rod makes one front of two ropes, whose elimination multiplies two blocks more a node; rods between all "
-    "neighbours make one front of all, which no ropeway has.",
+    "the unit. A rod makes one front of two ropes, whose elimination multiplies two blocks more a node; rods between "
+    "all neighbours make one front of all, which no ropeway has.",
     f"Allowed: an exponent of {MOST_EXPONENT:g} over ropes, {MOST_SHARE:g} times the cost of one rope where nothing is "
     f"coupled, and the pantograph faster than real time.",
 ]

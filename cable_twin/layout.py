@@ -9,64 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.column_shapes import SHAPES
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import FloatArray
-from cable_twin.scenario import Scenario, in_space
+from cable_twin.scenario import Scenario
 
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
-SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their order
-    "time": (1,),
-    "arc_length": ("vehicles",),
-    "speed": ("vehicles",),
-    "drive_force": ("vehicles",),
-    "joint_position": ("vehicles", 3),
-    "contact_force": ("vehicles", 3),
-    "attached": ("vehicles",),
-    "payload": ("vehicles",),
-    "haul_travel": ("vehicles",),
-    "haul_speed": ("vehicles",),
-    "haul_force": ("vehicles",),
-    "haul_pull": ("vehicles", 3),
-    "push": ("vehicles",),
-    "push_highest": ("vehicles",),
-    "touched": ("vehicles",),
-    "touch_place": ("vehicles",),
-    "touch_speed": ("vehicles",),
-    "touch_time": ("vehicles",),
-    "body_position": ("bodies", 3),
-    "body_orientation": ("bodies", 4),
-    "body_velocity": ("bodies", 3),
-    "body_angular_velocity": ("bodies", 3),
-    "body_angles": ("bodies", 3),
-    "support_force": ("supports", 3),
-    "support_travel": ("supports",),
-    "tower_load": ("supports",),
-    "tower_lowest_load": ("supports",),
-    "tower_rest_load": ("supports",),
-    "tower_lateral": ("supports",),
-    "tower_lateral_ratio": ("supports",),
-    "tower_derailed": ("supports",),
-    "tower_derailed_time": ("supports",),
-    "drive_position": ("drives",),
-    "drive_speed": ("drives",),
-    "moving_cable_force": ("drives",),
-    "rope_position": ("samples", 3),
-    "rope_tension": ("samples",),
-    "wind": (3,),
-    "vehicle_rope": ("vehicles",),
-    "sheave_position": ("sheaves",),
-    "sheave_speed": ("sheaves",),
-    "sheave_force": ("sheaves",),
-    "sheave_tension": ("sheaves", 2),
-    "sheave_travel": ("sheaves",),
-    "sheave_slip": ("sheaves",),
-    "connector_force": ("connectors",),
-    "pantograph_force": ("pantographs",),
-    "pantograph_position": ("pantographs", 3),
-    "pantograph_speed": ("pantographs",),
-}
 
 
 class Layout:
@@ -91,6 +41,10 @@ class Layout:
         sample_ropes: number of the rope of each sample (samples,).
         vehicle_ropes: (vehicles,) number of the rope of each vehicle, of one that goes round a loop the first.
         joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
+        tensioned: names of the bullwheels that something tensions.
+        arms: (drives,) m, radius of the bullwheel of each drive.
+        grips: (sheaves,) friction times wrap of each, which the logarithm of the ratio of its tensions cannot exceed.
+        laterals: m, by which a plane shows each rope to the left, with what is on it, by name.
         loop_offsets: (ropes,) m, place on its loop of the start of each rope that is a strand of one, else 0.
         rope_offsets: (ropes,) m, by which arc lengths of each rope are more than those of the ropes before it.
         bodies: names of all bodies, VEHICLE/BODY.
@@ -128,7 +82,6 @@ class Layout:
         self.towers = self.supports[len(ENDS) :] if towers is None else tuple(towers)
         self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
         self.sheaves, self.connectors, self.pantographs = tuple(sheaves), tuple(connectors), tuple(pantographs)
-        self.alone: dict[str, Layout] = {}
         self.tower_rows = [self.supports.index(name) for name in self.towers]
         self.end_samples = {
             end if end in self.supports else f"{rope}/{end}": sample
@@ -138,12 +91,7 @@ class Layout:
         self.sample_ropes = np.concatenate(
             [np.full(part.stop - part.start, n) for n, part in enumerate(self.ropes.values())]
         )
-        lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
-        self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
-        self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
-        self.loop_offsets = np.zeros(len(self.ropes))
-        self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
-        self._rows: dict[str, dict[str, Any]] = {}  # of a frame, by rope and what they are of
+        self._place_ropes()
         self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
         self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
         self._places, self.size = self._lay_out()
@@ -167,6 +115,18 @@ class Layout:
         ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]
         return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
 
+    def _place_ropes(self) -> None:
+        """Where ropes are, and what is on them; `of` knows more of them than one alone has."""
+        self.alone: dict[str, Layout] = {}
+        lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
+        self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
+        self.tensioned: tuple[str, ...] = ()
+        self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
+        self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
+        self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
+        self._rows: dict[str, dict[str, Any]] = {}  # of a frame, by rope and what they are of
+
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
         """Layout of the frames of a scenario, with so many points (at least 2) of each of its ropes."""
@@ -189,11 +149,16 @@ class Layout:
             connectors=tuple(scenario.connectors),
             pantographs=tuple(scenario.pantographs),
             space=scenario.dim == 3,
-            grooves={n: in_space(tower.position) for n, tower in scenario.towers.items() if scenario.dim == 3},
+            grooves=scenario.tower_places if scenario.dim == 3 else None,
         )
         layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=False)}
+        wheels = scenario.sheaves
+        layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
+        layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
+        layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
         for row, (name, own) in enumerate(layout.alone.items()):
             layout._rows[name] = layout._rows_of(name)
+            layout.laterals[name] = alone[row].cable.lateral
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
             layout.loop_offsets[row] = strand.offset if strand else 0.0
@@ -280,6 +245,10 @@ class Layout:
             elif kind in ("vehicles", "bodies"):
                 chosen = here if kind == "vehicles" else bodies
                 target[rows[kind][chosen]] = getattr(own, key)[chosen]
+        if self.laterals[name]:  # of what was planar
+            columns.rope_position[rows["samples"], 1] = self.laterals[name]
+            columns.joint_position[rows["vehicles"][here], 1] = self.laterals[name]
+            columns.body_position[rows["bodies"][bodies], 1] = self.laterals[name]
         columns.wind[:] = own.wind
         columns.vehicle_rope[rows["vehicles"][here]] = number
 

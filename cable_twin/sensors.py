@@ -72,6 +72,7 @@ class _Running:
             "inclinometer": self._inclinometer,
             "imu": self._imu,
         }[sensor.kind]
+        self._layout = layout
         self._row, self._driven = _row(sensor, layout)
         self._last_sample = -1
         self._before: tuple[float, FloatArray] | None = None  # time and velocity, or measured place, of the last look
@@ -104,7 +105,7 @@ class _Running:
     def _encoder(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
         """Place, and speed as the difference of two measured places."""
         columns = snapshot.columns
-        places = columns.drive_position if self._driven else columns.arc_length
+        places = columns.drive_position if self._driven else self._layout.on_loop(columns)
         place = self._spoiled(float(places[self._row]), draws[0])
         before, self._before = self._before, (snapshot.time, np.array([place]))
         speed = 0.0 if before is None else (place - float(before[1][0])) / (snapshot.time - before[0])

@@ -15,7 +15,9 @@ import numpy as np
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
-Whose = Literal["rope", "driven", "vehicles", "bodies", "supports", "towers", "air", "pantographs"]
+Whose = Literal[
+    "rope", "driven", "vehicles", "bodies", "supports", "towers", "air", "pantographs", "sheaves", "strands", "turned"
+]
 AXES = ("x", "y", "z")
 
 
@@ -91,6 +93,9 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "towers": lambda layout: layout.towers,
     "air": lambda _: AXES,
     "pantographs": lambda layout: layout.pantographs,
+    "sheaves": lambda layout: layout.sheaves,
+    "strands": lambda layout: [f"{name}_{side}" for name in layout.sheaves for side in ("on", "off")],
+    "turned": lambda layout: layout.drives if layout.sheaves else (),
 }
 
 
@@ -98,6 +103,13 @@ def _tension(layout: Layout, c: Columns) -> FloatArray:
     """Highest of all ropes, and those at both ends of the first."""
     tension, first = c.rope_tension, next(iter(layout.ropes.values()))
     return np.stack([tension.max(axis=-1), tension[..., 0], tension[..., first.stop - 1]], axis=-1)
+
+
+def _adhesion(layout: Layout, c: Columns) -> FloatArray:
+    """Used of what friction gives: logarithm of the ratio of both tensions over friction times wrap; 1 slips."""
+    tension = np.maximum(c.sheave_tension, 1.0)  # N: of a slack strand there is no ratio
+    used: FloatArray = np.abs(np.log(tension[..., 0] / tension[..., 1])) / layout.grips
+    return used
 
 
 def _power(layout: Layout, c: Columns) -> FloatArray:
@@ -109,7 +121,7 @@ SIGNALS: Mapping[str, Signal] = {
     signal.name: signal
     for signal in (
         Signal("speed", "m/s", "driven", lambda of, c: driven(of, c).speed, "speed", "speed", "Speed"),
-        Signal("arc_length", "m", "vehicles", lambda _, c: c.arc_length, "arc length", "speed"),
+        Signal("arc_length", "m", "vehicles", lambda of, c: of.on_loop(c), "arc length", "speed"),
         Signal(
             "tension",
             "N",
@@ -154,6 +166,27 @@ SIGNALS: Mapping[str, Signal] = {
         ),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
         Signal("drive_power", "W", "driven", _power, "power", "drive"),
+        Signal("drive_torque", "N m", "turned", lambda of, c: c.moving_cable_force * of.arms, "torque", "drive"),
+        Signal(
+            "sheave_tension",
+            "N",
+            "strands",
+            lambda of, c: c.sheave_tension.reshape(*c.sheave_tension.shape[:-2], 2 * len(of.sheaves)),
+            "tension of strands",
+            "sheaves",
+            "Tension at bullwheels",
+        ),
+        Signal("adhesion", "-", "sheaves", _adhesion, "adhesion used", "sheaves"),
+        Signal("slip", "m", "sheaves", lambda _, c: c.sheave_slip, "slip of the rope", "sheaves"),
+        Signal(
+            "sheave_travel",
+            "m",
+            "sheaves",
+            lambda _, c: c.sheave_travel,
+            "travel of what tensions",
+            "sheaves",
+            everywhere=False,
+        ),
         Signal(
             "contact_force",
             "N",
@@ -217,6 +250,7 @@ PLOTS: Mapping[str, str] = {  # of `review`: file and title, in the order in whi
     "swing": "Swing along the track",
     "across": "Across the track: swing, place, wind",
     "drive": "Drive",
+    "sheaves": "Bullwheels",
     "contact_forces": "Forces on carriages and supports",
     "lateral_forces": "Lateral forces of towers",
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from strands import one_strand
 
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import ScenarioError, load_scenario
@@ -23,7 +24,7 @@ MIXED = {
 
 def lift(carriers, **overrides):
     """A quick chairlift whose carriers are as given."""
-    data = load_scenario("chairlift").resolved()
+    data = load_scenario(one_strand("chairlift")).resolved()
     data["carriers"] = {"name": "chair", "count": 28, "spacing": 60.0, **carriers}
     return load_scenario(data, {"drives.haul_rope.speed": 2.5, **overrides})
 
@@ -54,6 +55,26 @@ def test_carriers_are_loaded_in_one_station_and_unloaded_in_the_other():
     simulation.advance_to(240.0)
     hanging = simulation.snapshot.columns.contact_force[from_end, 2]
     assert hanging == pytest.approx(np.full(from_end.sum(), 280.0 * 9.81), rel=0.15)  # it swings out
+
+
+def test_chairs_of_a_whole_lift_are_unloaded_at_one_bullwheel_and_loaded_at_the_other():
+    """Each changes what it carries where it goes round, whichever way the rope goes."""
+    coarse = {"ropes.up.elements": 150, "ropes.down.elements": 150, "drives.haul_rope.speed": 2.5}
+    simulation = Simulation(load_scenario("chairlift", coarse), samples=10)
+    for speed, end in ((2.5, 40.0), (-2.5, 110.0)):
+        simulation.command("haul_rope", speed=speed)
+        c = simulation.advance_to(end).columns
+        on = c.attached == 1.0
+        up, down = on & (c.vehicle_rope == 0.0), on & (c.vehicle_rope == 1.0)
+        if speed > 0.0:
+            assert set(c.payload[up]) == {300.0}
+            assert set(c.payload[down]) == {0.0}
+        else:  # those that have gone round a wheel since
+            assert {0.0, 300.0} == set(c.payload[up]) == set(c.payload[down])
+        weight = 9.81 * (250.0 + c.payload[up])
+        assert c.contact_force[up, 2].sum() == pytest.approx(weight.sum(), rel=0.1)
+        places = np.sort(simulation.layout.on_loop(c)[on])
+        assert np.diff(places) == pytest.approx(simulation.scenario.spacing, abs=7.0)  # a wheel has 6.6 m of rope
 
 
 def test_a_state_that_is_gone_back_to_loads_as_before():

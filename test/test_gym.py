@@ -50,9 +50,13 @@ def test_spaces_have_names_units_and_limits(env):
     assert env.observation_names[:2] == ("cabin/arc_length", "cabin/speed")
     assert env.observation_units == ("m", "m/s", *["rad", "rad/s"] * 3)
     assert env.observation_space.high[0] == env.simulation.scenario.cable.unstrained_length
-    lift = RopewayEnv("gondola", observations=["haul_rope/*", "tower_*/load", "*/tension"], period=0.1)
+    lift = RopewayEnv(
+        "gondola", observations=["haul_rope/*", "tower_*/load", "*/start/tension", "*/end/tension"], period=0.1
+    )
     assert lift.action_names == ("haul_rope",)
-    assert lift.observation_names[3:] == (*(f"tower_{n}/load" for n in range(1, 8)), "start/tension", "end/tension")
+    towers = [f"tower_{n}_up" for n in range(1, 8)] + [f"tower_{n}_down" for n in range(7, 0, -1)]
+    ends = [f"{rope}/{end}/tension" for rope in ("up", "down") for end in ("start", "end")]
+    assert set(lift.observation_names[3:]) == {*(f"{tower}/load" for tower in towers), *ends}
 
 
 def test_a_step_is_what_the_api_does(env):

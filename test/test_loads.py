@@ -4,6 +4,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
+from strands import one_strand
 from test_simulation import numbers, same
 
 from cable_twin.geometry.outlines import body_outline
@@ -155,7 +156,7 @@ def test_clearance_needs_a_terrain():
 
 
 def test_clearance_is_that_of_vehicles_on_the_cable():
-    simulation = Simulation(load_scenario("gondola"), samples=5)
+    simulation = Simulation(load_scenario(one_strand("gondola")), samples=5)
     on_the_cable = {name for name, state in simulation.snapshot.carriages.items() if state.attached}
     assert simulation.clearance().vehicles.keys() == on_the_cable
     assert len(on_the_cable) < len(simulation.carriages)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from strands import one_strand
 
 from cable_twin.mechanics.parameters import mesh_fields
 from cable_twin.mechanics.rope.point import element_at
@@ -14,7 +15,10 @@ ROPEWAYS = ("chairlift", "gondola", "aerial_tramway")
 
 
 def ropeway(name, **grading):
-    return load_scenario(name, {"cable.elements": {**GRADING, **grading}})
+    """With the grading given; of a whole lift its uphill strand."""
+    if name == "aerial_tramway":
+        return load_scenario(name, {"cable.elements": {**GRADING, **grading}})
+    return load_scenario(name, {"ropes.up.elements": {**GRADING, **grading}}).of_rope("up")
 
 
 @pytest.mark.parametrize("name", ROPEWAYS)
@@ -42,7 +46,7 @@ def test_towers_are_found_where_the_rope_lies_on_them():
 
     scenario = load_scenario("gondola")
     simulation = Simulation(scenario)
-    zones = short_zones(scenario, simulation.system)[1:-1]
+    zones = short_zones(scenario.of_rope("up"), simulation.system)[1:-1]
     offset = simulation.system.towers.contact_offset
     for tower, (first, last) in enumerate(zones):
         places = simulation.state.contact_arc_length[offset[tower] : offset[tower + 1]]
@@ -89,13 +93,14 @@ def test_every_place_is_found_on_its_element(nodes):
 )
 def test_bad_elements_are_refused_in_one_line(elements, line):
     with pytest.raises(ScenarioError) as refused:
-        load_scenario("chairlift", {"cable.elements": elements})
+        load_scenario(one_strand("chairlift"), {"cable.elements": elements})
     faults = refused.value.faults
     assert len(faults) == 1
     assert line in str(faults[0])
 
 
 def test_part_of_a_grading_is_changed_by_its_key():
-    scenario = load_scenario("chairlift", {"cable.elements.target": 6.0})
-    assert scenario.cable.elements.target == 6.0
-    assert scenario.cable.elements.at_towers == load_scenario("chairlift").cable.elements.at_towers
+    scenario = load_scenario("chairlift", {"ropes.down.elements.target": 6.0})
+    up, down = (scenario.ropes[name].elements for name in ("up", "down"))
+    assert (up.target, down.target) == (4.0, 6.0)
+    assert up.at_towers == down.at_towers

@@ -48,7 +48,15 @@ def test_it_runs_and_keeps_its_limits(name):
     for support in snapshot.supports.values():
         if support.tower is not None:
             assert support.tower.lowest_load > 0.5 * support.tower.rest_load
-    travel, (low, high) = snapshot.supports["start"].travel, scenario.cable.start.travel
+    if scenario.sheaves:
+        travel, (low, high) = snapshot.columns.sheave_travel[1], scenario.sheaves["return"].counterweight.travel
+        assert np.abs(snapshot.columns.sheave_slip).max() < 1e-3
+        values = {figure.name: figure for figure in found}
+        assert values["drive: adhesion used of available"].value < 0.5
+        loads = [values[f"{rope}: load of carriers, highest"].value for rope in ("up", "down")]
+        assert loads[0] > 1.5 * loads[1]  # full up, empty down
+    else:
+        travel, (low, high) = snapshot.supports["start"].travel, scenario.cable.start.travel
     assert low < travel < high
     moving = snapshot.drives[target].speed if scenario.drives else snapshot.carriages[target].speed
     assert moving == pytest.approx(speed, abs=0.05)
@@ -82,9 +90,9 @@ def cabin_weight(scenario) -> float:
 
 
 def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
-    """Force of the drive: sum of μ N over the towers, and what tension and weight at both ends leave."""
-    scenario = load_scenario("chairlift", {"carriers": None, "cable.damping_time": 0.05})
-    simulation = Simulation(scenario)
+    """Force of the drive: sum of μ N over the towers of both strands, whose weights hold each other."""
+    bare = {"carriers": None, "ropes.up.damping_time": 0.05, "ropes.down.damping_time": 0.05}
+    simulation = Simulation(load_scenario("chairlift", bare))
     simulation.command("haul_rope", speed=2.5)
     simulation.advance_to(60.0)
     drives, friction, ends = [], [], []
@@ -92,13 +100,33 @@ def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
         snapshot = simulation.advance_to(60.0 + 0.1 * frame)
         drives.append(snapshot.drives["haul_rope"].force)
         friction.append(sum(0.03 * s.tower.normal_load for s in snapshot.supports.values() if s.tower is not None))
-        flow = scenario.cable.mass_per_length * 2.5**2
-        heights = simulation.cable_positions([0.0, scenario.cable.unstrained_length])[:, 2]
-        forces = [float(np.linalg.norm(snapshot.supports[end].force)) + flow for end in ("start", "end")]
-        low, high = (carried(scenario, force, height) for force, height in zip(forces, heights, strict=True))
-        ends.append(high - low)
+        on, off = snapshot.columns.sheave_tension[0]
+        ends.append(on - off)
     assert np.mean(drives) == pytest.approx(np.mean(friction), rel=5e-3)
     assert np.mean(drives) == pytest.approx(np.mean(ends), rel=2e-2)
+
+
+def test_an_emergency_stop_of_the_whole_lift_has_its_way_and_time():
+    """From 2.5 m/s with 1.2 m/s²: 2.08 s and 2.60 m of the rim, and one figure for the chairs of both strands."""
+    scenario = load_scenario("chairlift", {"drives.haul_rope.speed": 2.5})
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    figures.update(simulation.snapshot)
+    figures.command(simulation.emergency_stop())
+    for frame in range(1, 61):
+        figures.update(simulation.advance_to(0.05 * frame))
+    names = [figure.name for figure in figures.figures()]
+    assert len(set(names)) == len(names)
+    found = {figure.name: figure for figure in figures.figures()}
+    assert found["haul_rope: stopping time"].value == pytest.approx(2.5 / 1.2, abs=0.06)
+    assert found["haul_rope: stopping distance"].value == pytest.approx(0.5 * 2.5**2 / 1.2, rel=0.02)
+    assert found["haul_rope: drive power, lowest"].value < 0.0
+    torque, force = found["drive: drive torque, highest"], found["haul_rope: drive force"]
+    assert torque.value == pytest.approx(2.1 * force.value)
+    on, off = (found[f"drive: tension of '{rope}', highest"] for rope in ("up", "down"))
+    assert min(on.value, off.value) > 1.5e5
+    assert (found["up: rope safety factor"].limit, found["down: rope safety factor"].limit) == (4.5, 4.5)
+    assert found["drive: adhesion used of available"].kept
+    assert found["chair: swing along the track"].place.startswith(("up: chair_", "down: chair_"))
 
 
 def test_a_chair_passes_a_tower_smoothly():

@@ -203,7 +203,7 @@ def test_names_of_joints_and_frames_are_there_once():
 
 def test_a_joint_of_a_carrier_is_no_carriage():
     data = load_scenario("chairlift").resolved()
-    carriage = SEED.resolved()["carriages"]["carriage"] | {"joint": "clamped", "bodies": {}}
+    carriage = SEED.resolved()["carriages"]["carriage"] | {"joint": "clamped"}
     data["carriages"] = {"chair_3_chair": carriage}
     assert any("'chair', which would name 'chair_3_chair' twice" in fault for fault in faults_of(data))
 

@@ -27,6 +27,7 @@ LAYOUT = Layout(
     hauled=["VEHICLE"],
     space=True,
     grooves={"SUPPORT": (0.0, 0.0, 0.0)},
+    sheaves=["NAME"],
     connectors=["NAME"],
     pantographs=["VEHICLE"],
 )

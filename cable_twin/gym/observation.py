@@ -80,7 +80,14 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
             f"{name}/travel": Quantity("m", places.support_travel[row]),
             f"{name}/load": Quantity("N", places.tower_load[row], 0.0),
         }
-    for name, sample in (("start", 0), ("end", -1)):
+    for row, name in enumerate(layout.sheaves):
+        found |= {
+            f"{name}/tension_on": Quantity("N", places.sheave_tension[row, 0]),
+            f"{name}/tension_off": Quantity("N", places.sheave_tension[row, 1]),
+            f"{name}/slip": Quantity("m", places.sheave_slip[row]),
+            f"{name}/travel": Quantity("m", places.sheave_travel[row]),
+        }
+    for name, sample in layout.end_samples.items():
         found[f"{name}/tension"] = Quantity("N", places.rope_tension[sample])
     return found
 

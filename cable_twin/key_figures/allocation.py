@@ -32,8 +32,8 @@ def allocate(scenario: Scenario) -> Memory:
         margin=lowest(supports),
         farthest=highest(supports),
         nearest=lowest(supports),
-        drives=_drive_extremes(len(scenario.drives)),
-        vehicle_drives=_drive_extremes(vehicles),
+        drives=drive_extremes(len(scenario.drives)),
+        vehicle_drives=drive_extremes(vehicles),
         swing=highest(vehicles),
         acceleration=highest(vehicles),
         contact_force=highest(vehicles),
@@ -47,8 +47,9 @@ def allocate(scenario: Scenario) -> Memory:
     )
 
 
-def _drive_extremes(count: int) -> DriveExtremes:
+def drive_extremes(count: int) -> DriveExtremes:
+    """Those of so many drives, none yet."""
     return DriveExtremes(highest(count), highest(count), highest(count), lowest(count))
 
 
-__all__ = ["allocate"]
+__all__ = ["allocate", "drive_extremes"]

@@ -14,9 +14,10 @@ from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
+from cable_twin.key_figures.limited import limited
 from cable_twin.key_figures.measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space import LOOKS, SpaceFigures
-from cable_twin.key_figures.stops import Stops
+from cable_twin.key_figures.stops import StopsOf
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand
 from cable_twin.scenario import Scenario
@@ -28,20 +29,6 @@ MEANS = (
     f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), "
     "assumed: no ropeway standard names a band"
 )
-HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
-VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
-SOURCES = {  # of the default limits
-    "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
-    "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
-    "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
-    "lateral_swing": f"{VORARLBERG}: 20 % across",
-    "tower_clearance": f"{VORARLBERG}: 0.5 m to the side",
-    "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
-    "rope_clearance": "assumed: nothing may touch the ground",
-    "vehicle_clearance": "assumed: nothing may touch the ground",
-    "energy_lost": "assumed: as a damping of 0.08 % of the critical one would take, less than a rope's own",
-    "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
-}
 
 
 class FiguresOfRope:
@@ -63,8 +50,7 @@ class FiguresOfRope:
         self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
         driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
-        self._stops = {name: Stops() for name in (*driven, *self._drives)}
-        self._braking: list[str] = []  # those of which a stop is under way
+        self._stops = StopsOf((*driven, *self._drives), self._motion)
         self._layout: Layout | None = None  # of the frames so far
 
     def update(self, snapshot: Snapshot) -> None:
@@ -83,10 +69,7 @@ class FiguresOfRope:
         self.buffers.update(self._time, self._columns)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
-        if self._braking:
-            for name in self._braking:
-                self._stops[name].update(self._time, *self._motion(name))
-            self._find_braking()
+        self._stops.update(self._time)
 
     def _take_layout(self, layout: Layout) -> None:
         """Make room for frames of this layout, each to be copied into the same columns.
@@ -109,22 +92,9 @@ class FiguresOfRope:
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
-        kind, values = applied.command.kind, applied.command.values
-        if kind == "reset":  # nothing before it is a part of the motion
+        if applied.command.kind == "reset":  # nothing before it is a part of the motion
             self._memory.passed_times[:] = math.nan
-        for name, stops in self._stops.items():
-            if kind == "reset":
-                stops.cancel()
-            elif self._layout is not None and kind == "emergency_stop":
-                stops.begin("emergency stop", applied.time, *self._motion_at(name, applied.time))
-            elif self._layout is not None and kind == "speed" and values.get(name) == 0.0:
-                stops.begin("stop", applied.time, *self._motion_at(name, applied.time))
-            elif kind in ("speed", "force") and name in values:
-                stops.cancel()
-        self._find_braking()
-
-    def _find_braking(self) -> None:
-        self._braking = [name for name, stops in self._stops.items() if stops.braking]
+        self._stops.command(applied)
 
     def figures(self) -> list[KeyFigure]:
         """All figures that have a value so far."""
@@ -149,11 +119,6 @@ class FiguresOfRope:
             return float(c.drive_position[index]), float(c.drive_speed[index])
         index = self._vehicles.index(name)
         return float(c.arc_length[index]), float(c.speed[index])
-
-    def _motion_at(self, name: str, time: float) -> tuple[float, float]:
-        """Place (m) and speed (m/s) at a time (s) shortly after the last frame, which goes on as it was."""
-        place, speed = self._motion(name)
-        return place + speed * (time - self._time), speed
 
     def _of_rope(self) -> Iterator[KeyFigure]:
         highest = figure_of(self._memory.tension, 0, "rope tension, highest", "N")
@@ -205,16 +170,7 @@ class FiguresOfRope:
         yield from drive_figures(
             self._memory.drives, name, index, limits, f"scenario: drives.{name}.limits", "rope gone by"
         )
-        yield from self._of_stop(name)
-
-    def _of_stop(self, name: str) -> Iterator[KeyFigure]:
-        stop = self._stops[name].stop if name in self._stops else None
-        if stop is not None:
-            place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
-            distance = KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place)
-            yield self._limited(distance, "stopping_distance")
-            time = KeyFigure(f"{name}: stopping time", stop.end - stop.time, "s", stop.time, place)
-            yield self._limited(time, "stopping_time")
+        yield from self._stops.figures(name, self._limited)
 
     def _groups(self) -> list[tuple[str, list[int]]]:
         """Vehicles that share their figures: each carriage alone, all carriers together."""
@@ -246,7 +202,7 @@ class FiguresOfRope:
         yield self._limited(ratio, "tension_per_transverse_load", "at least")
         height = worst(kept.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
         yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
-        yield from self._of_stop(name)
+        yield from self._stops.figures(name, self._limited)
 
     def _worst(
         self, extremes: Extremes, members: Sequence[int], name: str, unit: str, at: str = "arc length"
@@ -258,12 +214,7 @@ class FiguresOfRope:
 
     def _limited(self, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
         """The figure with the limit of the scenario, and where that comes from."""
-        limits = self._scenario.limits
-        limit = getattr(limits, key)
-        own = limit != type(limits).model_fields[key].default
-        if key == "rope_safety_factor" and self._scenario.drives and not own:
-            limit = HAUL_ROPE_SAFETY_FACTOR
-        return with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
+        return limited(self._scenario, figure, key, bound)
 
 
 def drive_figures(
@@ -280,4 +231,4 @@ def drive_figures(
     yield with_limit(lowest, None if limits.power is None else -limits.power, f"{source}.power", "at least")
 
 
-__all__ = ["SOURCES", "FiguresOfRope"]
+__all__ = ["FiguresOfRope", "drive_figures"]

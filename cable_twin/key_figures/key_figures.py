@@ -8,11 +8,14 @@ from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.figures_of_rope import FiguresOfRope
+from cable_twin.key_figures.loop_figures import LoopFigures
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
 
 OF_ROPE = ("rope ", "sag ", "dynamic amplification")  # how figures begin that are the rope's own
+
+LEAST = ("tension over transverse load", "clearance over the terrain", "clearance to towers")  # where little is bad
 
 
 class KeyFigures:
@@ -25,7 +28,8 @@ class KeyFigures:
     def __init__(self, scenario: Scenario) -> None:
         self._whole = None if scenario.ropes else FiguresOfRope(scenario)
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
-        self._couplings = CouplingFigures(scenario)
+        self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
+        self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
@@ -35,11 +39,13 @@ class KeyFigures:
         for name, rope in self._ropes.items():
             rope.update(snapshot.of_rope(name))
         self._couplings.update(snapshot)
+        self._loops.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
         for rope in [self._whole] if self._whole is not None else self._ropes.values():
             rope.command(applied)
+        self._loops.command(applied)
 
     def touches(self) -> list[Touch]:
         """Vehicles that have met: the last touch of each with one after it on its rope."""
@@ -50,14 +56,25 @@ class KeyFigures:
         """All figures that have a value so far."""
         if self._whole is not None:
             return self._whole.figures()
-        found, lost = [], []
+        found: dict[str, KeyFigure] = {}
+        lost = []
         for name, rope in self._ropes.items():
-            for figure in rope.figures():
-                if figure.name == ENERGY_LOST:  # of the solver, which is one
-                    lost = [figure]
-                else:
-                    found.append(replace(figure, name=_named(name, figure.name)))
-        return [*found, *self._couplings.figures(), *lost]
+            for own in rope.figures():
+                if own.name == ENERGY_LOST:  # of the solver, which is one
+                    lost = [own]
+                    continue
+                figure = replace(own, name=_named(name, own.name))
+                if own.name.startswith(self._riding):  # on every strand: the worst of them, and where that was
+                    figure = replace(own, place=f"{name}: {own.place}")
+                    figure = _worse(found.pop(own.name, figure), figure)
+                found[figure.name] = figure
+        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *lost]
+
+
+def _worse(one: KeyFigure, other: KeyFigure) -> KeyFigure:
+    """Which of two figures of one name, on two strands, went farther."""
+    least = one.bound == "at least" or one.name.endswith(LEAST)
+    return other if (other.value < one.value) == least and other.value != one.value else one
 
 
 def _named(rope: str, figure: str) -> str:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import isnan, nan
+
+from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.records import AppliedCommand
 
 STANDSTILL = 1e-3  # m/s
 
@@ -54,4 +58,60 @@ class Stops:
         self._braking = None
 
 
-__all__ = ["Stop", "Stops"]
+class StopsOf:
+    """Those of all that is driven, by name.
+
+    Args:
+        names: of what is driven.
+        motion: gives place (m) and speed (m/s) of one of them in the last frame.
+    """
+
+    def __init__(self, names: Iterable[str], motion: Callable[[str], tuple[float, float]]) -> None:
+        self._stops, self._motion = {name: Stops() for name in names}, motion
+        self._time = nan  # s, of the last frame
+        self._braking: list[str] = []  # those of which a stop is under way
+
+    def update(self, time: float) -> None:
+        """Take in the last frame, at a time (s)."""
+        self._time = time
+        if self._braking:
+            for name in self._braking:
+                self._stops[name].update(time, *self._motion(name))
+            self._find_braking()
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take in a command where it took effect."""
+        kind, values, seen = applied.command.kind, applied.command.values, not isnan(self._time)
+        for name, stops in self._stops.items():
+            if kind == "reset":
+                stops.cancel()
+            elif seen and kind == "emergency_stop":
+                stops.begin("emergency stop", applied.time, *self._motion_at(name, applied.time))
+            elif seen and kind == "speed" and values.get(name) == 0.0:
+                stops.begin("stop", applied.time, *self._motion_at(name, applied.time))
+            elif kind in ("speed", "force") and name in values:
+                stops.cancel()
+        self._find_braking()
+
+    def figures(self, name: str, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
+        """Way and time of the stop that counts of one of them; `limited` gives them the limit of a key."""
+        stop = self._stops[name].stop if name in self._stops else None
+        if stop is not None:
+            place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
+            yield limited(
+                KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place), "stopping_distance"
+            )
+            yield limited(
+                KeyFigure(f"{name}: stopping time", stop.end - stop.time, "s", stop.time, place), "stopping_time"
+            )
+
+    def _find_braking(self) -> None:
+        self._braking = [name for name, stops in self._stops.items() if stops.braking]
+
+    def _motion_at(self, name: str, time: float) -> tuple[float, float]:
+        """Place (m) and speed (m/s) at a time (s) shortly after the last frame, which goes on as it was."""
+        place, speed = self._motion(name)
+        return place + speed * (time - self._time), speed
+
+
+__all__ = ["Stop", "Stops", "StopsOf"]

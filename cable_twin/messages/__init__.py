@@ -5,7 +5,7 @@ from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
-from cable_twin.messages.sheaves import sheave_reader
+from cable_twin.messages.sheaves import fill_sheaves, sheave_numbers
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -84,6 +84,7 @@ __all__ = [
     "contact_force_topic",
     "decode",
     "diagnostics_message",
+    "fill_sheaves",
     "haul_force_topic",
     "head_topic",
     "header",
@@ -95,7 +96,7 @@ __all__ = [
     "scenario_from_message",
     "scenario_message",
     "serialize",
-    "sheave_reader",
+    "sheave_numbers",
     "statuses_of_message",
     "support_force_topic",
     "time_of",

@@ -21,7 +21,7 @@ from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nano
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
-from cable_twin.messages.sheaves import SheaveMessage
+from cable_twin.messages.sheaves import SheavesMessage
 from cable_twin.messages.templates import (
     UPRIGHT,
     body_pose_template,
@@ -123,7 +123,7 @@ class MessageEncoder:
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
         if layout.sheaves:
-            self._makers[SHEAVES] = lambda: SheaveMessage(self._header, layout, self._columns)
+            self._makers[SHEAVES] = partial(SheavesMessage, self._header, layout, self._columns)
         if layout.connectors:
             self._makers[CONNECTORS] = self._connectors
         if layout.pantographs:

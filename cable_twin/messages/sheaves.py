@@ -1,24 +1,38 @@
-"""Bullwheels as a message: a row for each, for the strands that come to it and leave it, and for what tensions it."""
+"""Bullwheels as a message: of each its rope and drive, and by rows of their own what is at it.
+
+NAME has the rope gone over it (m), its speed (m/s) and the force of its drive at the rim (N); NAME/on and NAME/off are
+the strands that come to it and leave it, with their tensions (N) as effort, and on NAME/on how far its rim has gone
+further than the rope (m); NAME/carriage, where something tensions it, has the travel of that (m).
+"""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 
 from cable_twin.messages.cdr import Header, Template, marks
 from cable_twin.messages.topics import JointState
+from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
-ROWS = ("", "/on", "/off", "/carriage")  # of each bullwheel, behind its name
+
+class _Rows:
+    """Names of the rows, and numbers of those of each kind."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.names: list[str] = []
+        self.wheel, self.on, self.off, self.carriage = [], [], [], []  # type: ignore[var-annotated]
+        for name in layout.sheaves:
+            for rows, row in ((self.wheel, name), (self.on, f"{name}/on"), (self.off, f"{name}/off")):
+                rows.append(len(self.names))
+                self.names.append(row)
+            if name in layout.tensioned:
+                self.carriage.append(len(self.names))
+                self.names.append(f"{name}/carriage")
+        self.tensioned = [row for row, name in enumerate(layout.sheaves) if name in layout.tensioned]
 
 
-class SheaveMessage:
+class SheavesMessage:
     """The message of what the columns of a frame show.
-
-    NAME has the rope gone by (m), its speed (m/s) and the drive force at the rim (N). NAME/on and NAME/off, the
-    strands, have tensions (N) as effort, and NAME/on the slip (m) of the rope. NAME/carriage has the travel (m) of what
-    tensions the wheel.
 
     Args:
         header: of the message.
@@ -27,32 +41,43 @@ class SheaveMessage:
     """
 
     def __init__(self, header: Header, layout: Layout, columns: Columns) -> None:
-        self._columns = columns
-        names = [f"{name}{row}" for name in layout.sheaves for row in ROWS]
-        self._numbers = np.zeros((3, len(layout.sheaves), len(ROWS)))
-        places, speeds, forces = marks(3 * len(names)).reshape(3, -1)
-        self._template = Template(JointState(header, names, places, speeds, forces), list(self._numbers))
+        self._columns, self._rows = columns, _Rows(layout)
+        count = len(self._rows.names)
+        self._numbers = np.zeros((3, count))
+        places, speeds, forces = marks(3 * count).reshape(3, -1)
+        self._template = Template(JointState(header, self._rows.names, places, speeds, forces), list(self._numbers))
 
     def fill(self, stamp_ns: int) -> bytes:
         """The message with a stamp (ns)."""
-        c, (places, speeds, forces) = self._columns, self._numbers
-        places[:, 0], places[:, 1], places[:, 3] = c.sheave_position, c.sheave_slip, c.sheave_travel
-        speeds[:, 0], forces[:, 0], forces[:, 1:3] = c.sheave_speed, c.sheave_force, c.sheave_tension
+        c, rows, (places, speeds, forces) = self._columns, self._rows, self._numbers
+        places[rows.wheel], places[rows.on] = c.sheave_position, c.sheave_slip
+        places[rows.carriage] = c.sheave_travel[rows.tensioned]
+        speeds[rows.wheel], forces[rows.wheel] = c.sheave_speed, c.sheave_force
+        forces[rows.on], forces[rows.off] = c.sheave_tension[:, 0], c.sheave_tension[:, 1]
         return self._template.fill(stamp_ns)
 
 
-def sheave_reader(numbers_of: Callable[[bytes, int], np.ndarray], columns: Columns) -> Callable[[bytes], None]:
-    """Reads that message into the columns of a frame; `numbers_of` gives so many numbers at the end of a message."""
-    c, count = columns, len(ROWS) * columns.sheave_speed.size
+def fill_sheaves(numbers: FloatArray, layout: Layout, c: Columns) -> None:
+    """Fill the columns of bullwheels from the three arrays that their message ends with, 8 bytes apart.
 
-    def read(data: bytes) -> None:
-        numbers = numbers_of(data, 3 * count + 2)
-        parts = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
-        places, speeds, forces = (part.reshape(-1, len(ROWS)) for part in parts)
-        c.sheave_position[:], c.sheave_slip[:], c.sheave_travel[:] = places[:, 0], places[:, 1], places[:, 3]
-        c.sheave_speed[:], c.sheave_force[:], c.sheave_tension[:] = speeds[:, 0], forces[:, 0], forces[:, 1:3]
+    Args:
+        numbers: the doubles with which the message ends, at least as many.
+        layout: of the frame.
+        c: takes them.
+    """
+    rows = _Rows(layout)
+    count = len(rows.names)
+    numbers = numbers[numbers.size - (3 * count + 2) :]
+    places, speeds, forces = numbers[:count], numbers[count + 1 : 2 * count + 1], numbers[2 * count + 2 :]
+    c.sheave_position[:], c.sheave_slip[:] = places[rows.wheel], places[rows.on]
+    c.sheave_travel[rows.tensioned] = places[rows.carriage]
+    c.sheave_speed[:], c.sheave_force[:] = speeds[rows.wheel], forces[rows.wheel]
+    c.sheave_tension[:, 0], c.sheave_tension[:, 1] = forces[rows.on], forces[rows.off]
 
-    return read
+
+def sheave_numbers(layout: Layout) -> int:
+    """How many doubles the message ends with, the lengths of its arrays counted as one each."""
+    return 3 * len(_Rows(layout).names) + 2
 
 
-__all__ = ["SheaveMessage", "sheave_reader"]
+__all__ = ["SheavesMessage", "fill_sheaves", "sheave_numbers"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.script import ScriptedCommand
@@ -14,13 +15,15 @@ from cable_twin.simulation import Simulation
 
 def refined(scenario: Scenario) -> Scenario:
     """The same scenario with elements and steps of half the length."""
-    elements = scenario.cable.elements
-    if isinstance(elements, Grading):
-        changes = {f"cable.elements.{key}": 0.5 * getattr(elements, key) for key in ("target", "at_towers")}
-        # the growth per metre stays, so that elements are halved everywhere
-        changes["cable.elements.growth"] = elements.growth**0.5
-    else:
-        changes = {"cable.elements": 2 * elements}
+    changes: dict[str, Any] = {}
+    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
+        key, elements = f"ropes.{rope}.elements" if rope else "cable.elements", cable.elements
+        if isinstance(elements, Grading):
+            changes |= {f"{key}.{part}": 0.5 * getattr(elements, part) for part in ("target", "at_towers")}
+            # the growth per metre stays, so that elements are halved everywhere
+            changes[f"{key}.growth"] = elements.growth**0.5
+        else:
+            changes[key] = 2 * elements
     return load_scenario(scenario.resolved(), {**changes, "solver.step": 0.5 * scenario.solver.step})
 
 

@@ -14,8 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cable_twin.offline.line_places import Line
-from cable_twin.offline.plots import ASIDE, COLORS, INK, QUIET, STYLE
-from cable_twin.scenario import in_space
+from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
@@ -53,7 +52,9 @@ def _profile(axes: Axes, line: Line) -> None:
     """Rope at all places, the way of the vehicle's last body, terrain and towers."""
     ropes = np.array([columns.rope_position for columns in line.columns])
     for number, rope in enumerate(ropes):
-        axes.plot(rope[:, 0], rope[:, 2], color=COLORS[0], linewidth=0.4, label="" if number else "rope")
+        for part in _layout(line).ropes.values():
+            called = "rope" if number == part.start == 0 else ""
+            axes.plot(rope[part, 0], rope[part, 2], color=COLORS[0], linewidth=0.4, label=called)
     bodies = np.array([columns.body_position for columns in line.columns])
     here = np.array([np.repeat(columns.attached > 0.0, np.diff(_layout(line).first_body)) for columns in line.columns])
     axes.plot(bodies[..., 0][here], bodies[..., 2][here], ".", color=COLORS[1], markersize=2.5, label="vehicles")
@@ -74,7 +75,9 @@ def _profile(axes: Axes, line: Line) -> None:
 
 def _sideways(line: Line) -> float:
     """How far (m) rope, bodies and towers reach across the track."""
-    towers = [tower.position[1] for tower in line.scenario.towers.values() if len(tower.position) == 3]
+    if line.scenario.dim == 2:
+        return 0.0
+    towers = [y for _, y, _ in line.scenario.tower_places.values()]
     places = [y for columns in line.columns for y in (columns.rope_position[:, 1], columns.body_position[:, 1])]
     return float(np.abs(np.concatenate([*places, towers])).max())
 
@@ -83,11 +86,13 @@ def _plan(axes: Axes, line: Line) -> None:
     """The same from above: what bends in plan, or is blown aside; towers where the rope lies on them."""
     for number, columns in enumerate(line.columns):
         rope = columns.rope_position
-        axes.plot(rope[:, 0], rope[:, 1], color=COLORS[0], linewidth=0.4, label="" if number else "rope")
+        for part in _layout(line).ropes.values():
+            called = "rope" if number == part.start == 0 else ""
+            axes.plot(rope[part, 0], rope[part, 1], color=COLORS[0], linewidth=0.4, label=called)
         here = np.repeat(columns.attached > 0.0, np.diff(_layout(line).first_body))
         places = columns.body_position[here]
         axes.plot(places[:, 0], places[:, 1], ".", color=COLORS[1], markersize=2.5, label="" if number else "vehicles")
-    towers = np.array([in_space(tower.position) for tower in line.scenario.towers.values()]).reshape(-1, 3)
+    towers = np.array(list(line.scenario.tower_places.values())).reshape(-1, 3)
     axes.plot(towers[:, 0], towers[:, 1], "s", color=QUIET, markersize=5.0, label="towers")
     axes.set_xlabel("x, along the track [m]")
     axes.set_ylabel("y, to the left [m]")
@@ -99,16 +104,18 @@ def _tension(axes: Axes, line: Line) -> None:
     arc = _layout(line).arc_lengths
     tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
     low, high = tensions.min(axis=0), tensions.max(axis=0)
-    axes.fill_between(arc, low, high, color=COLORS[0], alpha=0.2, linewidth=0)
-    axes.plot(arc, high, color=COLORS[0], label="highest")
-    axes.plot(arc, low, color=COLORS[0], linestyle="--", label="lowest")
-    factor = next((figure for figure in line.figures if figure.name == "rope safety factor"), None)
+    for number, (rope, part) in enumerate(_layout(line).ropes.items()):
+        color, whose = COLORS[number % len(COLORS)], f"{rope}, " if line.scenario.ropes else ""
+        axes.fill_between(arc[part], low[part], high[part], color=color, alpha=0.2, linewidth=0)
+        axes.plot(arc[part], high[part], color=color, label=f"{whose}highest")
+        axes.plot(arc[part], low[part], color=color, linestyle="--", label=f"{whose}lowest")
+    factor = next((figure for figure in line.figures if figure.name.endswith("rope safety factor")), None)
     if factor is not None and factor.limit is not None and line.scenario.cable.breaking_force is not None:
         limit = 1e-3 * line.scenario.cable.breaking_force / factor.limit
         axes.axhline(limit, color=LIMIT, linewidth=1.0, label=f"safety factor of {factor.limit:g}")
     axes.set_xlabel("arc length of the rope, unstrained [m]")
     axes.set_ylabel("tension [kN]")
-    axes.legend(ncols=3, **HEAD)
+    axes.legend(ncols=5, **HEAD)
 
 
 def _clearance(axes: Axes, line: Line) -> None:
@@ -116,11 +123,12 @@ def _clearance(axes: Axes, line: Line) -> None:
     limits = line.scenario.limits
     for number, (key, limit) in enumerate((("rope", limits.rope_clearance), ("vehicle", limits.vehicle_clearance))):
         names = [name for name in line.rows if name.endswith("clearance over the terrain [m]")]
-        own = [name for name in names if name.startswith("rope ") == (key == "rope")]
-        for name in own[:1]:
-            axes.plot(line.places, line.rows[name], color=COLORS[number], label=name.removesuffix(" [m]"))
-            if limit is not None:
-                axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
+        own = [name for name in names if ("rope clearance" in name) == (key == "rope")]
+        for name, dashes in zip(own if key == "rope" else own[:1], ("-", "--", ":", "-.") * len(own), strict=False):
+            shown = name.removesuffix(" [m]")
+            axes.plot(line.places, line.rows[name], color=COLORS[number], linestyle=dashes, label=shown)
+        if own and limit is not None:
+            axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
     axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
     axes.set_xlabel(_where(line))
     axes.set_ylabel("clearance [m]")
@@ -141,7 +149,7 @@ def _towers(axes: Axes, line: Line) -> None:
     axes.set_xlabel(_where(line))
     axes.set_ylabel("load of the rope\non towers [kN]")
     if len(towers) > 2:
-        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0))
+        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=9.0 if len(towers) <= MANY else 5.5)
     else:
         axes.legend(ncols=4, **HEAD)
 
@@ -154,7 +162,7 @@ def _where(line: Line) -> str:
 
 
 def _layout(line: Line) -> Layout:
-    return Layout.of(line.scenario, line.columns[0].rope_tension.size)
+    return Layout.of(line.scenario, line.columns[0].rope_tension.size // max(len(line.scenario.ropes), 1))
 
 
 __all__ = ["write_line_plot"]

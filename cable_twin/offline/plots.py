@@ -55,7 +55,7 @@ STYLE = {
     "savefig.dpi": 130,
 }
 ASIDE = 0.01  # m across the track, from which on a rope is drawn from above
-SCALED = ("N", "W")  # units that may get a prefix
+SCALED = ("N", "W", "N m")  # units that may get a prefix
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +218,7 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
         ("z, height [m]", lambda points, _: points[:, 2]),
         ("z above the chord [m]", _height),
     ]
-    if max(np.nanmax(np.abs(shape.positions[:, 1])) for several in shapes for shape in several) > ASIDE:
+    if max(_aside(shape.positions) for several in shapes for shape in several) > ASIDE:
         rows.append(("y, to the left [m]", lambda points, _: points[:, 1]))
     width = 10.0 if len(runs) == 1 else max(14.0, 4.5 * len(runs))
     size = (width, 3.3 * len(rows))
@@ -245,6 +245,12 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
     bar = figure.add_axes((0.915, 0.12, 0.015, 0.7))
     figure.colorbar(ScalarMappable(norm, "viridis"), cax=bar, label="simulated time [s]")
     return figure
+
+
+def _aside(rope: np.ndarray) -> float:
+    """How far (m) a rope goes across the track, or the farthest of several, between which there is a gap."""
+    parts = np.split(rope[:, 1], np.flatnonzero(np.isnan(rope[:, 0])))
+    return max(float(np.nanmax(part) - np.nanmin(part)) for part in parts if not np.isnan(part).all())
 
 
 def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:

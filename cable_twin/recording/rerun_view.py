@@ -26,7 +26,7 @@ from cable_twin.recording.view_readout import describe_command
 from cable_twin.recording.view_space import InSpace
 from cable_twin.recording.view_stream import flush_stream, open_stream, split_stream
 from cable_twin.recording.web_view import LIVE_PORT, live_url
-from cable_twin.records import AppliedCommand, Command
+from cable_twin.records import AppliedCommand, Command, FloatArray
 from cable_twin.snapshot import Layout, Snapshot
 
 BATCH = 500  # frames
@@ -59,6 +59,7 @@ class RerunView:
         batch_frames: int | None = None,
         stream: rr.RecordingStream | None = None,
         space: InSpace | None = None,
+        wheels: Mapping[str, FloatArray] | None = None,
     ) -> None:
         """Open the file and the server; the picture is laid out with the first snapshot.
 
@@ -81,6 +82,7 @@ class RerunView:
                 live, else 500, for a small file and a small index; a flush sends what there is.
             stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
             space: What is drawn in space as well, beside the plane of the track.
+            wheels: Name -> (n, 3) m, the rim of each bullwheel.
 
         Raises:
             ValueError: When neither a file, a live view nor a stream is given, or the unit is unknown.
@@ -108,6 +110,7 @@ class RerunView:
             geometry_rate=geometry_rate,
             rope_rate=rope_rate,
             space=space,
+            wheels=wheels or {},
         )
         self.flush_period = 0.5 if live else 5.0
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from cable_twin.geometry.outlines import body_outlines
 from cable_twin.geometry.solids import body_solids
+from cable_twin.geometry.wheels import wheel_rims
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
 from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port
-from cable_twin.scenario import Scenario, in_space
+from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
 
 if TYPE_CHECKING:
@@ -123,9 +124,10 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
     from cable_twin.recording.view_space import InSpace  # noqa: PLC0415
 
     space = None
-    if scenario.dim == 3:
-        towers = {name: np.array(in_space(tower.position)) for name, tower in scenario.towers.items()}
-        space = InSpace(body_solids(scenario), towers)
+    apart = any(rope.lateral for rope in scenario.ropes.values())
+    if scenario.dim == 3 or apart:
+        towers = {name: np.array(place) for name, place in scenario.tower_places.items()}
+        space = InSpace(body_solids(scenario), towers, between=apart)
     return RerunView(
         scenario.name,
         body_outlines(scenario),
@@ -135,6 +137,7 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
         support_positions={name: (tower.position[0], tower.position[-1]) for name, tower in scenario.towers.items()},
         carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
         space=space,
+        wheels=wheel_rims(scenario),
         **options,
     )
 

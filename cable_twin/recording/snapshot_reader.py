@@ -38,12 +38,13 @@ from cable_twin.messages import (
     Status,
     contact_force_topic,
     decode,
+    fill_sheaves,
     haul_force_topic,
     head_topic,
     hung_rows,
     joint_names,
     pose_topic,
-    sheave_reader,
+    sheave_numbers,
     statuses_of_message,
     support_force_topic,
 )
@@ -51,11 +52,11 @@ from cable_twin.recording.field_numbers import cloud_points, fill, joint_reader,
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.recording.read_towers import ReadTowers
+from cable_twin.recording.read_supports import ReadSupports
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.snapshot import ENDS, Layout, Snapshot
+from cable_twin.snapshot import Layout, Snapshot
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 POSE = 7  # numbers: place and quaternion
@@ -126,7 +127,7 @@ class _Frames:
         self._columns = layout.columns(self._numbers)
         self._empty = True
         self._clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()], dtype=bool)
-        self._towers = ReadTowers(scenario, layout)
+        self._supports = ReadSupports(scenario, layout)
         self._winds = np.array([in_space(scenario.air.wind)] * 2)  # m/s, at the start and now
         self._payloads = self._first_payloads()
         self._names_checked = False
@@ -136,7 +137,7 @@ class _Frames:
         self._hung = hung_rows(layout)[: 0 if self._absolute else None]
         self._full = _full_state(log.snapshot)
         if self._full is not None:
-            self._towers.rest_loads[:] = np.concatenate([start.tower_load[:, 0] for start in self._full.starts])
+            self._supports.rest_loads[:] = np.concatenate([start.tower_load[:, 0] for start in self._full.starts])
             self._winds[0] = in_space(tuple(self._full.start.wind.tolist()))
             self._go_to(self._full)
         self.readers = self._make_readers()
@@ -160,7 +161,8 @@ class _Frames:
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
         if layout.sheaves:
-            readers[SHEAVES] = sheave_reader(last_numbers, c)
+            count = sheave_numbers(layout)
+            readers[SHEAVES] = lambda data: fill_sheaves(last_numbers(data, count), layout, c)
         if layout.connectors:
             readers[CONNECTORS] = reader(len(layout.connectors), [c.connector_force])
         for row, name in enumerate(layout.pantographs):
@@ -168,7 +170,7 @@ class _Frames:
         if layout.pantographs:
             readers[PANTOGRAPHS] = joint_reader(c.pantograph_speed, c.pantograph_force)
         if layout.grooves:
-            readers[DERAILMENTS] = self._towers.read
+            readers[DERAILMENTS] = self._supports.read
         for row, name in enumerate(layout.supports):
             readers[support_force_topic(name)] = reader(6, [c.support_force[row]])
         return readers
@@ -193,7 +195,7 @@ class _Frames:
         ends = (c.arc_length == 0.0) | (c.arc_length == self._lengths[np.nan_to_num(c.vehicle_rope).astype(np.int64)])
         c.attached[:] = np.where(np.isnan(c.arc_length), nan, ~(self._clamped & ends))
         self._turn_bodies()
-        self._judge_supports()
+        self._supports.fill(c)
         snapshot = Snapshot(self._layout, self._numbers.copy(), NOTHING)
         self._numbers.fill(nan)
         self._empty = True
@@ -212,7 +214,7 @@ class _Frames:
                 return
             self._winds[1] = self._winds[0]
             self._payloads = self._first_payloads()
-            self._towers.reset()
+            self._supports.reset()
 
     def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
         """Read recorded key figures; raises LogError where they are unreadable."""
@@ -248,7 +250,7 @@ class _Frames:
         for one, state in zip(alone, states, strict=True):  # of what rides a loop, as its last strand has it
             for vehicle, mass in zip(one.vehicles, state.payload.tolist(), strict=True):
                 self._payloads[self._layout.vehicle_rows[vehicle]] = mass
-        self._towers.go_to(states)
+        self._supports.go_to(states)
         self._winds[1] = in_space(tuple(states[0].wind.tolist()))
 
     def _read_joints(self, data: bytes) -> None:
@@ -284,20 +286,6 @@ class _Frames:
             angles = self._columns.body_angles
             angles[:, 0] = np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
             angles[:, 2] = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
-
-    def _judge_supports(self) -> None:
-        """What is known of supports by their forces and the shape of the cable."""
-        c = self._columns
-        self._towers.fill(c)
-        for rope, part in self._layout.ropes.items():
-            places = c.rope_position[part]
-            for place, name in zip((places[0], places[-1]), ENDS, strict=True):
-                end = getattr(self._scenario.ropes.get(rope, self._scenario.cable), name)
-                if end.support == "counterweight":
-                    direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
-                    moved = place - np.array(in_space(end.position))
-                    row = self._layout.support_rows[f"{rope}/{name}" if self._scenario.ropes else name]
-                    c.support_travel[row] = float(moved @ direction)
 
 
 def _full_state(snapshot: bytes | None) -> FullState | None:

@@ -15,7 +15,7 @@ from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
 from cable_twin.signals import SIGNALS
 
-LEGEND_LINES = 12  # of a plot, up to which it has a legend
+LEGEND_LINES = 9  # of a plot, up to which it has a legend
 TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
 EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
 IN_A_ROW = 3  # plots and close-ups, of about one height and width; in space there are more of them

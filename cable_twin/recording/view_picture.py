@@ -36,6 +36,7 @@ class Look:
     carriers: Collection[str]
     geometry_rate: float  # Hz
     rope_rate: float  # Hz
+    wheels: Mapping[str, FloatArray]  # (n, 3) m, rims of bullwheels
     space: InSpace | None  # what is drawn in space, where it is drawn there as well
 
 
@@ -75,13 +76,13 @@ class Picture:
         )
         low, high = extent(scene)
         width = float(max(high - low))
-        low = low - (0.0, draw_scene(stream, scene, width))
+        low = low - (0.0, draw_scene(stream, scene, width, look.wheels))
         top = float(high[1] + 0.06 * width)
         self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
         self._vehicles.begin(stream, first, 0.045 * width)
         self._plots.begin(stream)
         if self._space:
-            self._space.begin(stream, first, scene.ground)
+            self._space.begin(stream, first, scene.ground, look.wheels)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
         self._corners = low, high, top
         self._lay_out(stream)

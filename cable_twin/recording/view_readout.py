@@ -11,6 +11,8 @@ from cable_twin.records import AppliedCommand
 from cable_twin.signals import driven, driven_names
 from cable_twin.snapshot import Columns, Layout
 
+SLIPPED = 1e-3  # m, above which slip is written
+
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
     """Return the numbers of a frame as Markdown, forces times `scale` in `unit`; without those that are not known."""
@@ -43,6 +45,12 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
     for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
         lines.append((name, load, "lifted off" if load == 0.0 else f"{load * scale:.4g} {unit}"))
     lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
+    for name, (on, off), slip, travel in zip(
+        layout.sheaves, c.sheave_tension.tolist(), c.sheave_slip.tolist(), c.sheave_travel.tolist(), strict=True
+    ):
+        lines += [(name, on + off, f"{on * scale:.4g} to {off * scale:.4g} {unit}")]
+        lines += [(f"{name} slip", slip, f"{slip:.3f} m")] if abs(slip) > SLIPPED else []
+        lines += [(f"{name} travel", travel, f"{travel:+.3f} m")]
     shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]
     return "\n".join([f"## {title}", f"| time | {c.time[0]:.2f} s |", "| :-- | --: |", *shown])
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from os.path import commonprefix
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
 from cable_twin.geometry.ground_line import default_ground
-from cable_twin.recording.view_geometry import pixels, plane
+from cable_twin.recording.view_geometry import pixels, planar, plane
 from cable_twin.records import FloatArray
 
 QUIET = 0x747D8FFF  # readable on dark and on light ground
+WHEEL = 0x9A6EE0FF
 GROUND = 0x84735DFF
 LETTER, NAME_HEIGHT = 0.009, 0.035  # of a name, in widths of the scene
 
@@ -49,8 +51,11 @@ def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float) -> float:
-    """Log ground, supports and their masts, and their names below; return how far (m) those go below the ground."""
+def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: Mapping[str, FloatArray]) -> float:
+    """Log ground, supports and their masts, rims (n, 3) m of bullwheels, and their names below.
+
+    Returns how far (m) those go below the ground.
+    """
     ground, supports = scene.ground, scene.supports
     stream.log("track/ground", rr.LineStrips2D([plane(ground)], colors=[GROUND], radii=pixels(1.5)), static=True)
     masts = [[(x, z), (x, float(np.interp(x, ground[:, 0], ground[:, 1])))] for x, z in supports.values()]
@@ -60,12 +65,35 @@ def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float) -> float:
         rr.Points2D([plane(where) for where in supports.values()], colors=[QUIET], radii=pixels(5.0)),
         static=True,
     )
-    feet = np.array([mast[1] for mast in masts]).reshape(-1, 2)
-    depths = NAME_HEIGHT * width * (0.5 + name_rows(feet[:, 0] / width, list(supports)))
+    if wheels:
+        rims = rr.LineStrips2D([plane(planar(rim)) for rim in wheels.values()], colors=[WHEEL], radii=pixels(2.5))
+        stream.log("track/wheels", rims, static=True)
+    together = gathered({name: mast[1] for name, mast in zip(supports, masts, strict=True)}, wheels)
+    feet = np.array(list(together.values())).reshape(-1, 2)
+    depths = NAME_HEIGHT * width * (0.5 + name_rows(feet[:, 0] / width, list(together)))
     places = plane(feet - np.column_stack([np.zeros(len(feet)), depths]))
-    names = rr.Points2D(places, colors=[QUIET], radii=[0.0], labels=list(supports), show_labels=True)
+    names = rr.Points2D(places, colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True)
     stream.log("track/names", names, static=True)
     return float(depths.max(initial=0.0)) + NAME_HEIGHT * width
+
+
+def gathered(places: Mapping[str, Sequence[float]], wheels: Mapping[str, FloatArray]) -> dict[str, Sequence[float]]:
+    """Places by name, once each: of several names there what they begin with, the bullwheel between them, or all.
+
+    Args:
+        places: Name -> m, x first.
+        wheels: Name -> (n, 3) m, rims of bullwheels.
+    """
+    names: dict[tuple[float, ...], list[str]] = {}
+    for name, place in places.items():
+        names.setdefault(tuple(round(float(part), 3) for part in place), []).append(name)
+    called = []
+    for some in names.values():
+        x = places[some[0]][0]
+        near = [name for name, rim in wheels.items() if np.min(rim[:, 0]) <= x <= np.max(rim[:, 0])]
+        common = commonprefix(some).rstrip("_/")  # noqa: RUF071 - of letters
+        called.append(common or (near[0] if near else ", ".join(some)))
+    return {name: places[some[0]] for name, some in zip(called, names.values(), strict=True)}
 
 
 def name_rows(places: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cable_twin.geometry.solids import Solid
 from cable_twin.recording.view_geometry import entity_path, pixels, rows_without_gaps, time_column
-from cable_twin.recording.view_scene import GROUND, QUIET
+from cable_twin.recording.view_scene import GROUND, QUIET, WHEEL, gathered
 from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
@@ -39,10 +39,12 @@ class InSpace:
     Attributes:
         solids: Vehicle -> body -> its triangles.
         towers: Name -> (3,) m.
+        between: Whether their masts are in the middle, between strands to the left and to the right.
     """
 
     solids: Mapping[str, Mapping[str, Solid]]
     towers: Mapping[str, FloatArray]
+    between: bool = False
 
 
 class Eye(NamedTuple):
@@ -81,15 +83,17 @@ class Space:
         self._followed = {
             entity_path(CLOSE_UPS, name): row for row, name in enumerate(layout.vehicles) if name in followed
         }
-        self._supports = layout.supports
+        self._end_samples = layout.end_samples
         self._reach = 1.0  # m, of an arrow of the wind beside a vehicle
         self._span = 1.0  # m, of the track
         self._sky = np.zeros(3)  # m, where the arrow of the wind is
         self.overview = Eye(np.zeros(3), np.zeros(3))
         self.close_ups: dict[str, Eye] = {}
 
-    def begin(self, stream: rr.RecordingStream, c: Columns, ground: FloatArray) -> None:
-        """Log what never changes, around a first frame and the ground (n, 2), x and z in m."""
+    def begin(
+        self, stream: rr.RecordingStream, c: Columns, ground: FloatArray, wheels: Mapping[str, FloatArray]
+    ) -> None:
+        """Log what never changes, around a first frame, the ground (n, 2) m, x and z, and rims (n, 3) m."""
         stream.log(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         rope = c.rope_position[~np.isnan(c.rope_position).any(axis=1)]
         points = np.vstack([rope, *self._look.towers.values()]) if len(rope) else np.zeros((2, 3))
@@ -97,7 +101,11 @@ class Space:
         self._span = float(max(high - low)) or 1.0
         side = STRIP * self._span
         _draw_ground(stream, ground, low[1] - side, high[1] + side)
-        self._draw_supports(stream, points[[0, len(rope) - 1]] if len(rope) else points, ground)
+        ends = {name: c.rope_position[sample] for name, sample in self._end_samples.items()}
+        self._draw_supports(stream, {n: top for n, top in ends.items() if not np.isnan(top).any()}, ground, wheels)
+        if wheels:
+            rims = rr.LineStrips3D(list(wheels.values()), colors=[WHEEL], radii=pixels(3.0))
+            stream.log(f"{SPACE}/wheels", rims, static=True)
         for group in self._alike:
             mesh = rr.Mesh3D(
                 vertex_positions=group.solid.vertices,
@@ -123,22 +131,37 @@ class Space:
                 target = place - [0.0, 0.0, self._reach]
                 self.close_ups[path] = Eye(target + np.array(BEHIND) * self._reach, target)
 
-    def _draw_supports(self, stream: rr.RecordingStream, ends: FloatArray, ground: FloatArray) -> None:
-        """Log stations as masts, towers as masts beside the rope with an arm above it, and their names."""
+    def _draw_supports(
+        self,
+        stream: rr.RecordingStream,
+        ends: Mapping[str, FloatArray],
+        ground: FloatArray,
+        wheels: Mapping[str, FloatArray],
+    ) -> None:
+        """Log stations as masts, towers as masts beside the rope with an arm above it, and their names.
+
+        Args:
+            stream: Takes it.
+            ends: Name -> (3,) m, ends of ropes.
+            ground: (n, 2) m, x and z.
+            wheels: Name -> (n, 3) m, rims of bullwheels.
+        """
         arm = max(
             ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
         )
-        strips, names, places = [], [], []
-        for name in self._supports:
-            tower = self._look.towers.get(name)
-            top = ends[0 if name == "start" else -1] if tower is None else tower
+        strips, places = [], {}
+        for name, top in (*ends.items(), *self._look.towers.items()):
             foot = float(np.interp(top[0], ground[:, 0], ground[:, 1]))
-            beside = top if tower is None else top - [0.0, arm, 0.0]
+            beside = top if name in ends else top - [0.0, arm, 0.0]
+            if self._look.between:
+                beside = np.array([top[0], 0.0, top[2]])
             strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
-            names.append(name)
-            places.append([beside[0], beside[1], foot - 0.02 * self._span])
+            places[name] = [beside[0], beside[1], foot - 0.02 * self._span]
         stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
-        labels = rr.Points3D(places, colors=[QUIET], radii=[0.0], labels=names, show_labels=True)
+        together = gathered(places, wheels)
+        labels = rr.Points3D(
+            list(together.values()), colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True
+        )
         stream.log(f"{SPACE}/names", labels, static=True)
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:

@@ -44,9 +44,9 @@ def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
     """Frames that stand still: name, frame that each is seen from (None: the fixed one), place x, y, z (m) in it."""
     for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
         for name, end in zip(ENDS, (cable.start, cable.end), strict=True):
-            yield f"{rope}/{name}" if rope else name, None, in_space(end.position)
-    yield from ((name, None, in_space(tower.position)) for name, tower in scenario.towers.items())
-    yield from ((name, None, in_space(scenario.cable.start.position)) for name in scenario.drives)
+            yield f"{rope}/{name}" if rope else name, None, scenario.placed(rope, end.position)
+    yield from ((name, None, place) for name, place in scenario.tower_places.items())
+    yield from ((name, None, scenario.placed(None, scenario.cable.start.position)) for name in scenario.drives)
     for vehicle, carriage in scenario.vehicles.items():
         for name, body in carriage.bodies.items():
             yield pivot_frame(vehicle, name), f"{vehicle}/{name}", in_space(body.upper_pivot)
@@ -96,7 +96,7 @@ def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str 
 
 def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str, limits: Limits) -> None:
     """A way along the rope, drawn straight: place and speed are those along the rope."""
-    start, end = in_space(scenario.cable.start.position), in_space(scenario.cable.end.position)
+    start, end = (scenario.placed(None, place.position) for place in (scenario.cable.start, scenario.cable.end))
     length = dist(start, end)
     joint = _joint(robot, name, "prismatic", parent, child, start)
     _add(joint, "axis", xyz=" ".join(f"{(b - a) / length:.9g}" for a, b in zip(start, end, strict=True)))

@@ -15,11 +15,12 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
+from cable_twin.geometry.wheels import wheel_rims
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.recording.tension_colors import TensionColors
 from cable_twin.records import FloatArray
-from cable_twin.scenario import Scenario, in_space
+from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Columns, Layout
 
 Marker = ros2_jazzy.visualization_msgs__msg__Marker
@@ -37,6 +38,7 @@ REPEAT = 1.0  # s after which they are sent again where none have come: a paused
 LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
 LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
 GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
+WHEEL = (0.60, 0.43, 0.88, 1.0)
 LINE, FORCE, REACTION = (0.78, 0.49, 0.0, 1.0), (0.88, 0.32, 0.35, 1.0), (0.60, 0.43, 0.88, 1.0)
 ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -64,8 +66,7 @@ class Markers:
         boxes = [body_box(body) for body in bodies]
         self._boxed = [row for row, box in enumerate(boxes) if box is not None]
         self._box_position, self._box_turn = np.empty((len(self._boxed), 3)), np.empty((len(self._boxed), 4))
-        towers = {name: in_space(tower.position) for name, tower in scenario.towers.items()}
-        self._towers = [towers[name] for name in layout.towers]
+        self._towers = [scenario.tower_places[name] for name in layout.towers]
         counts = [np.sum(layout.sample_ropes == n) + np.sum(layout.joints[:, 0] == n) for n in range(len(layout.ropes))]
         self._ropes = [slice(last - count, last) for count, last in zip(counts, np.cumsum(counts), strict=True)]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
@@ -85,6 +86,10 @@ class Markers:
                 for n, part in enumerate(self._ropes)
             ),
             *self._still(scenario),
+            *(
+                self._marker("wheels", row, Marker.LINE_STRIP, (0.001 * self._span, 0, 0), WHEEL, points=rim)
+                for row, rim in enumerate(wheel_rims(scenario).values())
+            ),
             *self._bodies(scenario, [box for box in boxes if box is not None], rest),
             *self._forces(rest[4]),
         ]
@@ -156,8 +161,8 @@ class Markers:
             reached = [np.vstack([joint, c.body_position]) for joint in c.joint_position]
             ground = default_ground(c.rope_position[:, ::2], [points[:, ::2] for points in reached])
         half, mast = 0.02 * self._span, 0.002 * self._span
-        ropes = scenario.ropes.values() or [scenario.cable]
-        ends = [in_space(end.position) for rope in ropes for end in (rope.start, rope.end)]
+        ropes = scenario.ropes or {"": scenario.cable}
+        ends = [scenario.placed(name, end.position) for name, rope in ropes.items() for end in (rope.start, rope.end)]
         names = [*self._layout.end_samples, *self._layout.towers]
         sides = [y for _, y, _ in (*ends, *self._towers)]
         left, right = ([(x, side, z) for x, z in ground] for side in (min(sides) - half, max(sides) + half))

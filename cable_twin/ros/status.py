@@ -20,6 +20,7 @@ from cable_twin.simulation import Simulation
 
 SPAN = 1.5  # s over which the real-time factor is taken
 SHOWN = 2  # of what is driven, so that the line stays one
+SLIPPED = 0.005  # m, from which on slip is shown
 LATE = 0.1  # s, from which on lateness is marked
 
 
@@ -48,7 +49,7 @@ class Status:
         parts = [(self._simulation.scenario.name, "bold"), (f"{simulated:.1f} s", ""), self._pace(simulated)]
         if self._simulation.emergency_stopped:
             parts.append(("EMERGENCY STOP", "bold red"))
-        parts += self._driven()
+        parts += [*self._driven(), *self._slipping()]
         parts += [self._tension(), self._recording()]
         if not self._diagnostics.counts["commands_applied"]:
             parts.append((f"from another terminal: {self.hint}", "cyan"))
@@ -80,6 +81,12 @@ class Status:
         ]
         return parts + ([(f"and {len(names) - SHOWN} more", "dim")] if len(names) > SHOWN else [])
 
+    def _slipping(self) -> list[tuple[str, str]]:
+        """Bullwheels over which the rope has slipped, and by how much."""
+        snapshot = self._simulation.snapshot
+        slips = dict(zip(snapshot.layout.sheaves, snapshot.columns.sheave_slip.tolist(), strict=True))
+        return [(f"{name} slip {slip:+.2f} m", "red") for name, slip in slips.items() if abs(slip) > SLIPPED]
+
     def _tension(self) -> tuple[str, str]:
         highest, most = float(self._simulation.snapshot.columns.rope_tension.max()), self._highest_tension
         unit, scale = ("kN", 1e-3) if highest >= 1e3 else ("N", 1.0)
@@ -103,8 +110,10 @@ def live_hint(run: Run) -> str:
 
 def _highest_tension(scenario: Scenario, output: Output) -> float | None:
     """Tension (N) at which the limit of the rope's safety factor is reached; None without one."""
-    factor, force = output.figures.limit("rope safety factor"), scenario.cable.breaking_force
-    return None if factor is None or force is None else force / factor
+    ropes = {f"{name}: rope": rope for name, rope in scenario.ropes.items()} or {"rope": scenario.cable}
+    factors = {name: output.figures.limit(f"{name} safety factor") for name in ropes}
+    found = [(rope.breaking_force, factors[name]) for name, rope in ropes.items()]
+    return min((force / factor for force, factor in found if force is not None and factor is not None), default=None)
 
 
 def drive_hint(scenario: Scenario, names: TopicNames) -> str:

@@ -140,8 +140,8 @@ def points_of(cloud: Any) -> Any:
 def tower_places(scenario: Scenario, points: Any) -> dict[str, float]:
     """Arc length (m) of the cable over each tower, by points (n, 4) of it: x, y, z, arc length, in m."""
     places = {}
-    for name, tower in scenario.towers.items():
-        where = np.array([tower.position[0], tower.position[1] if scenario.dim == 3 else 0.0])
+    for name, place in scenario.tower_places.items():
+        where = np.array(place[:2])
         start, along = points[:-1, :2], np.diff(points[:, :2], axis=0)
         share = ((where - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
         share = share.clip(0.0, 1.0)

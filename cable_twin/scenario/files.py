@@ -16,6 +16,7 @@ from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 from cable_twin.scenario.fault import Fault, show
 from cable_twin.scenario.find_faults import find_faults, inner_model, unknown_key
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sheaves import expand_sheaves
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -69,7 +70,13 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
+        overrides = {own: value for key, value in overrides.items() for own in _expanded(data, key)}
+        data = expand_sheaves(data)
         for key, value in overrides.items():
+            if str(key).partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
+                known = ", ".join(f"ropes.{name}" for name in data["ropes"])
+                faults.append(Fault(tuple(str(key).split(".")), f"given with several ropes; allowed: {known}"))
+                continue
             faults += _override(data, key, _plain(value, tuple(str(key).split(".")), faults))
     except RecursionError:
         raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
@@ -201,6 +208,18 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     return value
 
 
+def _expanded(data: dict[str, Any], key: Any) -> list[str]:
+    """Keys of a scenario for one as its file has it: of a drive at its bullwheel, of a tower of several ropes."""
+    section, name, *rest = *str(key).split("."), "", ""
+    things = data.get(section)
+    given = things.get(name) if isinstance(things, dict) else None
+    if isinstance(given, dict) and section == "sheaves" and rest[0] == "drive" and isinstance(given.get("drive"), dict):
+        return [".".join(["drives", str(given["drive"].get("name", name)), *rest[1:-2]])]
+    if isinstance(given, dict) and section == "towers" and isinstance(given.get("ropes"), dict):
+        return [".".join([section, f"{name}_{rope}", *rest[:-2]]) for rope in given["ropes"]]
+    return [str(key)]
+
+
 def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
     """Set one value by its dotted key; carriages and bodies must be there, other sections are made."""
     parts = str(key).split(".")
@@ -221,7 +240,7 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
             container = None
         if node.get(part) is None and model is not None and container is None:
             node[part] = {}  # not there yet, or null
-        below = node.setdefault(part, {}) if model is not None and container is not tuple else {}
+        below = node.setdefault(part, {}) if (model is not None or container is dict) and container is not tuple else {}
         if below is None:  # a section that is left out
             below = node[part] = {}
         if not isinstance(below, dict):

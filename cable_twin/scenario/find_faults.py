@@ -67,7 +67,7 @@ def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
     model = {dict: inner[1:2], tuple: inner[:1]}.get(container, ())
     if model and isinstance(model[0], type) and issubclass(model[0], BaseModel):
         return container, model[0]
-    return None, None
+    return (dict, None) if container is dict else (None, None)
 
 
 def _alternative(annotation: Any) -> type[BaseModel] | None:

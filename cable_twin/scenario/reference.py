@@ -23,6 +23,7 @@ from cable_twin.scenario.schema import Scenario
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list
 NEEDED = "needed"  # for a default
+MAPPING = "a mapping of names of "
 NEAREST = 3  # keys that are proposed for one that does not exist
 
 HEAD = f"""\
@@ -81,7 +82,13 @@ def explained(key: str) -> list[Entry]:
         KeyError: there is no such key; its text is one line with the nearest ones.
     """
     every = entries()
-    found = [entry for entry in every if _fits(key.split("."), entry.key.split("."))]
+    parts = key.split(".")
+    found = [entry for entry in every if _fits(parts, entry.key.split("."))]
+    if not found and parts[1:]:  # one of a mapping of numbers
+        above = [entry for entry in every if _fits(parts[:-1], entry.key.split("."))]
+        found = [
+            entry for entry in above if entry.allowed.startswith(MAPPING) and entry.key.count(".") == len(parts) - 2
+        ]
     if not found:
         keys = [entry.key for entry in every]
         near = [known for known in keys if known.endswith(f".{key}")]

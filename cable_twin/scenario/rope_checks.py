@@ -24,7 +24,7 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
         for name, carriage in scenario.carriages.items():
             if carriage.clamped_to:
                 yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
-        for key in ("mass_damping", "tension_damping"):
+        for key in ("mass_damping", "tension_damping", "lateral"):
             if getattr(scenario.cable, key) != 0.0:
                 yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
         return

@@ -114,6 +114,11 @@ class Cable(Section):
     start: Support = Field(description="what holds it at arc length 0")
     end: Support = Field(description="what holds it at its other end")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
+    lateral: float = quantity(
+        "m",
+        "of a rope among several: how far to the left it is, with its towers and what is on it; a plane only shows it",
+        0.0,
+    )
     diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
     drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
@@ -533,11 +538,21 @@ class Scenario(Section):
         """The same of one rope alone, with what is on it: a scenario with a cable."""
         first, riding = next(iter(self.ropes)), self._riding(name)
         strand = self.strands.get(name)
+        cable = self.ropes[name]
+        towers = self._along(name, {k: tower for k, tower in self.towers.items() if (tower.rope or first) == name})
+        if cable.lateral and self.dim == 3:  # there it is where the mechanics have it
+            ends = {
+                key: end.model_copy(update={"position": self.placed(name, end.position)})
+                for key, end in (("start", cable.start), ("end", cable.end))
+            }
+            cable = cable.model_copy(update={**ends, "lateral": 0.0})
+            towers = {
+                key: tower.model_copy(update={"position": self.placed(name, tower.position)})
+                for key, tower in towers.items()
+            }
         update = {
-            "cable": self.ropes[name],
-            "towers": self._along(
-                name, {k: tower for k, tower in self.towers.items() if (tower.rope or first) == name}
-            ),
+            "cable": cable,
+            "towers": towers,
             "carriages": {key: one for key, one in self.carriages.items() if (one.rope or first) == name},
             "space": self.dim,
         }
@@ -575,6 +590,16 @@ class Scenario(Section):
             return sum(part * place for part, place in zip(chord, in_space(item[1].position), strict=True))
 
         return dict(sorted(towers.items(), key=way))
+
+    def placed(self, rope: str | None, position: tuple[float, ...]) -> tuple[float, float, float]:
+        """Where (x, y, z in m) a place of a rope (None: of the first) is shown, as far to the left as that is."""
+        x, y, z = in_space(position)
+        return x, y + self.ropes.get(rope or "", self.cable).lateral, z
+
+    @property
+    def tower_places(self) -> dict[str, tuple[float, float, float]]:
+        """Where (x, y, z in m) all towers are shown, by name."""
+        return {name: self.placed(tower.rope, tower.position) for name, tower in self.towers.items()}
 
     @property
     def strands(self) -> dict[str, Strand]:

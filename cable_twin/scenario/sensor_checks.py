@@ -13,10 +13,11 @@ ENDS = ("start", "end")
 def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
     vehicles = _vehicles(scenario)
+    ends = [f"{rope}/{end}" for rope in scenario.ropes for end in ENDS] or ENDS
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
     known = {
         "encoder": [*scenario.drives, *vehicles],
-        "load_cell": [*ENDS, *scenario.towers],
+        "load_cell": [*ends, *scenario.towers],
         "inclinometer": [*vehicles, *bodies],
         "imu": [*vehicles, *bodies],
     }

@@ -9,6 +9,7 @@ from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.fields import in_space
 from cable_twin.scenario.schema import CarrierPayload, Carriers, Scenario
 from cable_twin.scenario.sheaves import Sheave
+from cable_twin.scenario.vehicle_checks import initial_speed
 
 LIGHTEST = 1.5  # times what the rope takes up within a step, for the explicit step of a wheel
 APART = 0.05  # of the diameter, by which joined ends may be further apart
@@ -104,6 +105,7 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
             turned[drive.sheave] = name
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+        yield from initial_speed(path, drive.speed, drive.limits.speed)
         for key in ("force", "power", "deceleration"):
             given = getattr(drive.limits, key)
             if given is not None:

@@ -65,10 +65,11 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
         if carriage.speed != 0.0 and carriage.joint != "sliding":
             where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
             yield Fault((*path, "speed"), f"given {carriage.speed!r}; allowed: 0, {where}")
-        yield from _initial_speed(path, carriage.speed, carriage.drive.limits.speed)
+        yield from initial_speed(path, carriage.speed, carriage.drive.limits.speed)
 
 
-def _initial_speed(path: tuple[str, ...], speed: float, limit: float | None) -> Iterator[Fault]:
+def initial_speed(path: KeyPath, speed: float, limit: float | None) -> Iterator[Fault]:
+    """A speed (m/s) at the start beyond the limit of the drive."""
     if limit is not None and abs(speed) > limit:
         yield Fault((*path, "speed"), f"given {speed!r}; allowed: -{limit:g} to {limit:g} m/s, the limit of the drive")
 
@@ -140,7 +141,7 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             yield Fault(path, "given a second drive of the cable; allowed: one")
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
-        yield from _initial_speed(path, drive.speed, drive.limits.speed)
+        yield from initial_speed(path, drive.speed, drive.limits.speed)
         for key, why in (
             ("force", "a moving cable keeps its speed"),
             ("power", "a moving cable keeps its speed"),

@@ -13,6 +13,8 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.drives import Limits
 from cable_twin.scenario.schema import Carriage
 
+SAFETY = 4.5  # -, of a haul rope in operation
+BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
 
@@ -29,7 +31,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
         limits = _limits(name, command.kind, scenario)
         if not math.isfinite(value):
             raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-        limit = limits.speed if command.kind == "speed" else limits.force
+        limit = limits.speed if command.kind == "speed" else limits.force or _most_by_friction(name, scenario)
         if limit is not None and abs(value) > limit:
             raise CommandError(
                 f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
@@ -48,6 +50,18 @@ def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
     if carriage.joint == "fixed":
         raise CommandError(f"'{name}' is fixed to the cable and takes no command")
     return carriage.drive.limits
+
+
+def _most_by_friction(name: str, scenario: Scenario) -> float | None:
+    """Force (N) of a bullwheel's drive above which the rope slips at the tension it may have; None of other drives."""
+    drive = scenario.drives.get(name)
+    if drive is None or drive.sheave is None:
+        return None
+    sheave = scenario.sheaves[drive.sheave]
+    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
+    breaking = min(BREAKING_STRAIN * rope.axial_stiffness for rope in ropes)
+    breaking = min([breaking, *(rope.breaking_force for rope in ropes if rope.breaking_force is not None)])
+    return breaking / SAFETY * (1.0 - math.exp(-sheave.friction * sheave.wrap))
 
 
 def check_room(command: Command, scenario: Scenario) -> None:

@@ -93,7 +93,7 @@ class Readings:
         """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
 
         Raises:
-            ValueError: when there are fewer.
+            ValueError: when there are fewer, or several ropes.
         """
         return self._modes(count)[0]
 
@@ -115,6 +115,9 @@ class Readings:
     def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
         from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, for no start
 
+        if len(self._parts) > 1:
+            count = len(self._parts)
+            raise ValueError(f"natural frequencies are those of one rope alone; this scenario has {count}")
         return natural_modes(self._ropeway.system, self._ropeway.state, count)
 
     def _show(self, report: SolverReport) -> None:

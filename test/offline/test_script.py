@@ -199,7 +199,7 @@ def test_a_place_is_reached_at_the_same_step_whatever_the_frames_are():
     ]
     ends = []
     for frame_steps in (1, 13, 200):
-        simulation = Simulation(load_scenario("gondola", {"cable.elements": 60}))
+        simulation = Simulation(load_scenario("gondola", {"ropes.up.elements": 60, "ropes.down.elements": 60}))
         outcome = simulate(simulation, script, duration=13.0, frame_steps=frame_steps, epoch_ns=0)
         assert not outcome.not_reached
         ends.append(simulation.advance_to(20.0).numbers.tobytes())

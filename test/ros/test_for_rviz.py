@@ -149,7 +149,8 @@ def test_markers_are_the_same_things_in_each_message_and_end_with_the_twin(shown
     before, after = markers_of(first), markers_of(last)
     assert list(before) == list(after)
     assert {name for name, _ in after} == {
-        *("rope", "ground", "supports", "names", "bodies", "outlines", "vehicle_forces", "support_forces")
+        *("rope", "ground", "supports", "names", "bodies", "outlines", "vehicle_forces", "support_forces"),
+        *(("wheels",) if shown[0].scenario.sheaves else ()),
     }
     for key, marker in after.items():
         assert marker.type == before[key].type
@@ -166,13 +167,15 @@ def places(markers, namespace):
 
 def test_the_rope_has_its_samples_and_a_kink_at_each_joint(shown):
     _, snapshot, _, last = shown
-    points = np.array([numbers(point) for point in markers_of(last)["rope", 0].points])
-    assert (np.diff(points[:, 0]) >= 0.0).all()
-    wanted = {tuple(place) for place in snapshot.cable.positions}
-    c = snapshot.columns
-    on_rope = (c.attached == 1.0) & (c.arc_length <= snapshot.layout.arc_lengths[-1])
-    wanted |= {tuple(place) for place in c.joint_position[on_rope]}
-    assert {tuple(point) for point in points} == wanted
+    layout, c = snapshot.layout, snapshot.columns
+    for number, part in enumerate(layout.ropes.values()):
+        points = np.array([numbers(point) for point in markers_of(last)["rope", number].points])
+        assert (np.diff(points[:, 0]) * (1.0 if number == 0 else -1.0) >= 0.0).all()
+        wanted = {tuple(place) for place in c.rope_position[part]}
+        on_rope = (c.attached == 1.0) & (c.arc_length <= layout.arc_lengths[part.stop - 1])
+        on_rope &= (c.vehicle_rope == number) | (len(layout.ropes) == 1)
+        wanted |= {tuple(place) for place in c.joint_position[on_rope]}
+        assert {tuple(point) for point in points} == wanted
 
 
 def test_the_colour_of_the_rope_goes_with_tension(shown):
@@ -262,11 +265,16 @@ def test_frames_are_one_tree_with_supports_and_pins(shown):
     for frame in found:
         placed(found, frame)
     assert not any(frame.startswith("/") or not frame for frame in found)
-    cable = simulation.scenario.cable
-    for name, place in (("start", cable.start.position), ("end", cable.end.position)):
-        np.testing.assert_array_equal(placed(found, name)[0], in_space(place))
-    for name, tower in simulation.scenario.towers.items():
-        np.testing.assert_array_equal(placed(found, name)[0], in_space(tower.position))
+    scenario = simulation.scenario
+    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
+        for name, end in (("start", cable.start), ("end", cable.end)):
+            x, y, z = in_space(end.position)
+            frame = f"{rope}/{name}" if rope else name
+            np.testing.assert_array_equal(placed(found, frame)[0], (x, y + cable.lateral, z))
+    for name, tower in scenario.towers.items():
+        x, y, z = in_space(tower.position)
+        lateral = scenario.ropes[tower.rope].lateral if tower.rope else 0.0
+        np.testing.assert_array_equal(placed(found, name)[0], (x, y + lateral, z))
     for row, (name, bodies) in enumerate(simulation.layout.vehicles.items()):  # the first pin is at the joint
         place = placed(found, f"{name}/{bodies[0]}/pivot")[0]
         np.testing.assert_allclose(place, snapshot.columns.joint_position[row], atol=gap(snapshot, row))
@@ -436,7 +444,7 @@ def test_the_layout_for_rviz_shows_topics_of_the_twin_with_a_quality_that_they_o
     assert {panel["Class"].partition("/")[0] for panel in layout["Panels"]} == {"rviz_common"}
     displays = {display["Name"]: display for display in manager["Displays"]}
     assert [name for name, display in displays.items() if display["Enabled"]] == ["Twin"]
-    assert set(displays["Twin"]["Namespaces"]) == {name for name, _ in markers_of(last)}
+    assert set(displays["Twin"]["Namespaces"]) == {name for name, _ in markers_of(last)} | {"wheels"}
     for display in displays.values():
         message = MESSAGES[display["Class"]]
         if message is None:

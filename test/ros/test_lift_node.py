@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from twin_process import COMPILING, TwinProcess, gaps, refused_starts, stamps
 
 from cable_twin.messages import SECOND
+from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import config_directory
 
@@ -32,8 +33,9 @@ def write_lift(directory: Path, chairs: int = CHAIRS) -> Path:
     """The chairlift with so many chairs on the same loop, and a mesh that costs little."""
     yaml = YAML()
     content = yaml.load((config_directory() / "chairlift.yaml").read_text(encoding="utf-8"))
-    content["carriers"].update(count=chairs, spacing=1680.0 / chairs)
-    content["cable"]["elements"] = 300
+    content["carriers"].update(count=chairs)
+    for rope in content["ropes"].values():
+        rope["elements"] = {"target": 8.0, "at_towers": 2.0}
     path = directory / f"lift_{chairs}.yaml"
     with path.open("w", encoding="utf-8") as stream:
         yaml.dump(content, stream)
@@ -50,9 +52,10 @@ def running(tmp_path_factory):
     for topic, kind in (
         ("carriers/poses", PoseArray),
         ("carriers/forces", PointCloud2),
+        ("sheaves", JointState),
         ("carriages/chair_3/chair/pose", PoseStamped),
         ("carriages/chair_5/contact_force", WrenchStamped),
-        ("supports/tower_1/force", WrenchStamped),
+        ("supports/tower_1_up/force", WrenchStamped),
         ("cable", PointCloud2),
         ("cable_path", PathMessage),
     ):
@@ -119,6 +122,29 @@ def test_carriers_come_in_columns_in_the_order_of_joint_states(running):
     assert force.z > 3e3
 
 
+def test_bullwheels_are_told_and_what_is_beside_the_limits_is_refused(running):
+    _, participant = running
+    received = participant.received
+    bad = [("haul_rope", "velocity", np.nan), ("haul_rope", "velocity", np.inf), ("haul_rope", "velocity", 9.0)]
+    bad += [("haul_rope", "effort", np.nan), ("haul_rope", "effort", 1e12), ("drive", "velocity", 1.0)]
+    before = int(participant.next_diagnostics()[2]["commands_refused"])
+    for name, kind, value in bad:
+        participant.publisher.publish(JointState(name=[name], **{kind: [value]}))
+    participant.until(lambda: int(participant.next_diagnostics()[2]["commands_refused"]) == before + len(bad))
+    sheaves = received["sheaves"][-1]
+    wheels = [f"{wheel}{row}" for wheel in ("drive", "return") for row in ("", "/on", "/off")]
+    assert sheaves.name == [*wheels, "return/carriage"]
+    assert np.isfinite([*sheaves.position, *sheaves.velocity, *sheaves.effort]).all()
+    found = dict(zip(sheaves.name, zip(sheaves.position, sheaves.velocity, sheaves.effort, strict=True), strict=True))
+    assert found["drive/on"][2] > found["drive/off"][2] > found["return/on"][2] > 1e5
+    assert -4.0 < found["return/carriage"][0] < 4.0
+    assert abs(found["drive/on"][0]) < 1e-3  # no slip
+    joints = received["joint_states"][-1]
+    place, rate = (numbers[joints.name.index("haul_rope")] for numbers in (joints.position, joints.velocity))
+    assert place == pytest.approx(found["drive"][0], abs=1.0)
+    assert rate == pytest.approx(2.0, abs=0.1) or place < 20.0
+
+
 def test_rates_of_topics_are_those_that_were_asked_for(running):
     _, participant = running
     received = participant.received
@@ -178,7 +204,7 @@ def test_stamps_are_on_the_clock(processes, participants, tmp_path):
 def test_all_topics_of_a_frame_have_one_stamp(running):
     _, participant = running
     received = participant.received
-    topics = ("joint_states", "carriers/poses", "carriers/forces", "supports/tower_1/force")
+    topics = ("joint_states", "carriers/poses", "carriers/forces", "supports/tower_1_up/force")
     participant.until(lambda: all(len(received[topic]) > 100 for topic in topics))
     taken = [set(stamps(received[topic])) for topic in topics]
     assert len(set.intersection(*taken)) > 50
@@ -190,6 +216,7 @@ def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
     process, participant = running
     assert process.end() == 0, process.output
     log = read_log(process.run_directory)
+    assert replay.main([str(process.run_directory)]) == 0
     taken: dict[str, list[int]] = {}
     for topic, stamp_ns, _ in log.messages(["joint_states", "cable", "carriers/poses", "carriers/forces"]):
         taken.setdefault(topic, []).append(stamp_ns)

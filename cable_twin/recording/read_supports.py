@@ -1,4 +1,4 @@
-"""What a log tells of towers: loads by their forces, derailments by their messages, and what was so before it began."""
+"""What a log tells of supports: ends by the shape of ropes, towers by their forces and messages, and of before it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from cable_twin.messages import read_derailments
-from cable_twin.scenario import Scenario, tower_axes
-from cable_twin.snapshot import Columns, Layout
+from cable_twin.scenario import Scenario, in_space, tower_axes
+from cable_twin.snapshot import ENDS, Columns, Layout
 
 
-class ReadTowers:
-    """Follows all towers from frame to frame.
+class ReadSupports:
+    """Follows all supports from frame to frame.
 
     Args:
         scenario: of the log.
@@ -27,8 +27,10 @@ class ReadTowers:
     def __init__(self, scenario: Scenario, layout: Layout) -> None:
         count = len(layout.towers)
         self._rows = np.array([layout.support_rows[name] for name in layout.towers], dtype=np.int64)
-        self._layout, self._step = layout, scenario.solver.step
-        self._axes = tower_axes(scenario) if layout.grooves else None
+        self._scenario, self._layout, self._step = scenario, layout, scenario.solver.step
+        alone = [scenario.of_rope(name) for name in scenario.ropes] or [scenario]
+        each = zip(*map(tower_axes, alone), strict=True) if layout.grooves else ()
+        self._axes = tuple(np.concatenate(axes) for axes in each)  # up, and to the left
         self.rest_loads = np.full(count, nan)
         self._lowest_loads = np.full(count, nan)  # N, since the start or the last reset
         self._ratios = np.full(count, nan)  # -, highest of lateral over normal force since then
@@ -55,14 +57,15 @@ class ReadTowers:
         read_derailments(data, self._layout, self._derailed, self._times)
 
     def fill(self, c: Columns) -> None:
-        """Fill the columns of a frame that has the forces of supports, or NaN."""
+        """Fill the columns of a frame that has the forces of supports and the shape of the ropes, or NaN."""
+        self._fill_travels(c)
         loads = np.linalg.norm(c.support_force[self._rows], axis=1)
         seen = np.where(np.isnan(loads), nan, 1.0)
         self.rest_loads[:] = np.where(np.isnan(self.rest_loads), loads, self.rest_loads)
         self._lowest_loads[:] = np.fmin(self._lowest_loads, loads)
         c.tower_load[self._rows], c.tower_lowest_load[self._rows] = loads, seen * self._lowest_loads
         c.tower_rest_load[self._rows] = seen * self.rest_loads
-        if self._axes is not None:
+        if self._axes:
             normal, left = (np.einsum("td,td->t", axes, c.support_force[self._rows]) for axes in self._axes)
             self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, np.inf))
             c.tower_lateral[self._rows], c.tower_lateral_ratio[self._rows] = left, seen * self._ratios
@@ -71,5 +74,17 @@ class ReadTowers:
                 self._times[self._rows],
             )
 
+    def _fill_travels(self, c: Columns) -> None:
+        """How far counterweights at ends of ropes have gone, by where those ends are."""
+        ropes = self._scenario.ropes
+        for rope, part in self._layout.ropes.items():
+            for sample, name in zip((part.start, part.stop - 1), ENDS, strict=True):
+                end = getattr(ropes.get(rope, self._scenario.cable), name)
+                if end.support == "counterweight":
+                    direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
+                    moved = c.rope_position[sample] - self._scenario.placed(rope, end.position)
+                    row = self._layout.support_rows[f"{rope}/{name}" if ropes else name]
+                    c.support_travel[row] = float(moved @ direction)
 
-__all__ = ["ReadTowers"]
+
+__all__ = ["ReadSupports"]

@@ -1,0 +1,34 @@
+"""Limits of key figures, and where they come from: the scenario, or a standard where it gives none."""
+
+from __future__ import annotations
+
+from cable_twin.key_figures.figure import Bound, KeyFigure, with_limit
+from cable_twin.scenario import Scenario
+
+HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
+VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
+SOURCES = {  # of the default limits
+    "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
+    "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
+    "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
+    "lateral_swing": f"{VORARLBERG}: 20 % across",
+    "tower_clearance": f"{VORARLBERG}: 0.5 m to the side",
+    "acceleration": "assumed: emergency stops usually have 1 to 1.5 m/s^2",
+    "rope_clearance": "assumed: nothing may touch the ground",
+    "vehicle_clearance": "assumed: nothing may touch the ground",
+    "energy_lost": "assumed: as a damping of 0.08 % of the critical one would take, less than a rope's own",
+    "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
+}
+
+
+def limited(scenario: Scenario, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
+    """The figure with the limit of a scenario of that key of `limits`, and where that comes from."""
+    limits = scenario.limits
+    limit = getattr(limits, key)
+    own = limit != type(limits).model_fields[key].default
+    if key == "rope_safety_factor" and (scenario.drives or scenario.strand) and not own:
+        limit = HAUL_ROPE_SAFETY_FACTOR
+    return with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
+
+
+__all__ = ["HAUL_ROPE_SAFETY_FACTOR", "SOURCES", "limited"]

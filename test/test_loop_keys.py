@@ -1,0 +1,98 @@
+"""Keys of whole lifts as a file has them, and what commands and sensors of them may name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.recording.view_scene import gathered
+from cable_twin.records import Command, CommandError
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.sensors import Sensors
+from cable_twin.simulation import Simulation
+
+COARSE = {"ropes.up.elements": 100, "ropes.down.elements": 100}
+
+
+@pytest.mark.parametrize("key", ["sheaves.drive.drive.limits.speed", "drives.haul_rope.limits.speed"])
+def test_a_drive_is_changed_where_the_file_has_it_and_by_its_name(key):
+    assert load_scenario("chairlift", {key: 1.5}).drives["haul_rope"].limits.speed == 1.5
+
+
+def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
+    both = load_scenario("chairlift", {"towers.tower_1.stiffness": 1e6}).towers
+    assert [both[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [1e6, 1e6]
+    one = load_scenario("chairlift", {"towers.tower_1_down.stiffness": 1e6}).towers
+    assert [one[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [3e5, 1e6]
+    left = load_scenario("chairlift", {"carriers.payload.leaving.return": 150.0}).carriers.payload.leaving
+    assert left == {"return": 150.0, "drive": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "said"),
+    [
+        (
+            "chairlift",
+            {"cable.elements": 60},
+            "cable.elements: given with several ropes; allowed: ropes.up, ropes.down",
+        ),
+        (
+            "chairlift",
+            {"sheaves.drive.drive.limits.sped": 1.0},
+            "limits.sped: this key does not exist; did you mean 'speed'",
+        ),
+        ("chairlift", {"drives.haul_rope.speed": 3.0}, "drives.haul_rope.speed: given 3.0; allowed: -2.5 to 2.5 m/s"),
+        ("single_span", {"cable.lateral": 2.0}, "cable.lateral: given 2.0; allowed: 0, or several `ropes`"),
+        (
+            "chairlift",
+            {"sensors": {"cell": {"kind": "load_cell", "of": "start"}}},
+            "sensors.cell.of: given 'start'; allowed for load_cell: up/start, up/end, down/start, down/end, tower_1_up",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_line(scenario, overrides, said):
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(scenario, overrides)
+    (fault,) = refused.value.faults
+    assert said in str(fault)
+
+
+def test_sensors_of_a_loop_and_a_force_that_friction_cannot_carry():
+    sensors = {
+        "cell": {"kind": "load_cell", "of": "up/end", "rate": 50.0},
+        "drive": {"kind": "encoder", "of": "haul_rope", "rate": 50.0},
+        "chair": {"kind": "encoder", "of": "chair_20", "rate": 50.0},
+    }
+    scenario = load_scenario("chairlift", {**COARSE, "sensors": sensors, "drives.haul_rope.speed": 1.0})
+    simulation = Simulation(scenario)
+    measure = Sensors(scenario, simulation.layout)
+    measured = {item.sensor: item.values for item in measure.take(simulation.advance_to(0.5))}
+    c = simulation.snapshot.columns
+    # the bullwheel turns the momentum of the rope as well
+    assert np.linalg.norm(measured["cell"]) == pytest.approx(c.sheave_tension[0, 0], rel=1e-3)
+    assert measured["drive"][0] == pytest.approx(0.5)
+    assert measured["chair"][0] == simulation.layout.on_loop(c)[19] > 818.5
+    with pytest.raises(CommandError, match=r"force of 'haul_rope' is 1e\+12 N; allowed are -106453 to 106453 N"):
+        simulation.apply(Command("force", {"haul_rope": 1e12}))
+    simulation.command("haul_rope", force=0.0)
+    assert simulation.advance_to(3.0).drives["haul_rope"].speed < 0.5  # the weight of those going up is the greater one
+    with pytest.raises(ValueError, match="of one rope alone; this scenario has 2"):
+        simulation.natural_frequencies(1)
+
+
+def test_a_space_has_its_strands_where_a_plane_shows_them():
+    simulation = Simulation(load_scenario("chairlift", {**COARSE, "space": 3}), samples=5)
+    c, ropes = simulation.snapshot.columns, simulation.layout.ropes
+    assert c.rope_position[ropes["up"], 1] == pytest.approx(np.full(5, 2.1), abs=1e-6)
+    assert c.rope_position[ropes["down"], 1] == pytest.approx(np.full(5, -2.1), abs=1e-6)
+
+
+def test_what_is_in_one_place_has_one_name():
+    places = {
+        "up/end": (800.0, 1.0),
+        "down/start": (800.0, 1.0),
+        "tower_1_up": (40.0, 9.0),
+        "tower_1_down": (40.0, 9.0),
+    }
+    rim = np.array([(798.0, -2.0, 1.0), (802.0, 2.0, 1.0)])
+    assert gathered(places, {"drive": rim}) == {"drive": places["up/end"], "tower_1": places["tower_1_up"]}
