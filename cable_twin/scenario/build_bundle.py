@@ -100,6 +100,7 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
         emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
         jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
         brake_force=floats([sheave.brake.force if sheave.brake else 0.0 for sheave in given]),
+        rollback=floats([inf if sheave.rollback is None else sheave.rollback for sheave in given]),
         brake_rise_time=floats([sheave.brake.rise_time if sheave.brake else 0.0 for sheave in given]),
         tensioning=np.array([kind for kind, *_ in tensioning], dtype=np.int64),
         direction=floats([row[1] for row in tensioning], scenario.dim),

@@ -229,9 +229,15 @@ class RopeBundle:
                 self._addresses.write(row, SYSTEM, part.system)
                 self._packed_systems[row] = part.packed_system
         first = self.parts[0]
-        return advance_bundle(  # type: ignore[no-any-return]
+        outcome = advance_bundle(
             self.bundle, self.moving, *self._spare, self._scratch, first.system, first.state, self._works[0], steps
         )
+        if self.loop.rolled_back and not first.stopped:
+            for part in self.parts:
+                part.stopped = True
+                part.commands.clear()
+            self.commands.clear()
+        return outcome  # type: ignore[no-any-return]
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs."""

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, Bundle, SheaveMotion
-from cable_twin.mechanics.solution.bundle.sheaves import feel_ends
+from cable_twin.mechanics.solution.bundle.sheaves import stop_wheel
+from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
@@ -51,7 +53,7 @@ class Loop:
             feel_ends(self._bundle, self.motion, first.system, first.state)
 
         settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
-        self.motion.traction[:] = self.motion.tension[:, 0] - self.motion.tension[:, 1]
+        self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()
         self._check_adhesion()
 
@@ -114,6 +116,7 @@ class Loop:
     def drive(self, name: str, kind: str, value: float) -> None:
         """Give a drive a speed (m/s) or a force (N)."""
         row = self._drives[name]
+        self.motion.turned[row] = 0  # its forces are new
         if kind == "force":
             self.motion.mode[row], self.motion.force[row] = FORCE, value
             return
@@ -127,26 +130,29 @@ class Loop:
         """Names of the drives."""
         return tuple(self._drives)
 
+    @property
+    def rolled_back(self) -> bool:
+        """Whether it has begun an emergency stop by itself, for it went back too far."""
+        return bool(self.motion.rolled_back.any())
+
     def stop(self) -> None:
         """Begin an emergency stop."""
-        motion = self.motion
-        fresh = motion.braking == 0
-        motion.braking_time[fresh] = 0.0
-        motion.braking[:] = 1
-        motion.target[:] = 0.0
-        motion.mode[self._drive_rows] = SPEED
+        for sheave in range(len(self._names)):
+            as_python(stop_wheel)(self._bundle.sheaves, self.motion, sheave)
 
     def release(self) -> None:
         """End it."""
-        self.motion.braking[:] = 0
-        self.motion.rim.acceleration[:] = 0.0
+        motion = self.motion
+        motion.braking[:] = motion.turned[:] = motion.rolled_back[:] = 0
+        motion.rim.acceleration[:] = 0.0
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of bullwheels and their drives."""
         motion, sheaves, rows = self.motion, self._bundle.sheaves, self._drive_rows
         force = motion.traction + sheaves.inertia * motion.rim.acceleration
         force += sheaves.resistance * np.sign(motion.rim.velocity)
-        force[sheaves.driven == 0] = 0.0
+        braked = (motion.braking != 0) & (sheaves.brake_force > 0.0)
+        force[(sheaves.driven == 0) | braked] = 0.0
         columns.sheave_position[:], columns.sheave_speed[:] = motion.rope.position, motion.rope.velocity
         columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension
         columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)

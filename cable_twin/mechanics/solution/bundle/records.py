@@ -67,6 +67,7 @@ class Sheaves(NamedTuple):
     jerk_limit: FloatArray  # (sheaves,) m/s³, inf where there is none
     brake_force: FloatArray  # (sheaves,) N at its rim, of what an emergency stop applies instead, 0 of none
     brake_rise_time: FloatArray  # (sheaves,) s, from release to full force
+    rollback: FloatArray  # (sheaves,) m, that the rim may go back before it is stopped, inf without a watch
     tensioning: IntArray  # (sheaves,) FIXED, COUNTERWEIGHT or HYDRAULIC
     direction: FloatArray  # (sheaves, dim) unit vector in which it is pulled; 0 where FIXED
     mass: FloatArray  # (sheaves,) kg, that moves along that
@@ -104,13 +105,14 @@ class Bundle(NamedTuple):
 class SheaveMotion(NamedTuple):
     """Motion of the bullwheels, and what their drives were told."""
 
-    rim: Course  # (sheaves,) m, of unstrained rope
-    rope: Course  # (sheaves,) m, unstrained, that has gone over it
-    carriage: Course  # (sheaves,) m, in the direction in which it tensions
-    gained: FloatArray  # (sheaves, 3) m/s², of rim, rope and carriage by their forces at the start of the last step
-    step: FloatArray  # (1,) s, length of that; 0 before the first one
+    rim: Motion  # (sheaves,) m, of unstrained rope
+    rope: Motion  # (sheaves,) m, unstrained, that has gone over it
+    carriage: Motion  # (sheaves,) m, in the direction in which it tensions
+    given: FloatArray  # (sheaves,) N on the rim in this step, of drive, bearings and brake
+    turned: IntArray  # (sheaves,) 1 where its forces turn the wheel in this step, and rope sticks to it
     tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
-    traction: FloatArray  # (sheaves,) N, of the rim on the rope
+    stretch: FloatArray  # (sheaves,) -, length of the rope on it over that without strain
+    traction: FloatArray  # (sheaves,) N, of the rim on the rope, by the unstrained rope that goes over it
     pull: FloatArray  # (sheaves,) N, of both strands against the direction in which it tensions
     slipping: IntArray  # (sheaves,) 1 while the rope slips
     mode: IntArray  # (sheaves,) FREE, FORCE or SPEED, of the drive
@@ -118,6 +120,9 @@ class SheaveMotion(NamedTuple):
     force: FloatArray  # (sheaves,) N at the rim, in FORCE
     braking: IntArray  # (sheaves,) 1 in an emergency stop
     braking_time: FloatArray  # (sheaves,) s, since then
+    sense: IntArray  # (sheaves,) 1 or -1, in which its drive turned it last, 0 before
+    furthest: FloatArray  # (sheaves,) m, of its rim in that sense
+    rolled_back: IntArray  # (sheaves,) 1 where it has gone back too far, until the release
 
 
 @by_reference
@@ -163,12 +168,13 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
 
 def _sheaves_at_rest(count: int) -> SheaveMotion:
     return SheaveMotion(
-        rim=Course(*(np.zeros(count) for _ in Course._fields)),
-        rope=Course(*(np.zeros(count) for _ in Course._fields)),
-        carriage=Course(*(np.zeros(count) for _ in Course._fields)),
-        gained=np.zeros((count, 3)),
-        step=np.zeros(1),
+        rim=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        carriage=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        given=np.zeros(count),
+        turned=np.zeros(count, np.int64),
         tension=np.zeros((count, 2)),
+        stretch=np.ones(count),
         traction=np.zeros(count),
         pull=np.zeros(count),
         slipping=np.zeros(count, np.int64),
@@ -177,6 +183,9 @@ def _sheaves_at_rest(count: int) -> SheaveMotion:
         force=np.zeros(count),
         braking=np.zeros(count, np.int64),
         braking_time=np.zeros(count),
+        sense=np.zeros(count, np.int64),
+        furthest=np.zeros(count),
+        rolled_back=np.zeros(count, np.int64),
     )
 
 
