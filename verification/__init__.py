@@ -31,6 +31,7 @@ MODULES = (
     "rotation",
     "wind",
     "grooves",
+    "loops",
     "en50318",
 )
 

@@ -56,6 +56,7 @@ class Loop:
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()
         self._check_adhesion()
+        self._check_travel()
 
     def _lay(self) -> None:
         """Give the strands the ends that the bullwheels have, and put what is clamped to them where it is then."""
@@ -98,6 +99,19 @@ class Loop:
                     f"{used:.3g}, and the rope would slip; allowed: {most:.3g}, exp(friction times wrap)"
                 )
 
+    def _check_travel(self) -> None:
+        """Refuse a start at which a counterweight or a cylinder would be outside its travel."""
+        for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
+            device, travel = sheave.tensioning, float(self.motion.carriage.position[row])
+            if device is None or device.travel[0] <= travel <= device.travel[1]:
+                continue
+            beyond = max(device.travel[0] - travel, travel - device.travel[1])
+            raise EquilibriumError(
+                f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}.travel: given "
+                f"{device.travel[0]:g} to {device.travel[1]:g} m, but it rests at {travel:.4g} m; allowed: limits "
+                f"around that, or ropes that are {2.0 * beyond:.3g} m {'shorter' if travel > 0.0 else 'longer'} in all"
+            )
+
     def set_in_motion(self) -> dict[str, Command]:
         """Give the rope the speed it starts with; returns the commands that keep it, by drive."""
         held = {}
@@ -116,7 +130,7 @@ class Loop:
     def drive(self, name: str, kind: str, value: float) -> None:
         """Give a drive a speed (m/s) or a force (N)."""
         row = self._drives[name]
-        self.motion.turned[row] = 0  # its forces are new
+        self.motion.by_forces[row] = 0  # they are new
         if kind == "force":
             self.motion.mode[row], self.motion.force[row] = FORCE, value
             return
@@ -143,7 +157,7 @@ class Loop:
     def release(self) -> None:
         """End it."""
         motion = self.motion
-        motion.braking[:] = motion.turned[:] = motion.rolled_back[:] = 0
+        motion.braking[:] = motion.by_forces[:] = motion.rolled_back[:] = 0
         motion.rim.acceleration[:] = 0.0
 
     def observe(self, columns: Columns) -> None:

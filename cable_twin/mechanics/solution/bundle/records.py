@@ -58,7 +58,6 @@ class Sheaves(NamedTuple):
     rope: IntArray  # (sheaves, 2): whose end runs onto it, and whose start runs off it
     inertia: FloatArray  # (sheaves,) kg, of all that turns with it, reduced to its rim
     wrapped: FloatArray  # (sheaves,) kg, rope on it
-    impedance: FloatArray  # (sheaves,) kg/s, √(EA ρA) of both strands together
     adhesion: FloatArray  # (sheaves,) -, highest ratio of their tensions, exp(μ α)
     resistance: FloatArray  # (sheaves,) N at its rim, of its bearings
     driven: IntArray  # (sheaves,) 1 where there is a drive
@@ -109,12 +108,12 @@ class SheaveMotion(NamedTuple):
     rope: Motion  # (sheaves,) m, unstrained, that has gone over it
     carriage: Motion  # (sheaves,) m, in the direction in which it tensions
     given: FloatArray  # (sheaves,) N on the rim in this step, of drive, bearings and brake
-    turned: IntArray  # (sheaves,) 1 where its forces turn the wheel in this step, and rope sticks to it
+    by_forces: IntArray  # (sheaves,) what moves by its forces in this step: nothing, the rope alone, or the wheel
     tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
     stretch: FloatArray  # (sheaves,) -, length of the rope on it over that without strain
     traction: FloatArray  # (sheaves,) N, of the rim on the rope, by the unstrained rope that goes over it
     pull: FloatArray  # (sheaves,) N, of both strands against the direction in which it tensions
-    slipping: IntArray  # (sheaves,) 1 while the rope slips
+    slipping: IntArray  # (sheaves,) 1 while it slips on a rim that is faster, -1 on one that is slower
     mode: IntArray  # (sheaves,) FREE, FORCE or SPEED, of the drive
     target: FloatArray  # (sheaves,) m/s
     force: FloatArray  # (sheaves,) N at the rim, in FORCE
@@ -172,7 +171,7 @@ def _sheaves_at_rest(count: int) -> SheaveMotion:
         rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
         carriage=Motion(*(np.zeros(count) for _ in Motion._fields)),
         given=np.zeros(count),
-        turned=np.zeros(count, np.int64),
+        by_forces=np.zeros(count, np.int64),
         tension=np.zeros((count, 2)),
         stretch=np.ones(count),
         traction=np.zeros(count),

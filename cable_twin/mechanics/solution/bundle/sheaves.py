@@ -20,7 +20,7 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULI
 from cable_twin.mechanics.solution.generalized_alpha import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
-SLIP_STEPS = 2.0  # steps after which a rope that slips has the speed that its forces give it
+NOTHING, ROPE, WHEEL = range(3)  # SheaveMotion.by_forces
 
 
 @kernel
@@ -37,55 +37,76 @@ def move_sheaves(sheaves, motion, c, h):
 @kernel
 def turn_wheel(sheaves, motion, sheave, c, h):
     """Move the rim of one wheel, and the rope with it or over it, by `h` (s)."""
-    on, off = motion.tension[sheave, 0], motion.tension[sheave, 1]
-    share = motion.stretch[sheave] * (sheaves.adhesion[sheave] - 1.0)
-    least, most = -on * share, off * share
     rim, rope, wrapped = motion.rim, motion.rope, sheaves.wrapped[sheave]
-    slipping, lag = motion.slipping[sheave] != 0, rim.velocity[sheave] - rope.velocity[sheave]
-    pulled = motion.stretch[sheave] * (off - on)
-    place, was_turned = rim.position[sheave], motion.turned[sheave]
-    motion.turned[sheave] = 0
+    pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+    place, was_turned = rim.position[sheave], motion.by_forces[sheave] == WHEEL
+    slipping = motion.slipping[sheave]
+    net = -friction_on_rope(sheaves, motion, sheave, slipping) if slipping != 0 else pulled
+    inertia = sheaves.inertia[sheave] if slipping != 0 else sheaves.inertia[sheave] + wrapped
+    turns, rate = drive_rim(sheaves, motion, sheave, net, inertia, h)
+    if slipping == 0:
+        if turns and was_turned:
+            rate = rope.acceleration[sheave]
+        traction = wrapped * rate - pulled
+        if traction > friction_on_rope(sheaves, motion, sheave, 1):
+            slipping = 1
+        elif traction < friction_on_rope(sheaves, motion, sheave, -1):
+            slipping = -1
+        if turns and slipping != 0:  # from now on friction turns it
+            follow(rim, sheave, place + rim.velocity[sheave] * h, rim.velocity[sheave], 0.0)
+    motion.slipping[sheave] = slipping
+    if slipping != 0:
+        motion.by_forces[sheave] = ROPE
+        guess(rope, sheave, c, h)
+    elif turns:
+        motion.by_forces[sheave] = WHEEL
+        if not was_turned:  # its forces are new: go on with what they make of it now
+            rope.acceleration[sheave] = rope.algorithmic[sheave] = rate
+        before = rope.position[sheave]
+        guess(rope, sheave, c, h)
+        follow(rim, sheave, place + rope.position[sheave] - before, rope.velocity[sheave], rope.acceleration[sheave])
+    else:
+        motion.by_forces[sheave] = NOTHING
+        follow(rope, sheave, rope.position[sheave] + rim.position[sheave] - place, rim.velocity[sheave], rate)
+        rope.algorithmic[sheave] = rate
+
+
+@kernel
+def drive_rim(sheaves, motion, sheave, net, inertia, h):
+    """Move one rim by `h` (s) as its drive has it, or its brake and its bearings, against a net force (N) of the rope.
+
+    Returns:
+        Whether its forces turn it and the rope with it, which is left to do; and its acceleration (m/s²).
+    """
+    rim, speed, place = motion.rim, motion.rim.velocity[sheave], motion.rim.position[sheave]
     by_brake = motion.braking[sheave] != 0 and sheaves.brake_force[sheave] > 0.0
     if motion.mode[sheave] == SPEED and not by_brake:
         limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
         if motion.braking[sheave]:
             limit, jerk = sheaves.emergency_deceleration[sheave], inf
         ramp(rim, sheave, motion.target[sheave], limit, jerk, h)
-    else:
-        inertia = sheaves.inertia[sheave] if slipping else sheaves.inertia[sheave] + wrapped
-        net = (-(most if lag > 0.0 else least) if slipping else pulled) + (
-            motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
-        )
-        against = resisting(sheaves, motion, sheave, h)
-        speed = rim.velocity[sheave]
-        direction = speed if speed != 0.0 else net
-        rate = (net - (against if direction > 0.0 else -against)) / inertia
-        if abs(net) <= against and (speed == 0.0 or (speed + rate * h) * speed <= 0.0):
-            follow(rim, sheave, place + 0.5 * speed * h, 0.0, -speed / h)  # it comes to rest, or stays so
-        elif slipping:
-            follow(rim, sheave, place + (speed + 0.5 * rate * h) * h, speed + rate * h, rate)
-        else:
-            motion.turned[sheave] = 1
-            motion.given[sheave] = rate * inertia - pulled
-            if not was_turned:  # its forces are new: go on with what they make of it now
-                rope.acceleration[sheave] = rope.algorithmic[sheave] = rate
-    rate = rope.acceleration[sheave] if motion.turned[sheave] else rim.acceleration[sheave]
-    traction = wrapped * rate - pulled
-    if slipping or not least <= traction <= most:
-        if motion.turned[sheave]:  # it slips from now on: of the rim, friction is what turns it
-            follow(rim, sheave, place + rim.velocity[sheave] * h, rim.velocity[sheave], 0.0)
-            motion.turned[sheave] = 0
-        if not slipping:
-            lag = 1.0 if traction > most else -1.0
-        slip(sheaves, motion, sheave, most if lag > 0.0 else least, lag, h)
-    elif motion.turned[sheave]:
-        motion.traction[sheave] = traction
-        before = rope.position[sheave]
-        guess(rope, sheave, c, h)
-        follow(rim, sheave, place + rope.position[sheave] - before, rope.velocity[sheave], rope.acceleration[sheave])
-    else:
-        motion.traction[sheave] = traction
-        lead(rope, sheave, rope.position[sheave] + rim.position[sheave] - place, rim.velocity[sheave], rate)
+        return False, rim.acceleration[sheave]
+    against = resisting(sheaves, motion, sheave, h)
+    given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
+    net += given
+    direction = speed if speed != 0.0 else net
+    given -= against if direction > 0.0 else -against
+    rate = (net - (against if direction > 0.0 else -against)) / inertia
+    if abs(net) <= against and (speed == 0.0 or (speed + rate * h) * speed <= 0.0):
+        follow(rim, sheave, place + 0.5 * speed * h, 0.0, -speed / h)  # it comes to rest, or stays so
+        return False, -speed / h
+    if motion.slipping[sheave] != 0:
+        follow(rim, sheave, place + (speed + 0.5 * rate * h) * h, speed + rate * h, rate)
+        return False, rate
+    motion.given[sheave] = given
+    return True, rate
+
+
+@kernel
+def friction_on_rope(sheaves, motion, sheave, sense):
+    """Force (N) of a rim on the rope that slips on it, 1 where the rim is faster and -1 where it is slower."""
+    share = motion.stretch[sheave] * (sheaves.adhesion[sheave] - 1.0)
+    return share * max(motion.tension[sheave, 1], 0.0) if sense > 0 else -share * max(motion.tension[sheave, 0], 0.0)
 
 
 @kernel
@@ -101,22 +122,6 @@ def resisting(sheaves, motion, sheave, h):
 
 
 @kernel
-def slip(sheaves, motion, sheave, traction, lag, h):
-    """Move the rope over a wheel on which it slips, by `h` (s), until it has its speed again.
-
-    The rope on the wheel is so light that its speed follows from the forces at once; here, within some steps.
-    """
-    rope, speed = motion.rope, motion.rope.velocity[sheave]
-    pull = traction + motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
-    rate = pull / (sheaves.wrapped[sheave] + SLIP_STEPS * h * sheaves.impedance[sheave])
-    lead(rope, sheave, rope.position[sheave] + (speed + 0.5 * rate * h) * h, speed + rate * h, rate)
-    motion.slipping[sheave], motion.traction[sheave] = 1, traction
-    if (motion.rim.velocity[sheave] - rope.velocity[sheave]) * lag <= 0.0:
-        motion.slipping[sheave] = 0
-        rope.velocity[sheave] = motion.rim.velocity[sheave]
-
-
-@kernel
 def move_cylinder(sheaves, motion, sheave, h):
     """Move the carriage of a wheel where a cylinder holds it, by `h` (s): where the pull has left its band."""
     travel, low, high = motion.carriage.position[sheave], sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
@@ -127,13 +132,6 @@ def move_cylinder(sheaves, motion, sheave, h):
     least = -sqrt(2.0 * HYDRAULIC_ACCELERATION * max(travel - low, 0.0))
     ramp(motion.carriage, sheave, min(max(wanted, least), most), HYDRAULIC_ACCELERATION, inf, h)
     motion.carriage.algorithmic[sheave] = motion.carriage.acceleration[sheave]
-
-
-@kernel
-def lead(motion, number, position, speed, acceleration):
-    """Prescribe one coordinate."""
-    follow(motion, number, position, speed, acceleration)
-    motion.algorithmic[number] = acceleration
 
 
 @kernel
@@ -163,30 +161,41 @@ def correct_sheaves(bundle, motion, system, c, h, least):
     Those of at most `least` (m) are not carried out.
     """
     sheaves, largest = bundle.sheaves, 0.0
-    mass_factor, _ = factors(c, h)
     for sheave in range(sheaves.inertia.size):
-        if not motion.turned[sheave] and sheaves.tensioning[sheave] != COUNTERWEIGHT:
+        if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
             continue
-        yielding = 0.0
-        for side in range(2):
-            cable = record_at(bundle.records[sheaves.rope[sheave, side], SYSTEM], system).cable
-            yielding += stiffness_of_end(cable, c, h)
-        if motion.turned[sheave]:
-            inertia = sheaves.inertia[sheave] + sheaves.wrapped[sheave]
-            pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
-            missing = motion.given[sheave] + pulled - inertia * motion.rope.acceleration[sheave]
-            delta = missing / (inertia * mass_factor + yielding)
+        first = record_at(bundle.records[sheaves.rope[sheave, 0], SYSTEM], system).cable
+        second = record_at(bundle.records[sheaves.rope[sheave, 1], SYSTEM], system).cable
+        on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
+        if motion.by_forces[sheave] != NOTHING:
+            delta = missing_rope(sheaves, motion, sheave, c, h, on, off)
             if abs(delta) > least:
                 add_increment(motion.rope, sheave, c, h, delta)
-                place = motion.rim.position[sheave] + delta
-                follow(motion.rim, sheave, place, motion.rope.velocity[sheave], motion.rope.acceleration[sheave])
+                if motion.by_forces[sheave] == WHEEL:
+                    add_increment(motion.rim, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
-            delta = missing_travel(sheaves, motion, sheave, c, h, yielding)
+            delta = missing_travel(sheaves, motion, sheave, c, h, on + off)
             if abs(delta) > least:
                 add_increment(motion.carriage, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
     return largest
+
+
+@kernel
+def missing_rope(sheaves, motion, sheave, c, h, on, off):
+    """Increment (m) of the rope that has gone over a wheel; `on` and `off` (N/m) are the answers of its strands."""
+    mass_factor, _ = factors(c, h)
+    force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+    inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
+    if slipping == 0:
+        inertia += sheaves.inertia[sheave]
+        force += motion.given[sheave]
+    else:
+        force += friction_on_rope(sheaves, motion, sheave, slipping)
+        on *= sheaves.adhesion[sheave] if slipping < 0 else 1.0
+        off *= sheaves.adhesion[sheave] if slipping > 0 else 1.0
+    return (force - inertia * motion.rope.acceleration[sheave]) / (inertia * mass_factor + on + off)
 
 
 @kernel
@@ -217,15 +226,25 @@ def end_sheaves(sheaves, motion):
     """End a step: take the traction of all wheels, and stop them where one has gone back further than it may."""
     back = False
     for sheave in range(sheaves.inertia.size):
-        if not motion.slipping[sheave]:
-            pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
-            motion.traction[sheave] = sheaves.wrapped[sheave] * motion.rope.acceleration[sheave] - pulled
+        pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+        motion.traction[sheave] = sheaves.wrapped[sheave] * motion.rope.acceleration[sheave] - pulled
+        hold_again(motion, sheave)
         if way_back(motion, sheave) > sheaves.rollback[sheave]:
             motion.rolled_back[sheave] = 1
             back = True
     if back:
         for sheave in range(sheaves.inertia.size):
             stop_wheel(sheaves, motion, sheave)
+
+
+@kernel
+def hold_again(motion, sheave):
+    """Let a rope that slipped stick to the rim, once that has its speed."""
+    rim, rope = motion.rim, motion.rope
+    if (rim.velocity[sheave] - rope.velocity[sheave]) * motion.slipping[sheave] < 0.0:
+        motion.slipping[sheave] = 0
+        rope.velocity[sheave] = rim.velocity[sheave]
+        rope.acceleration[sheave] = rope.algorithmic[sheave] = rim.acceleration[sheave]
 
 
 @kernel
@@ -247,6 +266,6 @@ def stop_wheel(sheaves, motion, sheave):
     """Begin the emergency stop of one wheel: by its brake, or else by its drive."""
     if not motion.braking[sheave]:
         motion.braking_time[sheave] = 0.0
-    motion.braking[sheave], motion.target[sheave], motion.turned[sheave] = 1, 0.0, 0
+    motion.braking[sheave], motion.target[sheave], motion.by_forces[sheave] = 1, 0.0, NOTHING
     if sheaves.driven[sheave]:
         motion.mode[sheave] = SPEED
