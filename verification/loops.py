@@ -64,7 +64,9 @@ def loop(
                 },
                 **rest,
             }
-        )
+        ),
+        samples=2,
+        on_demand=True,
     )
 
 
@@ -89,15 +91,15 @@ def tangential_weights(simulation: Simulation) -> float:
     return total
 
 
-@case("loop at rest", "first integral T (1 + T/(2 EA)) - ρA g z + ½ EI κ² of an elastic rope")
+@case("loop at rest", "first integral of an elastic rope: T (1 + T/(2 EA)) + ½ EI κ² less its weight times height")
 def statics() -> Iterator[Result]:
-    """One chair full up, one empty down; a mesh that resolves how the rope bends at its grips, √(EI / T) = 3 m."""
+    """One chair full up, one empty down; a mesh that resolves how the rope bends at its grips, √(EI / T) = 10 m."""
     weight = {"direction": [-0.958, -0.287], "mass": 9000.0}
     first, spacing = 120.0, 200.0  # where a grip is on a node its slope is as accurate as the forces
     for _ in range(4):
         simulation = loop(
             length=210.0,
-            rope={"bending_stiffness": 5e5, "elements": 210},
+            rope={"bending_stiffness": 5e6, "elements": 210},
             back={"counterweight": weight},
             carriers={
                 "name": "chair",
@@ -118,13 +120,10 @@ def statics() -> Iterator[Result]:
     force = simulation.snapshot.columns.sheave_force[0]
     yield Result("force of the drive that holds it", "N", on - off, float(force), 1e-6 * expected)
     yield Result("difference at the bullwheel that turns freely", "N", 0.0, went - came, 1e-3)
-    cable, nodes = simulation._parts[0].system.cable, simulation._parts[0].state.nodes.position
-    ends = simulation.snapshot.supports
     yield Result("its weight on the counterweight", "N", 9000.0 * 9.81, float(motion.pull[1]), 1e-3)
-    assert cable.element_count == nodes.shape[0] - 1 and len(ends) == 4
 
 
-@case("adhesion of a bullwheel", "Euler 1769, Eytelwein 1808: T_1 / T_2 = exp(μ α)", needs_jit=True)
+@case("adhesion of a bullwheel", "Eytelwein 1808: ratio of tensions exp(friction times wrap)", needs_jit=True)
 def adhesion() -> Iterator[Result]:
     """A drive that turns up its acceleration before a heavy return wheel, until the rope slips; then it stops."""
     simulation = loop(
@@ -193,16 +192,15 @@ def ringing(series: FloatArray, step: float, guess: float) -> tuple[float, float
 def rung(simulation: Simulation, duration: float, what: str) -> FloatArray:
     """Rate of the rope or of the carriage at the return wheel in every step of a run."""
     motion, series = wheels(simulation), []
-    for number in range(round(duration / simulation.step)):
+    for _ in range(round(duration / simulation.step)):
         simulation.advance_to(simulation.time + simulation.step)
         series.append(getattr(motion, what).velocity[1])
-        assert number >= 0
     return np.array(series)
 
 
 @case("longitudinal modes of a loop", "chain of springs and masses; rod with a mass at its end", needs_jit=True)
 def modes() -> Iterator[Result]:
-    """Level, without weight: the return wheel against a held drive, both wheels free, the carriage of a counterweight."""
+    """Level, without weight: the return wheel against a held drive, both free, the carriage of a counterweight."""
     impedance, wave = ROPE
 
     def held(omega: float) -> float:
@@ -212,7 +210,7 @@ def modes() -> Iterator[Result]:
     simulation = loop(**LEVEL, limits={"acceleration": 1.0}, solver={"step": 0.005})
     simulation.command("haul_rope", speed=0.01)
     simulation.advance_to(0.1)
-    frequency, damping = ringing(rung(simulation, 16.0, "rope"), 0.005, expected)
+    frequency, damping = ringing(rung(simulation, 8.0, "rope"), 0.005, expected)
     yield Result("return wheel, drive held", "Hz", expected, frequency, 5e-3 * expected)
     yield Result("its damping by the method, of the critical one", "-", 0.0, damping, 1e-3)
 
@@ -225,7 +223,7 @@ def modes() -> Iterator[Result]:
     expected = float(chain((DRIVE, BACK), 0.0)[1])
     simulation = loop(**LEVEL, solver={"step": 0.005})
     simulation.command("haul_rope", force=500.0)
-    frequency, damping = ringing(rung(simulation, 16.0, "rope"), 0.005, expected)
+    frequency, damping = ringing(rung(simulation, 8.0, "rope"), 0.005, expected)
     yield Result("both wheels free", "Hz", expected, frequency, 5e-3 * expected)
     yield Result("its damping by the method", "-", 0.0, damping, 1e-3)
 
@@ -233,7 +231,7 @@ def modes() -> Iterator[Result]:
     expected = float(chain((0.0, 0.0), 5000.0)[0])
     simulation = loop(**LEVEL, back={"counterweight": weight}, solver={"step": 0.005})
     wheels(simulation).carriage.velocity[1] = 0.01
-    frequency, damping = ringing(rung(simulation, 16.0, "carriage"), 0.005, expected)
+    frequency, damping = ringing(rung(simulation, 8.0, "carriage"), 0.005, expected)
     yield Result("counterweight on both strands", "Hz", expected, frequency, 5e-3 * expected)
     yield Result("its damping by the method", "-", 0.0, damping, 1e-3)
 
@@ -241,12 +239,13 @@ def modes() -> Iterator[Result]:
 @case("order in the step, of a loop", "generalized-alpha is of second order", needs_jit=True)
 def order() -> Iterator[Result]:
     """Both wheels free and ringing: how far the return wheel has gone after a second, from one and the same state."""
-    fine = loop(**LEVEL, solver={"step": 0.0005, "tolerance": 1e-12})
+    damped = {**LEVEL, "rope": {"damping_time": 2e-3}}  # what a step of the force leaves of a wave front fades
+    fine = loop(**damped, solver={"step": 0.0005, "tolerance": 1e-12})
     fine.command("haul_rope", force=5000.0)
-    fine.advance_to(0.3)
+    fine.advance_to(1.0)
     state, gone = fine.capture(), []
     for step in (0.02, 0.01, 0.005, 0.0005):
-        simulation = loop(**LEVEL, solver={"step": step, "tolerance": 1e-12})
+        simulation = loop(**damped, solver={"step": step, "tolerance": 1e-12})
         simulation.restore(replace(state, scenario=simulation.scenario))
         simulation.advance_to(simulation.time + 1.0)
         gone.append(float(wheels(simulation).rope.position[1]))
@@ -331,23 +330,30 @@ def tensioning() -> Iterator[Result]:
 @case("hydraulic tensioning of a loop", "its law: moves where the pull has left its band", needs_jit=True)
 def hydraulics() -> Iterator[Result]:
     """Chairs that go up and down a loop; the cylinder moves, and one that is locked does not."""
-    pulls, travels = {}, {}
     for locked in (False, True):
         cylinder = {"direction": [-0.958, -0.287], "force": 88e3, "band": 800.0, "rate": 0.05, "locked": locked}
         simulation = loop(
-            length=208.29,
+            length=208.5,
             rope={"bending_stiffness": 1e5, "damping_time": 0.02},
             back={"hydraulics": cylinder},
             limits={"acceleration": 0.05, "jerk": 0.05},
             carriers={"name": "chair", "count": 4, "first": 60.0, "spacing": 100.0, "bodies": BODY},
         )
-        motion, seen = wheels(simulation), []
+        motion = wheels(simulation)
+        start, first = float(motion.carriage.position[1]), float(motion.tension[1].sum())
+        pulls, moved = [], 0.0
         simulation.command("haul_rope", speed=1.0)
         while simulation.time < 40.0:
             simulation.advance_to(simulation.time + 0.1)
-            seen.append(float(motion.pull[1]))
-        pulls[locked], travels[locked] = np.array(seen), float(motion.carriage.position[1])
-    print(pulls[True][[0,-1]], pulls[False].min(), pulls[False].max(), travels)
+            pulls.append(float(motion.tension[1].sum()))
+            moved = max(moved, abs(float(motion.carriage.position[1]) - start))
+        off = max(abs(one - first) for one in pulls)
+        if locked:
+            yield Result("locked: its tensions leave the band, at least", "N", 2000.0, min(off, 2000.0), 0.0)
+            yield Result("locked: travel", "m", 0.0, moved, 0.0)
+        else:
+            yield Result("its tensions stay in the band, and a tenth more", "N", 0.0, off, 880.0)
+            yield Result("it moves, at least", "m", 0.02, min(moved, 0.02), 0.0)
 
 
 @case("strand of a loop", "a cable that moves along itself as a whole", needs_jit=True)

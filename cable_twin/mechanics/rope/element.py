@@ -80,7 +80,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def rates_of_strain(taken_in, shape, shape_rates):
-    """Rates of chord and slopes as the rope has them, of which a share `taken_in` (1/s) is rope that comes to be there."""
+    """Rates of chord and slopes as the rope has them, of which the share `taken_in` (1/s) is new there."""
     return (
         add_scaled(-taken_in, shape[0], shape_rates[0]),
         add_scaled(-taken_in, shape[1], shape_rates[1]),

@@ -16,7 +16,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULIC, STATE, SYSTEM
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULIC, SYSTEM
 from cable_twin.mechanics.solution.generalized_alpha import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
@@ -252,11 +252,13 @@ def way_back(motion, sheave):
     """Way (m) that a rim has gone back since no drive holds it to a speed; either way where none has turned it yet."""
     mode, place = motion.mode[sheave], motion.rim.position[sheave]
     wanted = motion.target[sheave] if mode == SPEED else motion.force[sheave] if mode == FORCE else 0.0
-    if wanted != 0.0 and not motion.braking[sheave]:
+    if motion.braking[sheave]:
+        return 0.0
+    if wanted != 0.0:
         motion.sense[sheave] = 1 if wanted > 0.0 else -1
     way = motion.furthest[sheave] - place
     back = way * motion.sense[sheave] if motion.sense[sheave] != 0 else abs(way)
-    if mode != FORCE or motion.braking[sheave] or back < 0.0:
+    if mode != FORCE or back < 0.0:
         motion.furthest[sheave], back = place, 0.0
     return back
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from cable_twin.mechanics.drives.moving_rope import carry_clamped
 from cable_twin.mechanics.drives.motion import prescribe
+from cable_twin.mechanics.drives.moving_rope import carry_clamped
 from cable_twin.mechanics.drives.reference import follow
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
