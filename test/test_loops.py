@@ -87,7 +87,7 @@ def test_halved_steps_go_where_whole_ones_go():
     ends = []
     for iterations in (12, 2):
         data = lift().scenario.resolved()
-        data["solver"] |= {"max_iterations": iterations, "max_halvings": 10}
+        data["solver"] |= {"max_iterations": iterations, "max_halvings": 10, "step": 0.01}
         simulation = Simulation(load_scenario(data), samples=2)
         simulation.command("haul_rope", speed=1.5)
         halved = 0

@@ -80,9 +80,8 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         turned = 0.0
         if looped:
             feel_ends(bundle, moving.sheaves, system, state)
-            turned = correct_sheaves(bundle, moving.sheaves, system, c, h, solver.tolerance)
-            if turned > solver.tolerance:
-                carry_on(bundle, moving.sheaves, system, state)
+            turned = correct_sheaves(bundle, moving.sheaves, system, c, h)
+            carry_on(bundle, moving.sheaves, system, state)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
         before = increment

@@ -155,11 +155,8 @@ def add_increment(motion, number, c, h, delta):
 
 
 @kernel
-def correct_sheaves(bundle, motion, system, c, h, least):
-    """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m).
-
-    Those of at most `least` (m) are not carried out.
-    """
+def correct_sheaves(bundle, motion, system, c, h):
+    """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m)."""
     sheaves, largest = bundle.sheaves, 0.0
     for sheave in range(sheaves.inertia.size):
         if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
@@ -169,15 +166,13 @@ def correct_sheaves(bundle, motion, system, c, h, least):
         on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
         if motion.by_forces[sheave] != NOTHING:
             delta = missing_rope(sheaves, motion, sheave, c, h, on, off)
-            if abs(delta) > least:
-                add_increment(motion.rope, sheave, c, h, delta)
-                if motion.by_forces[sheave] == WHEEL:
-                    add_increment(motion.rim, sheave, c, h, delta)
+            add_increment(motion.rope, sheave, c, h, delta)
+            if motion.by_forces[sheave] == WHEEL:
+                add_increment(motion.rim, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
             delta = missing_travel(sheaves, motion, sheave, c, h, on + off)
-            if abs(delta) > least:
-                add_increment(motion.carriage, sheave, c, h, delta)
+            add_increment(motion.carriage, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
     return largest
 
