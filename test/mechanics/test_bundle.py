@@ -13,6 +13,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     Bundle,
     Connectors,
     Pantographs,
+    Sheaves,
     Wires,
     allocate_bundle_state,
     allocate_bundle_work,
@@ -27,6 +28,18 @@ ELEMENTS = (7, 5, 9)
 ROPES = np.array([[0, 1], [0, 1], [1, 2], [0, 2]])
 NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
 LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
+
+
+def no_sheaves(dim):
+    """No bullwheel."""
+    whole = {"rope": (0, 2), "driven": (0,), "tensioning": (0,)}
+    real = {"direction": (0, dim), "travel": (0, 2)}
+    return Sheaves(
+        **{
+            name: np.zeros(whole[name], np.int64) if name in whole else np.zeros(real.get(name, (0,)))
+            for name in Sheaves._fields
+        }
+    )
 
 
 def make_bundle(dim, *, stiffness=50.0, compression=20.0):
@@ -50,6 +63,7 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0):
         pantographs=Pantographs(np.zeros(0, np.int64), *(np.zeros((0, 1)) for _ in range(3)), np.zeros(0), np.zeros(0)),
         wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
         order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
+        sheaves=no_sheaves(dim),
     )
     return bundle, systems, states, works, addresses
 
