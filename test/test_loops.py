@@ -11,6 +11,7 @@ from cable_twin.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import SnapshotError
+from verification.loop_hour import chairlift_hour
 from verification.loops import BODY, loop, rope_of, spacing_error, wheels
 
 FULL_UP = {
@@ -203,3 +204,11 @@ def test_a_state_of_another_number_of_bullwheels_is_refused():
     between = {name: array[:1] if "rim" in name else array for name, array in full.between.items()}
     with pytest.raises(SnapshotError, match="rim"):
         simulation.restore(replace(full, between=between))
+
+
+@pytest.mark.long
+def test_an_hour_of_the_shipped_chairlift():
+    """Starts, stops, reversals and emergency stops: no step fails or is halved, and no rope is lost."""
+    cells = [cell.strip() for cell in chairlift_hour(1.0, lambda completed: None).split("|")]
+    assert cells[3:6] == ["360000", "0", "0"]
+    assert max(float(cell.split()[0]) for cell in cells[7:9]) < 1e-6  # m
