@@ -33,6 +33,7 @@ MODULES = (
     "wind",
     "grooves",
     "ropes",
+    "loops",
     "en50318",
 )
 

@@ -1,7 +1,7 @@
 """Long runs of the shipped ropeways: what may not happen in them, and whether all energy is accounted for.
 
 A full trip of the tramway with an emergency stop over its tower, and an hour of the chairlift with starts, stops,
-emergency stops and a reversal. `python -m verification.long_runs` writes them to `docs/long_runs.md`.
+emergency stops and a reversal (`loop_hour`). `python -m verification.long_runs` writes them to `docs/long_runs.md`.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot
+from verification.loop_hour import HEAD as LOOP_HEAD
+from verification.loop_hour import chairlift_hour
 from verification.models import for_kernels
 from verification.moving_cable import carrier_energies, viscous_power
 
@@ -156,22 +158,8 @@ def tramway_trip() -> tuple[Simulation, list[Event], float, float]:
     )
 
 
-def chairlift_hour() -> tuple[Simulation, list[Event], float, float]:
-    """Every ten minutes: a service stop, an emergency stop; the fourth ten minutes go backwards."""
-    events: list[Event] = []
-    for number in range(6):
-        begin, speed = 600.0 * number, -2.5 if number == 3 else 2.5
-        events += [
-            (begin, lambda twin, speed=speed: twin.command("haul_rope", speed=speed)),
-            (begin + 240.0, lambda twin: twin.command("haul_rope", speed=0.0)),
-            (begin + 270.0, lambda twin, speed=speed: twin.command("haul_rope", speed=speed)),
-            (begin + 540.0, lambda twin: twin.emergency_stop()),
-            (begin + 580.0, lambda twin: twin.emergency_stop(False)),
-        ]
-    return Simulation(load_scenario("chairlift")), events, 3600.0, 0.1
-
-
-RUNS = {"tramway_trip": tramway_trip, "chairlift_hour": chairlift_hour}
+RUNS = {"tramway_trip": tramway_trip}
+LOOPS = {"chairlift_hour": chairlift_hour}
 
 
 def run(name: str, share: float, shown: Callable[..., None]) -> str:
@@ -215,25 +203,29 @@ def run(name: str, share: float, shown: Callable[..., None]) -> str:
 
 def main() -> int:
     """Carry out the runs and write the page."""
+    known = ", ".join((*RUNS, *LOOPS))
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", nargs="*", metavar="RUN", help=f"some of {', '.join(RUNS)}; default: all, and the page")
+    parser.add_argument("runs", nargs="*", metavar="RUN", help=f"some of {known}; default: all, and the page")
     parser.add_argument("--share", type=float, default=1.0, help="first part of each, above 0 to 1; default: 1")
     options = parser.parse_args()
-    unknown = [name for name in options.runs if name not in RUNS]
+    unknown = [name for name in options.runs if name not in (*RUNS, *LOOPS)]
     if unknown or not 0.0 < options.share <= 1.0:
         parser.error(
-            f"RUN: given {unknown[0]!r}; allowed: {', '.join(RUNS)}"
+            f"RUN: given {unknown[0]!r}; allowed: {known}"
             if unknown
             else f"--share: given {options.share:g}; allowed: above 0 to 1"
         )
-    rows = []
-    for name in options.runs or RUNS:
+    rows: dict[str, str] = {}
+    for name in options.runs or (*RUNS, *LOOPS):
         with Progress() as bar:
             task = bar.add_task(name, total=1.0)
-            rows.append(run(name, options.share, partial(bar.update, task)))
-        print(rows[-1])
+            shown = partial(bar.update, task)
+            rows[name] = LOOPS[name](options.share, shown) if name in LOOPS else run(name, options.share, shown)
+        print(rows[name])
     if not options.runs and options.share == 1.0:
-        PAGE.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+        tables = ((HEAD, RUNS), (LOOP_HEAD, LOOPS))
+        page = "".join(head + "".join(f"{rows[name]}\n" for name in names) for head, names in tables)
+        PAGE.write_text(page, encoding="utf-8")
         print(f"wrote {PAGE}")
     return 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, inf, sqrt
+from math import exp, inf
 
 import numpy as np
 
@@ -120,7 +120,6 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
         rope=np.array(joined, dtype=np.int64).reshape(-1, 2),
         inertia=floats([sheave.inertia / sheave.radius**2 for sheave in given]),
         wrapped=floats([sheave.wrapped * pair[0].mass_per_length for sheave, pair in zip(given, ropes, strict=True)]),
-        impedance=floats([sum(sqrt(one.axial_stiffness * one.mass_per_length) for one in pair) for pair in ropes]),
         adhesion=floats([exp(sheave.friction * sheave.wrap) for sheave in given]),
         resistance=floats([sheave.resistance / sheave.radius for sheave in given]),
         driven=np.array([name in drives for name in scenario.sheaves], dtype=np.int64),
@@ -128,6 +127,7 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
         emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
         jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
         brake_force=floats([sheave.brake.force if sheave.brake else 0.0 for sheave in given]),
+        rollback=floats([inf if sheave.rollback is None else sheave.rollback for sheave in given]),
         brake_rise_time=floats([sheave.brake.rise_time if sheave.brake else 0.0 for sheave in given]),
         tensioning=np.array([kind for kind, *_ in tensioning], dtype=np.int64),
         direction=floats([row[1] for row in tensioning], scenario.dim),

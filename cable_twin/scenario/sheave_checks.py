@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import dist, sqrt
+from math import dist
 
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.fields import in_space
@@ -11,7 +11,6 @@ from cable_twin.scenario.schema import CarrierPayload, Carriers, Scenario
 from cable_twin.scenario.sheaves import Sheave
 from cable_twin.scenario.vehicle_checks import initial_speed
 
-LIGHTEST = 1.5  # times what the rope takes up within a step, for the explicit step of a wheel
 APART = 0.05  # of the diameter, by which joined ends may be further apart
 
 
@@ -33,6 +32,8 @@ def sheave_faults(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault((*path, key, "travel"), f"given {list(device.travel)}; allowed: least, then most, in m")
             if device is not None and not any(device.direction):
                 yield Fault((*path, key, "direction"), "given a vector of length 0; allowed: a direction")
+        if sheave.rollback is not None and name not in {drive.sheave for drive in scenario.drives.values()}:
+            yield Fault((*path, "rollback"), f"given {sheave.rollback!r} m, but no drive turns it; allowed: null")
         if not faults:
             yield from _placed(scenario, path, sheave)
     yield from _drives(scenario)
@@ -59,7 +60,7 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
 
 
 def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
-    """Ends that are not at the rim, and a wheel too light for the step."""
+    """Ends that are not at the rim, and strands that are not the same rope."""
     ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
     ends = [in_space(ropes[0].end.position), in_space(ropes[1].start.position)]
     wide = 2.0 * sheave.radius * (1.0 + APART)
@@ -77,13 +78,15 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
                     f"radius of {sheave.radius:g} m, or null",
                 )
                 break
-    taken_up = scenario.solver.step * sum(sqrt(rope.axial_stiffness * rope.mass_per_length) for rope in ropes)
-    least = LIGHTEST * taken_up * sheave.radius**2
-    if sheave.inertia < least:
-        yield Fault(
-            (*path, "inertia"),
-            f"given {sheave.inertia!r}; allowed: at least {least:.4g} kg m^2 with a step of {scenario.solver.step:g} s",
-        )
+    first, second = (end.partition(".")[0] for end in sheave.joins)
+    for key, unit in (("mass_per_length", "kg/m"), ("axial_stiffness", "N")):
+        here, there = (getattr(rope, key) for rope in ropes)
+        if here != there:
+            yield Fault(
+                ("ropes", second, key),
+                f"given {there!r} {unit}, joined by {path[1]!r} to {first!r} with {here!r}; allowed: the same, for it "
+                "is one rope",
+            )
 
 
 def _drives(scenario: Scenario) -> Iterator[Fault]:

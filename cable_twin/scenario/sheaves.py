@@ -58,6 +58,14 @@ class Sheave(Section):
         default=None, description="brake on it, force at the rim, which an emergency stop applies instead of the drive"
     )
 
+    rollback: float | None = quantity(
+        "m",
+        "way back, against the sense in which its drive turned it last, after which an emergency stop begins where no "
+        "drive holds it to a speed; null: none",
+        None,
+        gt=0,
+    )
+
     @property
     def wrapped(self) -> float:
         """Length (m) of the rope on it."""

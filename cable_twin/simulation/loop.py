@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, Bundle, SheaveMotion
-from cable_twin.mechanics.solution.bundle.sheaves import feel_ends
+from cable_twin.mechanics.solution.bundle.sheaves import stop_wheel
+from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
@@ -51,9 +53,10 @@ class Loop:
             feel_ends(self._bundle, self.motion, first.system, first.state)
 
         settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
-        self.motion.traction[:] = self.motion.tension[:, 0] - self.motion.tension[:, 1]
+        self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()
         self._check_adhesion()
+        self._check_travel()
 
     def _lay(self) -> None:
         """Give the strands the ends that the bullwheels have, and put what is clamped to them where it is then."""
@@ -97,6 +100,19 @@ class Loop:
                     f"{used:.3g}, and the rope would slip; allowed: {most:.3g}, exp(friction times wrap)"
                 )
 
+    def _check_travel(self) -> None:
+        """Refuse a start at which a counterweight or a cylinder would be outside its travel."""
+        for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
+            device, travel = sheave.tensioning, float(self.motion.carriage.position[row])
+            if device is None or device.travel[0] <= travel <= device.travel[1]:
+                continue
+            beyond = max(device.travel[0] - travel, travel - device.travel[1])
+            raise EquilibriumError(
+                f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}.travel: given "
+                f"{device.travel[0]:g} to {device.travel[1]:g} m, but it rests at {travel:.4g} m; allowed: limits "
+                f"around that, or ropes that are {2.0 * beyond:.3g} m {'shorter' if travel > 0.0 else 'longer'} in all"
+            )
+
     def set_in_motion(self) -> dict[str, Command]:
         """Give the rope the speed it starts with; returns the commands that keep it, by drive."""
         held = {}
@@ -115,6 +131,7 @@ class Loop:
     def drive(self, name: str, kind: str, value: float) -> None:
         """Give a drive a speed (m/s) or a force (N)."""
         row = self._drives[name]
+        self.motion.by_forces[row] = 0  # they are new
         if kind == "force":
             self.motion.mode[row], self.motion.force[row] = FORCE, value
             return
@@ -128,26 +145,29 @@ class Loop:
         """Names of the drives."""
         return tuple(self._drives)
 
+    @property
+    def rolled_back(self) -> bool:
+        """Whether it has begun an emergency stop by itself, for it went back too far."""
+        return bool(self.motion.rolled_back.any())
+
     def stop(self) -> None:
         """Begin an emergency stop."""
-        motion = self.motion
-        fresh = motion.braking == 0
-        motion.braking_time[fresh] = 0.0
-        motion.braking[:] = 1
-        motion.target[:] = 0.0
-        motion.mode[self._drive_rows] = SPEED
+        for sheave in range(len(self._names)):
+            as_python(stop_wheel)(self._bundle.sheaves, self.motion, sheave)
 
     def release(self) -> None:
         """End it."""
-        self.motion.braking[:] = 0
-        self.motion.rim.acceleration[:] = 0.0
+        motion = self.motion
+        motion.braking[:] = motion.by_forces[:] = motion.rolled_back[:] = 0
+        motion.rim.acceleration[:] = 0.0
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of bullwheels and their drives."""
         motion, sheaves, rows = self.motion, self._bundle.sheaves, self._drive_rows
         force = motion.traction + sheaves.inertia * motion.rim.acceleration
         force += sheaves.resistance * np.sign(motion.rim.velocity)
-        force[sheaves.driven == 0] = 0.0
+        braked = (motion.braking != 0) & (sheaves.brake_force > 0.0)
+        force[(sheaves.driven == 0) | braked] = 0.0
         columns.sheave_position[:], columns.sheave_speed[:] = motion.rope.position, motion.rope.velocity
         columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension
         columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)

@@ -9,7 +9,7 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.columns import Columns, groups, sample_tensions
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
 from cable_twin.mechanics.solution.bundle.order import order_of
@@ -23,7 +23,7 @@ from cable_twin.mechanics.solution.bundle.records import (
 )
 from cable_twin.mechanics.solution.bundle.rest import settle_bundle
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
+from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
@@ -34,24 +34,12 @@ from cable_twin.scenario.build_bundle import (
 )
 from cable_twin.simulation.clamping import along_track, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
+from cable_twin.simulation.restoring import restore_all
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState
 
 FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
-
-
-def restore_parts(parts: list[Ropeway], full: FullState) -> None:
-    """Go to what a full state has of each rope, and of what is commanded."""
-    for part, state, start in zip(parts, full.states, full.starts, strict=True):
-        write_state(state, part.state)
-        write_state(start, part.start)
-        part.note_stations()
-        part.carry(part.state.payload)
-        part.stopped = full.emergency_stopped
-        own = (*part.rows, *part.scenario.drives)
-        part.commands = {name: command for name, command in full.commands.items() if name in own}
-        part.loading = {name: mass for name, mass in full.loading.items() if name in own}
 
 
 class RopeBundle:
@@ -106,7 +94,7 @@ class RopeBundle:
             EquilibriumError: there is none.
         """
         for part, work in zip(self.parts, self._works, strict=True):
-            if _is_taut(part.scenario):
+            if part.is_taut:
                 lay_taut(part.system, part.state)
             else:
                 part.lay(work)
@@ -129,7 +117,7 @@ class RopeBundle:
             part.state.tower_load[:, 1] = part.state.tower_load[:, 0]
             let_go(part.system, part.state, own_modes)
             part.take_over_rest()
-            self.bundle.wires.tension[row] = _mean_tension(part)
+            self.bundle.wires.tension[row] = part.mean_tension()
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
         self.commands = self.loop.set_in_motion()
 
@@ -152,9 +140,14 @@ class RopeBundle:
                 self._addresses.write(row, SYSTEM, part.system)
                 self._packed_systems[row] = part.packed_system
         first = self.parts[0]
-        return advance_bundle(  # type: ignore[no-any-return]
+        outcome = advance_bundle(
             self.bundle, self.moving, *self._spare, self._scratch, first.system, first.state, self._works[0], steps
         )
+        if self.loop.rolled_back and not first.stopped:
+            self.commands.clear()
+            for part in self.parts:
+                part.refuse()
+        return outcome  # type: ignore[no-any-return]
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
@@ -206,28 +199,11 @@ class RopeBundle:
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits."""
-        restore_parts(self.parts, full)
+        restore_all(self.parts, full)
         for key, one in (("now", self.moving), ("start", self._start)):
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
 
 
-def _is_taut(scenario: Scenario) -> bool:
-    """Whether a rope is shorter than the straight way between two ends that hold it, with nothing between them."""
-    cable = scenario.cable
-    held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
-    apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
-    return held and not scenario.towers and cable.unstrained_length < apart
-
-
-def _mean_tension(part: Ropeway) -> float:
-    """Mean tension (N) of a rope."""
-    cable, elements = part.system.cable, part.system.cable.element_count
-    places = np.linspace(0.0, cable.unstrained_length, elements + 1)
-    tensions = np.empty(places.size)
-    sample_tensions(cable, part.state, places, tensions, np.empty(groups(cable)))
-    return float(tensions.mean())
-
-
-__all__ = ["RopeBundle", "restore_parts"]
+__all__ = ["RopeBundle"]

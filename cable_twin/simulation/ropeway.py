@@ -11,6 +11,7 @@ from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
+from cable_twin.mechanics.readout.columns import groups, sample_tensions
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
@@ -119,6 +120,27 @@ class Ropeway:
     def carry(self, masses: FloatArray) -> None:
         """Put payloads (vehicles,) in kg into the system."""
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
+
+    def refuse(self) -> None:
+        """Take no more commands, as in an emergency stop that has begun by itself, and forget those in force."""
+        self.stopped = True
+        self.commands.clear()
+
+    @property
+    def is_taut(self) -> bool:
+        """Whether the rope is shorter than the way between two ends that hold it, with nothing between them."""
+        cable = self.scenario.cable
+        held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
+        apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
+        return held and not self.scenario.towers and cable.unstrained_length < apart
+
+    def mean_tension(self) -> float:
+        """Mean tension (N) of the rope."""
+        cable = self.system.cable
+        places = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1)
+        tensions = np.empty(places.size)
+        sample_tensions(cable, self.state, places, tensions, np.empty(groups(cable)))
+        return float(tensions.mean())
 
     @property
     def system(self) -> System:

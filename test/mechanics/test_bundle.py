@@ -32,6 +32,18 @@ NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
 LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
 
 
+def no_sheaves(dim):
+    """No bullwheel."""
+    whole = {"rope": (0, 2), "driven": (0,), "tensioning": (0,)}
+    real = {"direction": (0, dim), "travel": (0, 2)}
+    return Sheaves(
+        **{
+            name: np.zeros(whole[name], np.int64) if name in whole else np.zeros(real.get(name, (0,)))
+            for name in Sheaves._fields
+        }
+    )
+
+
 def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
     """Three ropes with four rods between them; what keeps the records alive comes along."""
     systems = [make_system(dim, cable={"element_count": count}) for count in ELEMENTS]
@@ -61,8 +73,8 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
             loop_length=np.zeros(clamps),
         ),
         wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
-        sheaves=Sheaves(*(np.zeros((0, 2) if name in ("rope", "travel") else 0) for name in Sheaves._fields)),
         order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
+        sheaves=no_sheaves(dim),
     )
     return bundle, systems, states, works, addresses
 

@@ -21,11 +21,11 @@ from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.parameters import Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import mean_tension
-from cable_twin.mechanics.rope.element import end_forces
+from cable_twin.mechanics.rope.element import end_forces, rates_of_strain
 from cable_twin.mechanics.rope.flow import end_flow
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
 from cable_twin.mechanics.rope.rope_drag import drag_on_end
-from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.rope.strand import rest_stretch, thickening
 
 
 @by_reference
@@ -212,13 +212,15 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
     `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
     """
     count, like, stretch = cable.element_count, cable.gravity, rest_stretch(cable, state)
+    taken_in = thickening(cable, state)
     for group in range(means.shape[0]):
         length = gather_numbers(cable.element_length, group * WIDTH)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
         d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
-        d_dot, a_dot, b_dot = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        spread((mean_tension(cable, stretch * length, d, a, b, d_dot, a_dot, b_dot),), means, group)
+        rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+        rates = rates_of_strain(taken_in, (d, a, b), rates)
+        spread((mean_tension(cable, stretch * length, d, a, b, *rates),), means, group)
     mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:

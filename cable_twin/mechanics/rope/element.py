@@ -25,7 +25,7 @@ from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flows
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.rope.strand import rest_stretch, thickening
 
 
 @kernel
@@ -54,7 +54,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     like = cable.gravity
     stretch = rest_stretch(cable, state)
-    flowing = flows(system, state)
+    flowing, taken_in = flows(system, state), thickening(cable, state)
     clear_array(work.right_side[0])
     clear_array(work.diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
@@ -65,7 +65,8 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
         inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
-        elastic = elastic_force(cable, stretch * length, *shape, *shape_rates, rate_factor, stiffness_factor)
+        strain_rates = rates_of_strain(taken_in, shape, shape_rates)
+        elastic = elastic_force(cable, stretch * length, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if flowing:
             factors = flow_factors(cable, state, gather_numbers(cable.node_arc_length, first) + 0.5 * length)
@@ -77,12 +78,23 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
             add_element(group, lane, first + lane, like, work)
 
 
+@inlined_kernel
+def rates_of_strain(taken_in, shape, shape_rates):
+    """Rates of chord and slopes as the rope has them, of which the share `taken_in` (1/s) is new there."""
+    return (
+        add_scaled(-taken_in, shape[0], shape_rates[0]),
+        add_scaled(-taken_in, shape[1], shape_rates[1]),
+        add_scaled(-taken_in, shape[2], shape_rates[2]),
+    )
+
+
 @kernel
 def end_forces(cable, state, element):
     """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
     length, stretch = cable.element_length[element], rest_stretch(cable, state)
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
-    d_dot, a_dot, b_dot = chord_and_slopes(state.nodes.velocity, element, cable)
+    rates = chord_and_slopes(state.nodes.velocity, element, cable)
+    d_dot, a_dot, b_dot = rates_of_strain(thickening(cable, state), (d, a, b), rates)
     force, _, _, _, _, _, _, _, _ = elastic_force(cable, stretch * length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
     like, e_ddot = cable.gravity, state.nodes.acceleration
     on_r_a, _, on_r_b, _ = inertia(

@@ -5,6 +5,8 @@ evenly over it: an arc length s of the mesh holds λ s of rope, where λ = 1 + (
 gone by at either end. At s the rope goes by with u = V_0 + (V_1 - V_0) s / L, on the mesh with w = u / λ: a point of it
 has the velocity r_t + w r_s and the acceleration r_tt + 2 w r_ts + w² r_ss + (w_t + w w_s) r_s. Of a rope that ends in
 its supports λ is 1 and u is 0; of one that goes by as a whole, λ is 1 and u the same everywhere.
+
+The rate of a strain |r_s| / λ - 1 is that of |r_s| less λ_t / λ of it, which damping follows.
 """
 
 from __future__ import annotations
@@ -17,6 +19,13 @@ def rest_stretch(cable, state):
     """λ: unstrained length of the rope on the mesh, over that of the mesh (-)."""
     gone = state.rope.position
     return 1.0 + (state.surplus[0] + gone[0] - gone[1]) / cable.unstrained_length
+
+
+@inlined_kernel
+def thickening(cable, state):
+    """λ_t / λ (1/s): rate at which what is between two places of the mesh takes in rope, of the rope there."""
+    speed = state.rope.velocity
+    return (speed[0] - speed[1]) / (cable.unstrained_length * rest_stretch(cable, state))
 
 
 @inlined_kernel

@@ -18,6 +18,7 @@ from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
 from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.rope.strand import rest_stretch
 from cable_twin.mechanics.solution.carriage_modes import Hanging, hanging_carriages
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
@@ -48,7 +49,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
 
     support_stiffness, counterweight_mass = _tower_matrices(system, state)
     nothing = csc_array((angles, angles))
-    mass = _block_diagonal(_cable_mass(system) + counterweight_mass, nothing)
+    mass = _block_diagonal(rest_stretch(system.cable, state) * _cable_mass(system) + counterweight_mass, nothing)
     stiffness = _block_diagonal(_cable_stiffness(system, state) + support_stiffness, nothing)
     for carriage, places in zip(carriages, _places(carriages, nodal), strict=True):
         rows, columns = np.repeat(places, places.size), np.tile(places, places.size)
@@ -137,14 +138,14 @@ def _cable_mass(system: System) -> csc_array:
 
 def _cable_stiffness(system: System, state: State) -> csc_array:
     """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
-    cable = system.cable
+    cable, stretch = system.cable, rest_stretch(system.cable, state)
     dim = len(cable.gravity)
     zero = (0.0,) * dim
     matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
 
     def force(length: float, vectors: FloatArray) -> FloatArray:
         d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
-        return np.concatenate(elastic_force(cable, length, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
+        return np.concatenate(elastic_force(cable, stretch * length, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
     for element, length in enumerate(cable.element_length.tolist()):
         # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element

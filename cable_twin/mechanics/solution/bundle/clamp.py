@@ -93,6 +93,20 @@ def find_clamps(bundle, moving, system, state, h):
 
 
 @kernel
+def follow_clamps(bundle, moving, system, state):
+    """Where each clamp holds now that bullwheels have let rope through within the step."""
+    clamps = bundle.clamps
+    for clamp in range(clamps.rope.size):
+        for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
+            rope = clamps.choice[row]
+            if rope == moving.clamp_rope[clamp]:
+                own = record_at(bundle.records[rope, SYSTEM], system)
+                there = record_at(bundle.records[rope, STATE], state)
+                place = clamp_coordinate(own, there, clamps.place[row], clamps.loop_length[clamp])
+                moving.clamp_place[clamp] = place
+
+
+@kernel
 def add_clamps(bundle, moving, scratch, system, state, work, like):
     """Write the block of each clamp that holds, and what couples it to its nodes; its force goes to the other rope.
 

@@ -9,11 +9,12 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
-from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
+from cable_twin.mechanics.solution.bundle.clamp import find_clamps, follow_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.bundle.riders import ride_tracks
-from cable_twin.mechanics.solution.bundle.sheaves import feel_ends, give_ends, move_sheaves, place_ends
+from cable_twin.mechanics.solution.bundle.sheaves import correct_sheaves, end_sheaves, move_sheaves
+from cable_twin.mechanics.solution.bundle.strand_ends import carry_on, feel_ends, give_ends, place_ends
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.generalized_alpha import (
     LEAST_CURVATURE,
@@ -47,11 +48,12 @@ def correct_rope(c, h, system, state, work):
 def integrate_bundle(bundle, moving, scratch, system, state, work, h):
     """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
 
-    As `generalized_alpha.integrate`; where a contact has changed in an iteration, there is one more.
+    As `generalized_alpha.integrate`; where a contact has changed in an iteration, or a bullwheel has turned by more
+    than the tolerance, there is one more.
     """
-    solver, ropes = system.solver, bundle.records.shape[0]
+    solver, ropes, looped = system.solver, bundle.records.shape[0], bundle.sheaves.inertia.size > 0
     c = coefficients(solver.spectral_radius)
-    move_sheaves(bundle.sheaves, moving.sheaves, h)
+    move_sheaves(bundle.sheaves, moving.sheaves, c, h)
     give_ends(bundle, moving.sheaves, system, state)
     for rope in range(ropes):
         own = record_at(bundle.records[rope, SYSTEM], system)
@@ -79,10 +81,18 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
                 c, h, own, record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
             )
         correct(c, h, scratch.increment, moving.stages)
+        turned = 0.0
+        if looped:
+            feel_ends(bundle, moving.sheaves, system, state)
+            turned = correct_sheaves(bundle, moving.sheaves, system, c, h)
+            carry_on(bundle, moving.sheaves, system, state)
+            follow_clamps(bundle, moving, system, state)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
         left = max(curvature * increment * increment, still_off_any(bundle, system, work, increment, before))
         before = increment
+        if turned > solver.tolerance or not isfinite(turned):
+            continue
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
             memory[0] = curvature
             return True, iteration, increment
@@ -124,8 +134,8 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
         gap = max(gap, worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)) if converged else gap
         converged = converged and isfinite(gap)
         if converged:
+            end_sheaves(bundle.sheaves, moving.sheaves)
             ride_tracks(bundle, system, state)
-            feel_ends(bundle, moving.sheaves, system, state)
         if attempt == 1 or not converged or not saturated:
             break
         for rope in range(ropes):

@@ -75,7 +75,6 @@ class Sheaves(NamedTuple):
     rope: IntArray  # (sheaves, 2): whose end runs onto it, and whose start runs off it
     inertia: FloatArray  # (sheaves,) kg, of all that turns with it, reduced to its rim
     wrapped: FloatArray  # (sheaves,) kg, rope on it
-    impedance: FloatArray  # (sheaves,) kg/s, √(EA ρA) of both strands together
     adhesion: FloatArray  # (sheaves,) -, highest ratio of their tensions, exp(μ α)
     resistance: FloatArray  # (sheaves,) N at its rim, of its bearings
     driven: IntArray  # (sheaves,) 1 where there is a drive
@@ -84,6 +83,7 @@ class Sheaves(NamedTuple):
     jerk_limit: FloatArray  # (sheaves,) m/s³, inf where there is none
     brake_force: FloatArray  # (sheaves,) N at its rim, of what an emergency stop applies instead, 0 of none
     brake_rise_time: FloatArray  # (sheaves,) s, from release to full force
+    rollback: FloatArray  # (sheaves,) m, that the rim may go back before it is stopped, inf without a watch
     tensioning: IntArray  # (sheaves,) FIXED, COUNTERWEIGHT or HYDRAULIC
     direction: FloatArray  # (sheaves, dim) unit vector in which it is pulled; 0 where FIXED
     mass: FloatArray  # (sheaves,) kg, that moves along that
@@ -124,20 +124,24 @@ class Bundle(NamedTuple):
 class SheaveMotion(NamedTuple):
     """Motion of the bullwheels, and what their drives were told."""
 
-    rim: Course  # (sheaves,) m, of unstrained rope
-    rope: Course  # (sheaves,) m, unstrained, that has gone over it
-    carriage: Course  # (sheaves,) m, in the direction in which it tensions
-    gained: FloatArray  # (sheaves, 3) m/s², of rim, rope and carriage by their forces at the start of the last step
-    step: FloatArray  # (1,) s, length of that; 0 before the first one
+    rim: Motion  # (sheaves,) m, of unstrained rope
+    rope: Motion  # (sheaves,) m, unstrained, that has gone over it
+    carriage: Motion  # (sheaves,) m, in the direction in which it tensions
+    given: FloatArray  # (sheaves,) N on the rim in this step, of drive, bearings and brake
+    by_forces: IntArray  # (sheaves,) what moves by its forces in this step: nothing, the rope alone, or the wheel
     tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
-    traction: FloatArray  # (sheaves,) N, of the rim on the rope
+    stretch: FloatArray  # (sheaves,) -, length of the rope on it over that without strain
+    traction: FloatArray  # (sheaves,) N, of the rim on the rope, by the unstrained rope that goes over it
     pull: FloatArray  # (sheaves,) N, of both strands against the direction in which it tensions
-    slipping: IntArray  # (sheaves,) 1 while the rope slips
+    slipping: IntArray  # (sheaves,) 1 while it slips on a rim that is faster, -1 on one that is slower
     mode: IntArray  # (sheaves,) FREE, FORCE or SPEED, of the drive
     target: FloatArray  # (sheaves,) m/s
     force: FloatArray  # (sheaves,) N at the rim, in FORCE
     braking: IntArray  # (sheaves,) 1 in an emergency stop
     braking_time: FloatArray  # (sheaves,) s, since then
+    sense: IntArray  # (sheaves,) 1 or -1, in which its drive turned it last, 0 before
+    furthest: FloatArray  # (sheaves,) m, of its rim in that sense
+    rolled_back: IntArray  # (sheaves,) 1 where it has gone back too far, until the release
 
 
 @by_reference
@@ -200,12 +204,13 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
 
 def _sheaves_at_rest(count: int) -> SheaveMotion:
     return SheaveMotion(
-        rim=Course(*(np.zeros(count) for _ in Course._fields)),
-        rope=Course(*(np.zeros(count) for _ in Course._fields)),
-        carriage=Course(*(np.zeros(count) for _ in Course._fields)),
-        gained=np.zeros((count, 3)),
-        step=np.zeros(1),
+        rim=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        carriage=Motion(*(np.zeros(count) for _ in Motion._fields)),
+        given=np.zeros(count),
+        by_forces=np.zeros(count, np.int64),
         tension=np.zeros((count, 2)),
+        stretch=np.ones(count),
         traction=np.zeros(count),
         pull=np.zeros(count),
         slipping=np.zeros(count, np.int64),
@@ -214,6 +219,9 @@ def _sheaves_at_rest(count: int) -> SheaveMotion:
         force=np.zeros(count),
         braking=np.zeros(count, np.int64),
         braking_time=np.zeros(count),
+        sense=np.zeros(count, np.int64),
+        furthest=np.zeros(count),
+        rolled_back=np.zeros(count, np.int64),
     )
 
 

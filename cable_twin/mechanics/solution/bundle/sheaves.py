@@ -1,185 +1,268 @@
 """Bullwheels: rope runs off one strand, over a wheel, onto another one, by friction; some are driven, some tension.
 
-A wheel counts rope by its unstrained length, of which as much leaves it as comes to it. It and the carriage it may be
-on are moved once a step by the forces at the end of the step before and what those were a step earlier
-(Adams-Bashforth, of second order): both are heavy beside what a strand takes up within a step, h √(EA ρA). The strands
-then have the ends that this gives them.
+A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; a force by that length is the
+tension times the stretch there, and times the rate of that length the power. What turns by its forces, and the carriage
+of a counterweight, are coordinates of generalized-alpha as those of the ropes. Their increments come after those of
+the strands, with what these pull with then; the tangent is that of a long strand, and close. What a drive moves, a rope
+that slips, a wheel that its brake stops and a cylinder go as the forces at the start of the step have it.
 """
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf, sqrt, tanh
 
 from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
-from cable_twin.mechanics.readout.columns import end_force
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, STATE, SYSTEM
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULIC, SYSTEM
+from cable_twin.mechanics.solution.generalized_alpha import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
-SLIP_STEPS = 2.0  # steps after which a rope that slips has the speed that its forces give it
-RIM, ROPE, CARRIAGE = 0, 1, 2  # rows of `SheaveMotion.gained`
+NOTHING, ROPE, WHEEL = range(3)  # SheaveMotion.by_forces
 
 
 @kernel
-def move_sheaves(sheaves, motion, h):
-    """Move all wheels and their carriages by `h` (s)."""
+def move_sheaves(sheaves, motion, c, h):
+    """Move all wheels and their carriages by `h` (s): where they are prescribed, else as a first guess."""
     for sheave in range(sheaves.inertia.size):
-        turn_wheel(sheaves, motion, sheave, h)
-        if sheaves.tensioning[sheave] != FIXED:
-            move_carriage(sheaves, motion, sheave, h)
-    motion.step[0] = h
+        turn_wheel(sheaves, motion, sheave, c, h)
+        if sheaves.tensioning[sheave] == COUNTERWEIGHT:
+            guess(motion.carriage, sheave, c, h)
+        if sheaves.tensioning[sheave] == HYDRAULIC:
+            move_cylinder(sheaves, motion, sheave, h)
 
 
 @kernel
-def turn_wheel(sheaves, motion, sheave, h):
+def turn_wheel(sheaves, motion, sheave, c, h):
     """Move the rim of one wheel, and the rope with it or over it, by `h` (s)."""
-    on, off = motion.tension[sheave, 0], motion.tension[sheave, 1]
-    least, most = -on * (sheaves.adhesion[sheave] - 1.0), off * (sheaves.adhesion[sheave] - 1.0)
-    slipping, before, place = motion.slipping[sheave] != 0, motion.rim.velocity[sheave], motion.rim.position[sheave]
-    lag = before - motion.rope.velocity[sheave]
+    rim, rope, wrapped = motion.rim, motion.rope, sheaves.wrapped[sheave]
+    pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+    place, was_turned = rim.position[sheave], motion.by_forces[sheave] == WHEEL
+    slipping = motion.slipping[sheave]
+    net = -friction_on_rope(sheaves, motion, sheave, slipping) if slipping != 0 else pulled
+    inertia = sheaves.inertia[sheave] if slipping != 0 else sheaves.inertia[sheave] + wrapped
+    turns, rate = drive_rim(sheaves, motion, sheave, net, inertia, h)
+    if slipping == 0:
+        if turns and was_turned:
+            rate = rope.acceleration[sheave]
+        traction = wrapped * rate - pulled
+        if traction > friction_on_rope(sheaves, motion, sheave, 1):
+            slipping = 1
+        elif traction < friction_on_rope(sheaves, motion, sheave, -1):
+            slipping = -1
+        if turns and slipping != 0:  # from now on friction turns it
+            follow(rim, sheave, place + rim.velocity[sheave] * h, rim.velocity[sheave], 0.0)
+    motion.slipping[sheave] = slipping
+    if slipping != 0:
+        motion.by_forces[sheave] = ROPE
+        guess(rope, sheave, c, h)
+    elif turns:
+        motion.by_forces[sheave] = WHEEL
+        if not was_turned:  # its forces are new: go on with what they make of it now
+            rope.acceleration[sheave] = rope.algorithmic[sheave] = rate
+        before = rope.position[sheave]
+        guess(rope, sheave, c, h)
+        follow(rim, sheave, place + rope.position[sheave] - before, rope.velocity[sheave], rope.acceleration[sheave])
+    else:
+        motion.by_forces[sheave] = NOTHING
+        follow(rope, sheave, rope.position[sheave] + rim.position[sheave] - place, rim.velocity[sheave], rate)
+        rope.algorithmic[sheave] = rate
+
+
+@kernel
+def drive_rim(sheaves, motion, sheave, net, inertia, h):
+    """Move one rim by `h` (s) as its drive has it, or its brake and its bearings, against a net force (N) of the rope.
+
+    Returns:
+        Whether its forces turn it and the rope with it, which is left to do; and its acceleration (m/s²).
+    """
+    rim, speed, place = motion.rim, motion.rim.velocity[sheave], motion.rim.position[sheave]
     by_brake = motion.braking[sheave] != 0 and sheaves.brake_force[sheave] > 0.0
     if motion.mode[sheave] == SPEED and not by_brake:
         limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
         if motion.braking[sheave]:
             limit, jerk = sheaves.emergency_deceleration[sheave], inf
-        ramp(motion.rim, sheave, motion.target[sheave], limit, jerk, h)
-    else:
-        given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
-        pull, inertia = off - on, sheaves.inertia[sheave] + sheaves.wrapped[sheave]
-        if slipping:
-            pull, inertia = -(most if lag > 0.0 else least), sheaves.inertia[sheave]
-        rate = coasting(sheaves, motion, sheave, given + pull, inertia, h)
-        advance(motion, motion.rim, sheave, RIM, rate, h)
-    traction = on - off + sheaves.wrapped[sheave] * (motion.rim.velocity[sheave] - before) / h
-    motion.traction[sheave] = min(max(traction, least), most)
-    if slipping or not least <= traction <= most:
-        if not slipping:
-            lag = 1.0 if traction > most else -1.0
-        slip(sheaves, motion, sheave, most if lag > 0.0 else least, lag, h)
-        return
-    speed, rate = motion.rim.velocity[sheave], motion.rim.acceleration[sheave]
-    way = motion.rim.position[sheave] - place
-    follow(motion.rope, sheave, motion.rope.position[sheave] + way, speed, rate)
+        ramp(rim, sheave, motion.target[sheave], limit, jerk, h)
+        return False, rim.acceleration[sheave]
+    against = resisting(sheaves, motion, sheave, h)
+    given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
+    net += given
+    direction = speed if speed != 0.0 else net
+    given -= against if direction > 0.0 else -against
+    rate = (net - (against if direction > 0.0 else -against)) / inertia
+    if abs(net) <= against and (speed == 0.0 or (speed + rate * h) * speed <= 0.0):
+        follow(rim, sheave, place + 0.5 * speed * h, 0.0, -speed / h)  # it comes to rest, or stays so
+        return False, -speed / h
+    if motion.slipping[sheave] != 0:
+        follow(rim, sheave, place + (speed + 0.5 * rate * h) * h, speed + rate * h, rate)
+        return False, rate
+    motion.given[sheave] = given
+    return True, rate
 
 
 @kernel
-def slip(sheaves, motion, sheave, traction, lag, h):
-    """Move the rope over a wheel on which it slips, by `h` (s), until it has its speed again.
-
-    The rope on the wheel is so light that its speed follows from the forces at once; here, within some steps.
-    """
-    pull = traction + motion.tension[sheave, 1] - motion.tension[sheave, 0]
-    rate = pull / (sheaves.wrapped[sheave] + SLIP_STEPS * h * sheaves.impedance[sheave])
-    advance(motion, motion.rope, sheave, ROPE, rate, h)
-    motion.slipping[sheave], motion.traction[sheave] = 1, traction
-    if (motion.rim.velocity[sheave] - motion.rope.velocity[sheave]) * lag <= 0.0:
-        motion.slipping[sheave] = 0
-        motion.rope.velocity[sheave] = motion.rim.velocity[sheave]
+def friction_on_rope(sheaves, motion, sheave, sense):
+    """Force (N) of a rim on the rope that slips on it, 1 where the rim is faster and -1 where it is slower."""
+    share = motion.stretch[sheave] * (sheaves.adhesion[sheave] - 1.0)
+    return share * max(motion.tension[sheave, 1], 0.0) if sense > 0 else -share * max(motion.tension[sheave, 0], 0.0)
 
 
 @kernel
-def coasting(sheaves, motion, sheave, net, inertia, h):
-    """Acceleration (m/s²) of a wheel under a net force (N), with its brake and its bearings against its motion.
-
-    Where they would turn it back and can hold it, it comes to rest.
-    """
-    speed, against = motion.rim.velocity[sheave], sheaves.resistance[sheave]
+def resisting(sheaves, motion, sheave, h):
+    """Force (N) of bearings and brake of a wheel, against its motion or up to what would turn it."""
+    against = sheaves.resistance[sheave]
     if motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
         motion.braking_time[sheave] += h
         rise = sheaves.brake_rise_time[sheave]
         share = min(motion.braking_time[sheave] / rise, 1.0) if rise > 0.0 else 1.0
         against += share * sheaves.brake_force[sheave]
-    if speed == 0.0 and abs(net) <= against:
-        return 0.0
-    direction = speed if speed != 0.0 else net
-    rate = (net - (against if direction > 0.0 else -against)) / inertia
-    if speed != 0.0 and (speed + rate * h) * speed <= 0.0 and abs(net) <= against:
-        motion.gained[sheave, RIM] = -speed / h  # nothing to go on with
-        return -speed / h
-    return rate
+    return against
 
 
 @kernel
-def move_carriage(sheaves, motion, sheave, h):
-    """Move what a wheel is on, in the direction in which it tensions: a counterweight pulls it, or a cylinder."""
-    travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
-    low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
-    if sheaves.tensioning[sheave] == COUNTERWEIGHT:
-        sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
-        stiffness, damping = sheaves.buffer_stiffness[sheave], sheaves.buffer_damping[sheave]
-        buffer, _, _ = buffer_force(stiffness, 0.0, damping, depth, -sign * speed)
-        rate = (sheaves.pull[sheave] + sign * buffer - motion.pull[sheave]) / sheaves.mass[sheave]
-        advance(motion, motion.carriage, sheave, CARRIAGE, rate, h)
-        return
+def move_cylinder(sheaves, motion, sheave, h):
+    """Move the carriage of a wheel where a cylinder holds it, by `h` (s): where the pull has left its band."""
+    travel, low, high = motion.carriage.position[sheave], sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
     missing, wanted = sheaves.pull[sheave] - motion.pull[sheave], 0.0
     if abs(missing) > sheaves.band[sheave]:
         wanted = sheaves.rate[sheave] if missing > 0.0 else -sheaves.rate[sheave]
     most = sqrt(2.0 * HYDRAULIC_ACCELERATION * max(high - travel, 0.0))
     least = -sqrt(2.0 * HYDRAULIC_ACCELERATION * max(travel - low, 0.0))
     ramp(motion.carriage, sheave, min(max(wanted, least), most), HYDRAULIC_ACCELERATION, inf, h)
+    motion.carriage.algorithmic[sheave] = motion.carriage.acceleration[sheave]
 
 
 @kernel
-def advance(motion, course, number, kind, rate, h):
-    """Go on for `h` (s) with the acceleration (m/s²) now, as it has changed in the step before."""
-    before = h / motion.step[0] if motion.step[0] > 0.0 else 0.0
-    change = before * (rate - motion.gained[number, kind])
-    motion.gained[number, kind] = rate
-    speed = course.velocity[number]
-    after = speed + (rate + 0.5 * change) * h
-    follow(course, number, course.position[number] + 0.5 * (speed + after) * h, after, rate + change)
+def guess(motion, number, c, h):
+    """`generalized_alpha.predict` of one coordinate."""
+    a = motion.algorithmic[number]
+    after = (motion.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
+    motion.position[number] += h * (motion.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
+    motion.velocity[number] += h * ((1.0 - c.gamma) * a + c.gamma * after)
+    motion.algorithmic[number] = after
 
 
 @kernel
-def give_ends(bundle, motion, system, state):
-    """Let rope run onto and off all strands as their wheels have it: at once before a step, for all of it."""
-    sheaves = bundle.sheaves
+def add_increment(motion, number, c, h, delta):
+    """`generalized_alpha.correct` of one coordinate."""
+    by_acceleration, by_velocity = factors(c, h)
+    motion.position[number] += delta
+    motion.velocity[number] += by_velocity * delta
+    motion.algorithmic[number] += delta / (c.beta * h * h)
+    motion.acceleration[number] += by_acceleration * delta
+
+
+@kernel
+def correct_sheaves(bundle, motion, system, c, h):
+    """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m)."""
+    sheaves, largest = bundle.sheaves, 0.0
     for sheave in range(sheaves.inertia.size):
-        for side in range(2):
-            here = record_at(bundle.records[sheaves.rope[sheave, side], STATE], state)
-            position, speed = motion.rope.position[sheave], motion.rope.velocity[sheave]
-            follow(here.rope, 1 - side, position, speed, motion.rope.acceleration[sheave])
-
-
-@kernel
-def place_ends(bundle, motion, system, state):
-    """Put the end nodes of all strands where the carriages of their wheels are, and let them move as those do."""
-    sheaves, like = bundle.sheaves, system.cable.gravity
-    for sheave in range(sheaves.inertia.size):
-        if sheaves.tensioning[sheave] == FIXED:
+        if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
             continue
-        direction = load(sheaves.direction[sheave], like)
-        for side in range(2):
-            rope = sheaves.rope[sheave, side]
-            cable = record_at(bundle.records[rope, SYSTEM], system).cable
-            nodes = record_at(bundle.records[rope, STATE], state).nodes
-            node = cable.element_count if side == 0 else 0
-            place = add_scaled(motion.carriage.position[sheave], direction, load(cable.end_position[1 - side], like))
-            store(place, nodes.position[node, 0])
-            store(scale(motion.carriage.velocity[sheave], direction), nodes.velocity[node, 0])
-            rate = scale(motion.carriage.acceleration[sheave], direction)
-            store(rate, nodes.acceleration[node, 0])
-            store(rate, nodes.algorithmic[node, 0])
+        first = record_at(bundle.records[sheaves.rope[sheave, 0], SYSTEM], system).cable
+        second = record_at(bundle.records[sheaves.rope[sheave, 1], SYSTEM], system).cable
+        on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
+        if motion.by_forces[sheave] != NOTHING:
+            delta = missing_rope(sheaves, motion, sheave, c, h, on, off)
+            add_increment(motion.rope, sheave, c, h, delta)
+            if motion.by_forces[sheave] == WHEEL:
+                add_increment(motion.rim, sheave, c, h, delta)
+            largest = largest if abs(delta) <= largest else abs(delta)
+        if sheaves.tensioning[sheave] == COUNTERWEIGHT:
+            delta = missing_travel(sheaves, motion, sheave, c, h, on + off)
+            add_increment(motion.carriage, sheave, c, h, delta)
+            largest = largest if abs(delta) <= largest else abs(delta)
+    return largest
 
 
 @kernel
-def feel_ends(bundle, motion, system, state):
-    """Take what both strands of each wheel pull with now: their tensions, less the momentum that the wheel turns."""
-    sheaves, like = bundle.sheaves, system.cable.gravity
+def missing_rope(sheaves, motion, sheave, c, h, on, off):
+    """Increment (m) of the rope that has gone over a wheel; `on` and `off` (N/m) are the answers of its strands."""
+    mass_factor, _ = factors(c, h)
+    force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+    inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
+    if slipping == 0:
+        inertia += sheaves.inertia[sheave]
+        force += motion.given[sheave]
+    else:
+        force += friction_on_rope(sheaves, motion, sheave, slipping)
+        on *= sheaves.adhesion[sheave] if slipping < 0 else 1.0
+        off *= sheaves.adhesion[sheave] if slipping > 0 else 1.0
+    return (force - inertia * motion.rope.acceleration[sheave]) / (inertia * mass_factor + on + off)
+
+
+@kernel
+def stiffness_of_end(cable, c, h):
+    """Force (N/m) with which a straight strand answers in a step where rope is taken in at one of its ends."""
+    by_acceleration, by_velocity = factors(c, h)
+    axial = cable.axial_stiffness * (1.0 + cable.damping_time * by_velocity)
+    wave = sqrt(cable.mass_per_length * by_acceleration / axial)
+    return axial * wave / tanh(wave * cable.unstrained_length)
+
+
+@kernel
+def missing_travel(sheaves, motion, sheave, c, h, yielding):
+    """Increment (m) of the carriage of a counterweight, with buffers at the limits of its travel."""
+    mass_factor, rate_factor = factors(c, h)
+    travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
+    low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
+    sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
+    stiffness, damping = sheaves.buffer_stiffness[sheave], sheaves.buffer_damping[sheave]
+    buffer, by_depth, by_rate = buffer_force(stiffness, 0.0, damping, depth, -sign * speed)
+    force = sheaves.pull[sheave] + sign * buffer - motion.pull[sheave]
+    force -= sheaves.mass[sheave] * motion.carriage.acceleration[sheave]
+    return force / (sheaves.mass[sheave] * mass_factor + yielding + by_depth + rate_factor * by_rate)
+
+
+@kernel
+def end_sheaves(sheaves, motion):
+    """End a step: take the traction of all wheels, and stop them where one has gone back further than it may."""
+    back = False
     for sheave in range(sheaves.inertia.size):
-        pull = 0.0
-        for side in range(2):
-            rope = sheaves.rope[sheave, side]
-            own = record_at(bundle.records[rope, SYSTEM], system)
-            here = record_at(bundle.records[rope, STATE], state)
-            force = end_force(own, here, 1 - side)
-            r_x = load(here.nodes.position[own.cable.element_count if side == 0 else 0, 1], like)
-            along = dot(force, r_x) / sqrt(dot(r_x, r_x))
-            motion.tension[sheave, side] = along if side == 0 else -along
-            if sheaves.tensioning[sheave] != FIXED:
-                pull += dot(force, load(sheaves.direction[sheave], like))
-        motion.pull[sheave] = pull
+        pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
+        motion.traction[sheave] = sheaves.wrapped[sheave] * motion.rope.acceleration[sheave] - pulled
+        hold_again(motion, sheave)
+        if way_back(motion, sheave) > sheaves.rollback[sheave]:
+            motion.rolled_back[sheave] = 1
+            back = True
+    if back:
+        for sheave in range(sheaves.inertia.size):
+            stop_wheel(sheaves, motion, sheave)
+
+
+@kernel
+def hold_again(motion, sheave):
+    """Let a rope that slipped stick to the rim, once that has its speed."""
+    rim, rope = motion.rim, motion.rope
+    if (rim.velocity[sheave] - rope.velocity[sheave]) * motion.slipping[sheave] < 0.0:
+        motion.slipping[sheave] = 0
+        rope.velocity[sheave] = rim.velocity[sheave]
+        rope.acceleration[sheave] = rope.algorithmic[sheave] = rim.acceleration[sheave]
+
+
+@kernel
+def way_back(motion, sheave):
+    """Way (m) that a rim has gone back since no drive holds it to a speed; either way where none has turned it yet."""
+    mode, place = motion.mode[sheave], motion.rim.position[sheave]
+    wanted = motion.target[sheave] if mode == SPEED else motion.force[sheave] if mode == FORCE else 0.0
+    if motion.braking[sheave]:
+        return 0.0
+    if wanted != 0.0:
+        motion.sense[sheave] = 1 if wanted > 0.0 else -1
+    way = motion.furthest[sheave] - place
+    back = way * motion.sense[sheave] if motion.sense[sheave] != 0 else abs(way)
+    if mode != FORCE or back < 0.0:
+        motion.furthest[sheave], back = place, 0.0
+    return back
+
+
+@kernel
+def stop_wheel(sheaves, motion, sheave):
+    """Begin the emergency stop of one wheel: by its brake, or else by its drive."""
+    if not motion.braking[sheave]:
+        motion.braking_time[sheave] = 0.0
+    motion.braking[sheave], motion.target[sheave], motion.by_forces[sheave] = 1, 0.0, NOTHING
+    if sheaves.driven[sheave]:
+        motion.mode[sheave] = SPEED

@@ -1,0 +1,97 @@
+"""Bullwheels and closed loops in a scenario: what is wrong with each, a line each."""
+
+from __future__ import annotations
+
+import pytest
+
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.twin import EquilibriumError
+
+
+def lift(**changes):
+    """The shipped chairlift as plain data, with changes at keys joined by two underscores; None takes a key out."""
+    data = load_scenario("chairlift").resolved()
+    for key, value in changes.items():
+        *path, last = key.split("__")
+        section = data
+        for name in path:
+            section = section[name]
+        section[last] = value
+    return data
+
+
+WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"sheaves__return__joins": ["down.end", "down.start"]},
+            "sheaves.return.joins.1: given 'down.start', which 'drive' joins already; allowed: each end once",
+        ),
+        (
+            {"sheaves__return__joins": ["down.start", "up.start"]},
+            "sheaves.return.joins.0: given 'down.start'; allowed: up.end, down.end, for rope runs",
+        ),
+        ({"sheaves__drive__joins": ["up.end"]}, "sheaves.drive.joins: given"),
+        (
+            {"ropes__down__end__position": [30.0, 0.0]},
+            "sheaves.return.joins: given ends that are 30 m apart; allowed: at most the diameter of 4.2 m",
+        ),
+        (
+            {"ropes__down__mass_per_length": 7.0},
+            "ropes.down.mass_per_length: given 7.0 kg/m, joined by 'drive' to 'up' with 6.1; allowed: the same",
+        ),
+        ({"ropes__down__start__support": "free"}, "ropes.down.start.support: given 'free' at a bullwheel"),
+        ({"carriers__spacing": 60.0}, "carriers.count: given 28 every 60 m, 1680 m; allowed: at most the loop of"),
+        ({"sheaves__return__counterweight": {**WEIGHT, "travel": [4.0, -4.0]}}, "travel: given [4.0, -4.0]; allowed"),
+        ({"sheaves__return__rollback": 0.5}, "sheaves.return.rollback: given 0.5 m, but no drive turns it"),
+        ({"drives__haul_rope__sheave": "middle"}, "drives.haul_rope.sheave: given 'middle'; allowed: drive, return"),
+        (
+            {"carriers__payload__leaving": {"middle": 300.0}},
+            "carriers.payload.leaving.middle: no such bullwheel; allowed: drive, return",
+        ),
+    ],
+)
+def test_a_loop_that_cannot_be_is_told_in_a_line(changes, said):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(lift(**changes))
+    assert sum(said in fault for fault in caught.value.faults) == 1, caught.value.faults
+    assert all("\n" not in fault for fault in caught.value.faults)
+
+
+def test_a_loop_that_does_not_close_is_told():
+    data = lift()
+    del data["sheaves"]["return"]
+    data["carriers"]["payload"]["leaving"] = {}
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(data)
+    assert any("is not on a closed loop" in fault for fault in caught.value.faults), caught.value.faults
+
+
+def test_a_rope_that_no_vehicle_can_reach_is_told():
+    data = lift()
+    data["ropes"]["alone"] = data["ropes"]["up"]
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(data)
+    assert any("ropes.alone: given" in fault for fault in caught.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"sheaves__drive__friction": 0.005}, "sheaves.drive: at rest its strands pull with 1.89"),
+        (
+            {"sheaves__return__counterweight": {**WEIGHT, "travel": [-0.2, 0.2]}},
+            "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.369",
+        ),
+    ],
+)
+def test_a_rest_that_cannot_be_is_told_in_a_line(changes, said):
+    with pytest.raises(EquilibriumError) as caught:
+        Simulation(load_scenario(lift(**changes)), samples=2)
+    assert said in str(caught.value)
+    assert "allowed: " in str(caught.value)
+    assert "\n" not in str(caught.value)
