@@ -50,6 +50,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "sheave_tension": ("sheaves", 2),
     "sheave_travel": ("sheaves",),
     "sheave_slip": ("sheaves",),
+    "sheave_rolled_back": ("sheaves",),
     "connector_force": ("connectors",),
     "pantograph_force": ("pantographs",),
     "pantograph_position": ("pantographs", 3),

@@ -46,6 +46,7 @@ class LoopFigures:
             adhesion=highest(count),
             torque=highest(count),
             slip=highest(count),
+            rolled_back=highest(count),
             farthest=highest(count),
             nearest=lowest(count),
             empty=np.array([sum(body.mass for body in one.bodies.values()) for one in vehicles], dtype=np.float64),
@@ -110,6 +111,10 @@ class LoopFigures:
         slip = figure_of(memory.slip, row, f"{name}: slip of the rope", "m")
         if slip.value > STILL:
             yield slip
+        if sheave.rollback is not None:
+            figure = figure_of(memory.rolled_back, row, f"{name}: rolled back, and stopped for it", "-")
+            source = f"scenario: sheaves.{name}.rollback of {sheave.rollback:g} m"
+            yield with_limit(replace(figure, place="1 if it was"), 0.0, source)
         if name in self._rows:
             yield figure_of(memory.torque, row, f"{name}: drive torque, highest", "N m")
         if sheave.tensioning is not None:

@@ -26,6 +26,7 @@ class LoopMemory(NamedTuple):
     adhesion: Extremes  # (sheaves,) used of available
     torque: Extremes  # (sheaves,) N m, of its drive, either way
     slip: Extremes  # (sheaves,) m, either way
+    rolled_back: Extremes  # (sheaves,) 1 where it has stopped the lift for going back
     farthest: Extremes  # (sheaves,) m, travel of what tensions it
     nearest: Extremes  # (sheaves,) m
     empty: FloatArray  # (vehicles,) kg
@@ -49,6 +50,7 @@ def take_loop(memory, columns):
         take(memory.adhesion, sheave, abs(log(on / off)) / memory.available[sheave], time, nan)
         take(memory.torque, sheave, abs(columns.sheave_force[sheave]) * memory.radii[sheave], time, nan)
         take(memory.slip, sheave, abs(columns.sheave_slip[sheave]), time, nan)
+        take(memory.rolled_back, sheave, columns.sheave_rolled_back[sheave], time, nan)
         take(memory.farthest, sheave, columns.sheave_travel[sheave], time, nan)
         take(memory.nearest, sheave, columns.sheave_travel[sheave], time, nan)
     memory.loads[:] = 0.0

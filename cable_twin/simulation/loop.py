@@ -172,6 +172,7 @@ class Loop:
         columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension
         columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)
         columns.sheave_slip[:] = motion.rim.position - motion.rope.position
+        columns.sheave_rolled_back[:] = motion.rolled_back
         columns.drive_position[:], columns.drive_speed[:] = motion.rim.position[rows], motion.rim.velocity[rows]
         columns.moving_cable_force[:] = force[rows]
 

@@ -80,6 +80,7 @@ class Columns(NamedTuple):
     sheave_tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
     sheave_travel: FloatArray  # (sheaves,) m, of what tensions it; NaN where nothing does
     sheave_slip: FloatArray  # (sheaves,) m, by which its rim has gone further than the rope
+    sheave_rolled_back: FloatArray  # (sheaves,) 1 where it has stopped the lift, which went back too far, else 0
     connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes
     pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
     pantograph_position: FloatArray  # (pantographs, 3) m, of the head
