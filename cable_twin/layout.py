@@ -5,18 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_twin.column_shapes import SHAPES
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import FloatArray
 from cable_twin.scenario import Scenario
 
+IntArray = NDArray[np.int64]
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
+
+NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, and what is there whatever is attached
+
+
+class _Share(NamedTuple):
+    """Which numbers of a frame are of one rope, in the order of its own frame."""
+
+    numbers: IntArray  # (size of that,) their places in the frame
+    owner: IntArray  # (size of that,) number of the vehicle there of which it is, NOWHERE or EVERYWHERE
+    attached: IntArray  # (vehicles there,) place of the number of that name, in its own frame
+    always: NDArray[np.bool_]  # (vehicles there,) it is told by this rope also where it is on none
+    rope: IntArray  # (vehicles there,) place of the number of its rope, in its own frame
+    across: IntArray  # places of the y of all points, in its own frame
 
 
 class Layout:
@@ -125,7 +140,7 @@ class Layout:
         self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
-        self._rows: dict[str, dict[str, Any]] = {}  # of a frame, by rope and what they are of
+        self._shares: dict[str, _Share] = {}
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -157,7 +172,7 @@ class Layout:
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
         layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
         for row, (name, own) in enumerate(layout.alone.items()):
-            layout._rows[name] = layout._rows_of(name)
+            layout._shares[name] = layout._share_of(row, name)
             layout.laterals[name] = alone[row].cable.lateral
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
@@ -176,35 +191,63 @@ class Layout:
         """Whether carriers go from rope to rope."""
         return bool(self.alone and self.carriers)
 
-    def _rows_of(self, name: str) -> dict[str, Any]:
-        """Rows of a frame that are of one rope, by what they are of."""
-        own, none = self.alone[name], slice(0, 0)
-        before = sum(len(self.alone[other].supports) for other in list(self.alone)[: list(self.alone).index(name)])
-        vehicles = [self.vehicle_rows[vehicle] for vehicle in own.vehicles]
+    def _share_of(self, number: int, name: str) -> _Share:
+        """Which numbers of a frame are of one rope."""
+        own = self.alone[name]
+        before = sum(len(other.supports) for other in list(self.alone.values())[:number])
+        vehicles = np.array([self.vehicle_rows[vehicle] for vehicle in own.vehicles], dtype=np.int64)
         bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
-        return {
+        rows: dict[str, Any] = {
             "samples": self.ropes[name],
             "supports": slice(before, before + len(own.supports)),
-            "vehicles": np.array(vehicles, dtype=np.int64),
+            "vehicles": vehicles,
             "bodies": np.array(bodies, dtype=np.int64),
-            **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), none),
+            **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
         }
+        places, owner = self.columns(np.arange(float(self.size))), np.full(own.size, EVERYWHERE)
+        there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
+        owners, here = own.columns(owner), own.columns(np.arange(float(own.size)))  # views of `owner`
+        numbers = np.arange(len(vehicles))
+        for key, field in owners._asdict().items():
+            if SHAPES[key][0] in ("vehicles", "bodies"):
+                whose = numbers if SHAPES[key][0] == "vehicles" else np.repeat(numbers, np.diff(own.first_body))
+                field[:] = whose.reshape(-1, *(1 for _ in field.shape[1:]))
+        owners.vehicle_rope[:] = owners.time[:] = NOWHERE
+        across = [here.rope_position[:, 1], here.joint_position[:, 1], here.body_position[:, 1]]
+        return _Share(
+            numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
+            owner=owner,
+            attached=here.attached.astype(np.int64),
+            always=(numbers < len(own.carriages)) | (number == 0),
+            rope=here.vehicle_rope.astype(np.int64),
+            across=np.concatenate(across).astype(np.int64),
+        )
 
-    def of_rope(self, columns: Columns, name: str) -> Columns:
-        """What is of one rope in the columns of a frame, in the order of its own layout.
+    def of_rope(self, numbers: FloatArray, name: str) -> FloatArray:
+        """What is of one rope of the numbers (size,) of a frame, as a frame of its own layout.
 
         What is on another strand of its loop is not attached.
         """
         if not self.alone:
-            return columns
-        rows = self._rows[name]
-        found = Columns(
-            *(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items())
-        )
+            return numbers
+        share = self._shares[name]
+        own: FloatArray = numbers[share.numbers]
         if self.rides_loop:
-            here = found.vehicle_rope == list(self.alone).index(name)
-            found = found._replace(attached=np.where(here, found.attached, 0.0))
-        return found
+            own[share.attached[own[share.rope] != list(self.alone).index(name)]] = 0.0
+        return own
+
+    def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
+        """Write the numbers of the frame of one rope into those of a frame.
+
+        Of carriers, those that are on it; the first rope of all gives what is on none.
+        """
+        share, number = self._shares[name], list(self.alone).index(name)
+        here = share.always | (own[share.attached] == 1.0)
+        if self.laterals[name]:  # of what was planar
+            own[share.across] = self.laterals[name]
+        chosen = np.append(here, (False, True))[share.owner]
+        numbers[share.numbers[chosen]] = own[chosen]
+        numbers[share.numbers[share.rope[here]]] = number
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""
@@ -229,28 +272,6 @@ class Layout:
         # what is at an end hangs exactly there
         places = np.where(np.abs(places) < 1e-9, 0.0, np.where(np.abs(places - ends) < 1e-9, ends, places))
         columns.arc_length[riding] = places
-
-    def put(self, columns: Columns, name: str, own: Columns) -> None:
-        """Write the columns of one rope into those of a frame.
-
-        Of carriers, those that are on it; the first rope of all gives what is on none.
-        """
-        rows, number = self._rows[name], list(self.alone).index(name)
-        here = (own.attached == 1.0) | (np.arange(own.attached.size) < len(self.alone[name].carriages)) | (number == 0)
-        bodies = np.repeat(here, np.diff(self.alone[name].first_body))
-        for key, target in columns._asdict().items():
-            kind = str(SHAPES[key][0])
-            if kind in ("samples", "supports"):
-                target[rows[kind]] = getattr(own, key)
-            elif kind in ("vehicles", "bodies"):
-                chosen = here if kind == "vehicles" else bodies
-                target[rows[kind][chosen]] = getattr(own, key)[chosen]
-        if self.laterals[name]:  # of what was planar
-            columns.rope_position[rows["samples"], 1] = self.laterals[name]
-            columns.joint_position[rows["vehicles"][here], 1] = self.laterals[name]
-            columns.body_position[rows["bodies"][bodies], 1] = self.laterals[name]
-        columns.wind[:] = own.wind
-        columns.vehicle_rope[rows["vehicles"][here]] = number
 
     def columns(self, numbers: FloatArray) -> Columns:
         """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isnan
 
-import numpy as np
-
 from cable_twin.layout import CABLE, DERAILED, ENDS, Layout
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
@@ -114,9 +112,7 @@ class Snapshot:
             raise KeyError(name)
         if not self.layout.alone:
             return self
-        layout = self.layout.alone[name]
-        parts = self.layout.of_rope(self.columns, name)
-        return Snapshot(layout, np.concatenate([part.ravel() for part in parts]), self.solver)
+        return Snapshot(self.layout.alone[name], self.layout.of_rope(self.numbers, name), self.solver)
 
     @property
     def connectors(self) -> Mapping[str, float]:

@@ -36,6 +36,8 @@ class CouplingFigures:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
+        if not (self._pantographs or self._connectors or self._clamps):
+            return
         c, time = snapshot.columns, snapshot.time
         force, place = c.pantograph_force, c.pantograph_position[:, 0]
         self._frames += 1

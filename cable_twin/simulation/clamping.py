@@ -56,12 +56,19 @@ def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
         state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
 
 
-def observe_clamps(
-    scenario: Scenario, parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
-) -> None:
-    """Fill what no rope knows alone: that a clamp holds to none, and its pull beside a support of the other rope."""
+def clamp_rows(scenario: Scenario) -> list[int]:
+    """Row among all vehicles of the one that each clamp is of."""
     numbers = {name: row for row, name in enumerate(scenario.vehicles)}
-    rows = [numbers[name] for _, _, name, _ in clamped(scenario)]
+    return [numbers[name] for _, _, name, _ in clamped(scenario)]
+
+
+def observe_clamps(rows: list[int], parts: list[Ropeway], moving: BundleState, columns: Columns) -> None:
+    """Fill what no rope knows alone: that a clamp holds to none, and its pull beside a support of the other rope.
+
+    `rows` are those of `clamp_rows`.
+    """
+    if not rows:
+        return
     held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
     counts = np.cumsum([0, *(2 + len(part.scenario.towers) for part in parts)])
     for clamp, row in enumerate(rows):

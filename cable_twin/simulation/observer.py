@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.readout.columns import Columns, groups, observe
-from cable_twin.records import SolverReport
+from cable_twin.mechanics.readout.columns import groups, observe
+from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engines import Engine
 from cable_twin.snapshot import Layout, Snapshot
@@ -29,14 +29,14 @@ class Observer:
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
         self._of_ropes = []
-        self._own: dict[str, Columns] = {}
+        self._own: dict[str, FloatArray] = {}
         for part, (name, points) in zip(engine.parts, layout.ropes.items(), strict=True):
             own, columns = layout.alone.get(name), self._columns
             if own is not None:
-                columns = own.columns(np.zeros(own.size))
+                self._own[name] = numbers = np.zeros(own.size)
+                columns = own.columns(numbers)
             means = np.empty(groups(part.system.cable))
             self._of_ropes.append((part, pack(part.state), layout.arc_lengths[points], means, pack(columns)))
-            self._own[name] = columns
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds.
@@ -47,9 +47,8 @@ class Observer:
         """
         for part, state, arc_lengths, means, columns in self._of_ropes:
             observe(part.packed_system, state, arc_lengths, part.start.tower_load, means, columns)
-        if self.layout.alone:
-            for name, own in self._own.items():
-                self.layout.put(self._columns, name, own)
+        for name, own in self._own.items():
+            self.layout.put(self._numbers, name, own)
         self._engine.observe(self._columns)
         self._numbers[0] = time
         return Snapshot(self.layout, self._numbers.copy(), report)

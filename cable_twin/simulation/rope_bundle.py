@@ -32,7 +32,7 @@ from cable_twin.scenario.build_bundle import (
     build_pantographs,
     build_sheaves,
 )
-from cable_twin.simulation.clamping import along_track, let_clamps_hold, note_clamps, observe_clamps
+from cable_twin.simulation.clamping import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.restoring import restore_all
 from cable_twin.simulation.ropeway import Ropeway
@@ -86,6 +86,7 @@ class RopeBundle:
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
         self.commands: dict[str, Command] = {}
         self._forces = np.zeros(len(scenario.connectors))
+        self._clamp_rows = clamp_rows(scenario)
 
     def find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together.
@@ -152,7 +153,7 @@ class RopeBundle:
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
-        observe_clamps(self._scenario, self.parts, self.bundle.clamps, moving, columns)
+        observe_clamps(self._clamp_rows, self.parts, moving, columns)
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
