@@ -263,7 +263,7 @@ def test_unknown_names_and_missing_files_name_the_known_ones(tmp_path):
     for source in ("seed_exmple", "missing.yaml", tmp_path / "missing.yaml"):
         (fault,) = faults_of(source)
         assert str(source) in fault
-        assert "aerial_tramway, chairlift, gondola, pantograph, seed_example" in fault
+        assert "aerial_tramway, bicable, chairlift, gondola, jig_back, pantograph, seed_example" in fault
     assert "cannot be read" in faults_of(tmp_path)[0]
 
 

@@ -26,7 +26,7 @@ def set_speed(simulation: Simulation, speed: float, rate: float = 0.0) -> None:
     """Let the cable move at once, at a speed (m/s) and acceleration (m/s²)."""
     with changing(simulation) as state:
         for array, value in zip(state.rope, (0.0, speed, rate), strict=True):
-            array[0] = value
+            array[:] = value
         state.rope_target[0] = speed
 
 

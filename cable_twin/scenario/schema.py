@@ -292,7 +292,7 @@ class Carriage(Section):
         default_factory=dict,
         description="the rope to which it is clamped as well, and the unstrained arc length there (m); of several, in "
         "which one after the other goes on, those on which it is not yet have a place beyond their ends",
-        json_schema_extra={"unit": "m", "allowed": "the name of a rope and a finite number"},
+        json_schema_extra={"unit": "m", "allowed": "a mapping of names of ropes to finite numbers"},
     )
     clamp_offset: Place = quantity(
         "m", "way from its joint to that clamp as x, z, in space x, y, z; forces act at the joint", (0.0, 0.0)

@@ -132,6 +132,7 @@ OF_OTHERS = (
     "connectors",
     "derailments",
     "pantographs",
+    "sheaves",
     "/tf",
     "sensors/",
 )  # what this scenario has not, or no wheel brings
