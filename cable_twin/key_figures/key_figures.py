@@ -8,6 +8,7 @@ from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.figures_of_rope import FiguresOfRope
+from cable_twin.key_figures.passing import PassingFigures
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
@@ -26,6 +27,7 @@ class KeyFigures:
         self._whole = None if scenario.ropes else FiguresOfRope(scenario)
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
         self._couplings = CouplingFigures(scenario)
+        self._passing = PassingFigures(scenario) if len(scenario.ropes) > 1 and scenario.dim == 3 else None
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
@@ -35,6 +37,8 @@ class KeyFigures:
         for name, rope in self._ropes.items():
             rope.update(snapshot.of_rope(name))
         self._couplings.update(snapshot)
+        if self._passing is not None:
+            self._passing.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
@@ -57,7 +61,8 @@ class KeyFigures:
                     lost = [figure]
                 else:
                     found.append(replace(figure, name=_named(name, figure.name)))
-        return [*found, *self._couplings.figures(), *lost]
+        passing = [] if self._passing is None else self._passing.figures()
+        return [*found, *self._couplings.figures(), *passing, *lost]
 
 
 def _named(rope: str, figure: str) -> str:

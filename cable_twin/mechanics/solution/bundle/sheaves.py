@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from cable_twin.mechanics.drives.reference import follow, ramp
+from cable_twin.mechanics.drives.reference import capped_speed, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
@@ -46,7 +46,11 @@ def turn_wheel(sheaves, motion, sheave, h):
         limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
         if motion.braking[sheave]:
             limit, jerk = sheaves.emergency_deceleration[sheave], inf
-        ramp(motion.rim, sheave, motion.target[sheave], limit, jerk, h)
+        low, high = sheaves.way[sheave, 0], sheaves.way[sheave, 1]
+        target = capped_speed(motion.target[sheave], high - place, place - low, before, limit, h)
+        if target != motion.target[sheave]:
+            jerk = inf  # the end of the way outranks comfort
+        ramp(motion.rim, sheave, target, limit, jerk, h)
     else:
         given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
         pull, inertia = off - on, sheaves.inertia[sheave] + sheaves.wrapped[sheave]
