@@ -149,3 +149,65 @@ def clamp_order() -> Iterator[Result]:
     yield Result("place in a plane and in space, apart", "m", 0.0, apart, 1e-9)
     apart = float(np.abs(flat.haul_pull - wide.haul_pull).max())
     yield Result("pull in a plane and in space, apart", "N", 0.0, apart, 1e-3)
+
+
+STRANDS = ("track_1", "track_2", "haul_1", "haul_2")
+TOWERS = ("tower_1", "tower_2", "rollers_1", "rollers_2")
+HALF_WAY = {"cabin_1": 521.1, "cabin_2": 521.1}  # m of the track ropes, half their unstrained length
+
+
+def jig_back(loads: tuple[float, float], elements: int = 96, **more: Any) -> Simulation:
+    """The shipped jig-back with cabins of so much payload (kg) half-way, on equal elements, without air."""
+    changes: dict[str, Any] = {f"ropes.{rope}.elements": elements for rope in STRANDS}
+    for number, (name, load) in enumerate(zip(HALF_WAY, loads, strict=True), start=1):
+        changes |= {f"carriages.{name}.payload.mass": load, f"carriages.{name}.arc_length": HALF_WAY[name]}
+        changes[f"carriages.{name}.clamped_to"] = {f"haul_{number}": 536.85}
+    return Simulation(load_scenario("jig_back", changes | {"air.density": 0.0} | more))
+
+
+@case("jig-back at rest, cabins half-way", "T + T²/2EA gained at the drive = pulls of the clamps along the haul rope")
+def jig_back_at_rest() -> Iterator[Result]:
+    """Equal cabins balance each other to the last of a Newton; else the drive holds what the clamps pull with."""
+    for label, loads in (("equal cabins", (3000.0, 3000.0)), ("full and empty", (6400.0, 0.0))):
+        simulation = jig_back(loads)
+        columns, cabins = simulation.snapshot.columns, simulation.snapshot.carriages
+        pulls = []
+        for number, (name, rope) in enumerate(zip(HALF_WAY, STRANDS[2:], strict=True)):
+            places = np.linspace(0.0, simulation.scenario.ropes[rope].unstrained_length, 20001)
+            along = simulation.cable_positions(places, rope=rope)[:, 0] * (1.0 - 2.0 * number)
+            place = float(np.interp(cabins[name].position[0] * (1.0 - 2.0 * number), along, places))
+            pulls.append(float(columns.haul_pull[number] @ slope_of(simulation, rope, place)))
+        on, off = columns.sheave_tension[0].tolist()
+        stiffness = simulation.scenario.ropes["haul_1"].axial_stiffness
+        gained = on - off + (on**2 - off**2) / (2.0 * stiffness)
+        tolerance = 1e-6 * on if loads[0] == loads[1] else 1e-3 * max(map(abs, pulls))
+        yield Result(f"gained at the drive, {label}", "N", sum(pulls), gained, tolerance)
+        for rope in STRANDS[:2]:
+            cable, supports = simulation.scenario.ropes[rope], simulation.snapshot.supports
+            low, high = (float(np.linalg.norm(supports[f"{rope}/{end}"].force)) for end in ("start", "end"))
+            ends = simulation.cable_positions([0.0, cable.unstrained_length], rope=rope)
+            weight = cable.mass_per_length * simulation.scenario.gravity * float(ends[1, 2] - ends[0, 2])
+            gained = high - low + (high**2 - low**2) / (2.0 * cable.axial_stiffness) - weight
+            yield Result(f"gained along {rope}, {label}", "N", 0.0, gained, 1e-5 * high)
+
+
+@case("jig-back, a whole trip of equal cabins", "first law: the drive gives what rolling takes", needs_jit=True)
+def jig_back_trip() -> Iterator[Result]:
+    """From station to station with rolling friction alone, no air, no friction of towers, ropes without damping."""
+    changes: dict[str, Any] = {f"ropes.{rope}.damping_time": 0.0 for rope in STRANDS}
+    changes |= {f"towers.{tower}.{key}": 0.0 for tower in TOWERS for key in ("friction", "damping")}
+    for name, place, clamp in (("cabin_1", 14.0, {"haul_1": 30.0}), ("cabin_2", 1028.0, {"haul_2": 28.5})):
+        changes |= {f"carriages.{name}.arc_length": place, f"carriages.{name}.clamped_to": clamp}
+    simulation = jig_back((0.0, 0.0), 40, **changes, **{"solver.step": 0.02})
+    simulation.command("haul_rope", speed=10.0)
+    work, lost, before = 0.0, 0.0, (0.0, 0.0)
+    while simulation.time < 145.0:
+        columns = simulation.advance_to(simulation.time + 0.02).columns
+        taken = 0.0
+        for row, name in enumerate(HALF_WAY):
+            across = np.linalg.norm(columns.contact_force[row])
+            taken += simulation.scenario.carriages[name].friction.rolling * float(across * abs(columns.speed[row]))
+        now = float(columns.moving_cable_force[0] * columns.drive_speed[0]), taken
+        work, lost = work + 0.01 * (now[0] + before[0]), lost + 0.01 * (now[1] + before[1])
+        before = now
+    yield Result("work of the drive", "kJ", lost / 1e3, work / 1e3, 1e-2 * lost / 1e3)
