@@ -48,7 +48,7 @@ class Extremes:
             self.ways[row] = max(self.ways[row], abs(cabin.arc_length - self._places[row]))
             self.swing = max(self.swing, abs(cabin.bodies["cabin"].pitch))
         for name, rope in snapshot.ropes.items():
-            low, high = float(rope.tension.min()), float(rope.tension.max())
+            low, high = float(rope.tensions.min()), float(rope.tensions.max())
             if name.startswith("track"):
                 self.track = max(self.track, high)
             else:

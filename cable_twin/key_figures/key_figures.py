@@ -8,7 +8,7 @@ from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.figures_of_rope import FiguresOfRope
-from cable_twin.key_figures.passing import PassingFigures
+from cable_twin.key_figures.passing_figures import PassingFigures
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
