@@ -170,5 +170,7 @@ def test_a_place_beyond_the_travel_of_the_drive_is_refused(place):
 
 @pytest.mark.parametrize("travel", [[5.0, 1.0], [1.0, 5.0], [0.0, 0.0], [-5.0, -1.0]])
 def test_a_way_of_the_drive_has_the_start_in_it(travel):
+    data = load_scenario("jig_back").resolved()
+    data["drives"]["haul_rope"]["travel"] = travel
     with pytest.raises(ScenarioError, match=r"drives.haul_rope.travel: given .*; allowed: least, then most, in m"):
-        load_scenario("jig_back", {"sheaves.drive.drive.travel": travel})
+        load_scenario(data)

@@ -152,11 +152,10 @@ def clamp_order() -> Iterator[Result]:
 
 
 STRANDS = ("track_1", "track_2", "haul_1", "haul_2")
-TOWERS = ("tower_1", "tower_2", "rollers_1", "rollers_2")
 HALF_WAY = {"cabin_1": 521.1, "cabin_2": 521.1}  # m of the track ropes, half their unstrained length
 
 
-def jig_back(loads: tuple[float, float], elements: Any, **more: Any) -> Simulation:
+def jig_back(loads: tuple[float, float], elements: int, **more: Any) -> Simulation:
     """The shipped jig-back with cabins of so much payload (kg) half-way, without air."""
     changes: dict[str, Any] = {f"ropes.{rope}.elements": elements for rope in STRANDS}
     for number, (name, load) in enumerate(zip(HALF_WAY, loads, strict=True), start=1):
@@ -193,25 +192,3 @@ def jig_back_at_rest() -> Iterator[Result]:
             weight = cable.mass_per_length * simulation.scenario.gravity * float(ends[1, 2] - ends[0, 2])
             gained = high - low + (high**2 - low**2) / (2.0 * cable.axial_stiffness) - weight
             yield Result(f"gained along {rope}, {label}", "N", 0.0, gained, 1e-5 * high)
-
-
-@case("jig-back, a whole trip of equal cabins", "first law: the drive gives what rolling takes", needs_jit=True)
-def jig_back_trip() -> Iterator[Result]:
-    """From station to station with rolling friction alone, without air, friction of towers, damping of ropes."""
-    changes: dict[str, Any] = {f"towers.{tower}.friction": 0.0 for tower in TOWERS}
-    changes |= {f"ropes.{rope}.damping_time": 0.0 for rope in STRANDS}
-    for name, place, clamp in (("cabin_1", 14.0, {"haul_1": 30.0}), ("cabin_2", 1028.0, {"haul_2": 28.5})):
-        changes |= {f"carriages.{name}.arc_length": place, f"carriages.{name}.clamped_to": clamp}
-    simulation = jig_back((0.0, 0.0), {"target": 40.0, "at_towers": 8.0, "growth": 1.6}, **changes)
-    simulation.command("haul_rope", speed=10.0)
-    work, lost, before = 0.0, 0.0, (0.0, 0.0)
-    while simulation.time < 145.0:
-        columns = simulation.advance_to(simulation.time + 0.02).columns
-        taken = 0.0
-        for row, name in enumerate(HALF_WAY):
-            across = np.linalg.norm(columns.contact_force[row])
-            taken += simulation.scenario.carriages[name].friction.rolling * float(across * abs(columns.speed[row]))
-        now = float(columns.moving_cable_force[0] * columns.drive_speed[0]), taken
-        work, lost = work + 0.01 * (now[0] + before[0]), lost + 0.01 * (now[1] + before[1])
-        before = now
-    yield Result("work of the drive", "kJ", lost / 1e3, work / 1e3, 1e-2 * lost / 1e3)
