@@ -1,7 +1,8 @@
 """Long runs of the shipped ropeways: what may not happen in them, and whether all energy is accounted for.
 
 A full trip of the tramway with an emergency stop over its tower, and an hour of the chairlift with starts, stops,
-emergency stops and a reversal (`loop_hour`). `python -m verification.long_runs` writes them to `docs/long_runs.md`.
+emergency stops and a reversal (`loop_hour`); trips of the jig-back are in `jig_back_stops`.
+`python -m verification.long_runs` writes them to `docs/long_runs.md`.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot
+from verification.jig_back_stops import HEAD as JIG_BACK_HEAD
+from verification.jig_back_stops import drive_stop, track_rope_stop
 from verification.loop_hour import HEAD as LOOP_HEAD
 from verification.loop_hour import chairlift_hour
 from verification.models import for_kernels
@@ -160,6 +163,8 @@ def tramway_trip() -> tuple[Simulation, list[Event], float, float]:
 
 RUNS = {"tramway_trip": tramway_trip}
 LOOPS = {"chairlift_hour": chairlift_hour}
+JIG_BACKS = {"jig_back_drive_stop": drive_stop, "jig_back_track_rope_stop": track_rope_stop}
+OTHERS = LOOPS | JIG_BACKS  # which have rows of their own
 
 
 def run(name: str, share: float, shown: Callable[..., None]) -> str:
@@ -203,12 +208,12 @@ def run(name: str, share: float, shown: Callable[..., None]) -> str:
 
 def main() -> int:
     """Carry out the runs and write the page."""
-    known = ", ".join((*RUNS, *LOOPS))
+    known = ", ".join((*RUNS, *OTHERS))
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", metavar="RUN", help=f"some of {known}; default: all, and the page")
     parser.add_argument("--share", type=float, default=1.0, help="first part of each, above 0 to 1; default: 1")
     options = parser.parse_args()
-    unknown = [name for name in options.runs if name not in (*RUNS, *LOOPS)]
+    unknown = [name for name in options.runs if name not in (*RUNS, *OTHERS)]
     if unknown or not 0.0 < options.share <= 1.0:
         parser.error(
             f"RUN: given {unknown[0]!r}; allowed: {known}"
@@ -216,14 +221,14 @@ def main() -> int:
             else f"--share: given {options.share:g}; allowed: above 0 to 1"
         )
     rows: dict[str, str] = {}
-    for name in options.runs or (*RUNS, *LOOPS):
+    for name in options.runs or (*RUNS, *OTHERS):
         with Progress() as bar:
             task = bar.add_task(name, total=1.0)
             shown = partial(bar.update, task)
-            rows[name] = LOOPS[name](options.share, shown) if name in LOOPS else run(name, options.share, shown)
+            rows[name] = OTHERS[name](options.share, shown) if name in OTHERS else run(name, options.share, shown)
         print(rows[name])
     if not options.runs and options.share == 1.0:
-        tables = ((HEAD, RUNS), (LOOP_HEAD, LOOPS))
+        tables = ((HEAD, RUNS), (LOOP_HEAD, LOOPS), (JIG_BACK_HEAD, JIG_BACKS))
         page = "".join(head + "".join(f"{rows[name]}\n" for name in names) for head, names in tables)
         PAGE.write_text(page, encoding="utf-8")
         print(f"wrote {PAGE}")

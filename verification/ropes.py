@@ -149,3 +149,46 @@ def clamp_order() -> Iterator[Result]:
     yield Result("place in a plane and in space, apart", "m", 0.0, apart, 1e-9)
     apart = float(np.abs(flat.haul_pull - wide.haul_pull).max())
     yield Result("pull in a plane and in space, apart", "N", 0.0, apart, 1e-3)
+
+
+STRANDS = ("track_1", "track_2", "haul_1", "haul_2")
+HALF_WAY = {"cabin_1": 521.1, "cabin_2": 521.1}  # m of the track ropes, half their unstrained length
+
+
+def jig_back(loads: tuple[float, float], elements: int, **more: Any) -> Simulation:
+    """The shipped jig-back with cabins of so much payload (kg) half-way, without air."""
+    changes: dict[str, Any] = {f"ropes.{rope}.elements": elements for rope in STRANDS}
+    for number, (name, load) in enumerate(zip(HALF_WAY, loads, strict=True), start=1):
+        changes |= {f"carriages.{name}.payload.mass": load, f"carriages.{name}.arc_length": HALF_WAY[name]}
+        changes[f"carriages.{name}.clamped_to"] = {f"haul_{number}": 536.85}
+    return Simulation(load_scenario("jig_back", changes | {"air.density": 0.0} | more))
+
+
+@case("jig-back at rest, cabins half-way", "T + T²/2EA gained at the drive = pulls of the clamps along the haul rope")
+def jig_back_at_rest() -> Iterator[Result]:
+    """Equal cabins balance each other; else the drive holds what the clamps pull with. Ropes as stiff as above.
+
+    On the track ropes nothing of the pull is left.
+    """
+    stiff = {f"ropes.{rope}.bending_stiffness": 1e6 if rope.startswith("haul") else 2e7 for rope in STRANDS}
+    for label, loads in (("equal cabins", (3000.0, 3000.0)), ("full and empty", (6400.0, 0.0))):
+        simulation = jig_back(loads, 192, **stiff)
+        columns, cabins = simulation.snapshot.columns, simulation.snapshot.carriages
+        pulls = []
+        for number, (name, rope) in enumerate(zip(HALF_WAY, STRANDS[2:], strict=True)):
+            places = np.linspace(0.0, simulation.scenario.ropes[rope].unstrained_length, 20001)
+            along = simulation.cable_positions(places, rope=rope)[:, 0] * (1.0 - 2.0 * number)
+            place = float(np.interp(cabins[name].position[0] * (1.0 - 2.0 * number), along, places))
+            pulls.append(float(columns.haul_pull[number] @ slope_of(simulation, rope, place)))
+        on, off = columns.sheave_tension[0].tolist()
+        stiffness = simulation.scenario.ropes["haul_1"].axial_stiffness
+        gained = on - off + (on**2 - off**2) / (2.0 * stiffness)
+        tolerance = 1e-6 * on if loads[0] == loads[1] else 1e-3 * max(map(abs, pulls))
+        yield Result(f"gained at the drive, {label}", "N", sum(pulls), gained, tolerance)
+        for rope in STRANDS[:2]:
+            cable, supports = simulation.scenario.ropes[rope], simulation.snapshot.supports
+            low, high = (float(np.linalg.norm(supports[f"{rope}/{end}"].force)) for end in ("start", "end"))
+            ends = simulation.cable_positions([0.0, cable.unstrained_length], rope=rope)
+            weight = cable.mass_per_length * simulation.scenario.gravity * float(ends[1, 2] - ends[0, 2])
+            gained = high - low + (high**2 - low**2) / (2.0 * cable.axial_stiffness) - weight
+            yield Result(f"gained along {rope}, {label}", "N", 0.0, gained, 1e-5 * high)

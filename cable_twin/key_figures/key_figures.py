@@ -9,6 +9,7 @@ from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.figures_of_rope import FiguresOfRope
 from cable_twin.key_figures.loop_figures import LoopFigures
+from cable_twin.key_figures.passing_figures import PassingFigures
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
@@ -30,6 +31,7 @@ class KeyFigures:
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
         self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
+        self._passing = PassingFigures(scenario) if len(scenario.ropes) > 1 and scenario.dim == 3 else None
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
@@ -40,6 +42,8 @@ class KeyFigures:
             rope.update(snapshot.of_rope(name))
         self._couplings.update(snapshot)
         self._loops.update(snapshot)
+        if self._passing is not None:
+            self._passing.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
@@ -68,7 +72,8 @@ class KeyFigures:
                     figure = replace(own, place=f"{name}: {own.place}")
                     figure = _worse(found.pop(own.name, figure), figure)
                 found[figure.name] = figure
-        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *lost]
+        passing = [] if self._passing is None else self._passing.figures()
+        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *passing, *lost]
 
 
 def _worse(one: KeyFigure, other: KeyFigure) -> KeyFigure:

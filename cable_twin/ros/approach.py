@@ -111,7 +111,8 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
     Args:
         scenario: that runs.
         name: of the carriage or drive.
-        place: a number of metres, a tower, or one of `STATIONS`, before whose end stop a carriage stops.
+        place: a number of metres, a tower, or one of `STATIONS`, before whose end stop a carriage stops; of a drive,
+            the ends of its travel.
         towers: arc length (m) of the cable at each tower.
 
     Raises:
@@ -122,9 +123,12 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
     except ValueError:
         metres = math.nan
     if name in scenario.drives:
-        if math.isfinite(metres):
+        low, high = scenario.drives[name].travel or (-math.inf, math.inf)
+        metres = {"start": low, "end": high}.get(place, metres)
+        if math.isfinite(metres) and low <= metres <= high:
             return metres
-        raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: cable gone by, in m")
+        way = f"{low:g} to {high:g} m of cable gone by, or start, end" if math.isfinite(low) else "cable gone by, in m"
+        raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: {way}")
     length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, scenario.carriages[name])
     start, end = scenario.cable.start.position[-1], scenario.cable.end.position[-1]
     ends = {"start": stroke, "end": length - stroke}

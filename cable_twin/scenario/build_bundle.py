@@ -115,6 +115,7 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
     ropes = [[scenario.ropes[names[rope]] for rope in pair] for pair in joined]
     drives = {drive.sheave: drive for drive in scenario.drives.values()}
     limits = [drives[name].limits if name in drives else Limits() for name in scenario.sheaves]
+    ways = [drives[name].travel if name in drives else None for name in scenario.sheaves]
     tensioning = [_tensioning(scenario, sheave) for sheave in given]
     return Sheaves(
         rope=np.array(joined, dtype=np.int64).reshape(-1, 2),
@@ -123,6 +124,7 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
         adhesion=floats([exp(sheave.friction * sheave.wrap) for sheave in given]),
         resistance=floats([sheave.resistance / sheave.radius for sheave in given]),
         driven=np.array([name in drives for name in scenario.sheaves], dtype=np.int64),
+        way=floats([way or (-inf, inf) for way in ways], 2),
         acceleration_limit=floats([limit.acceleration for limit in limits]),
         emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
         jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),

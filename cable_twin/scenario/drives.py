@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cable_twin.scenario.fields import FromList, Section, quantity
+from cable_twin.scenario.fields import FromList, Section, Vector, quantity
 
 
 class Limits(Section):
@@ -70,3 +70,6 @@ class RopeDrive(Section):
     sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
     speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
+    travel: Vector | None = quantity(
+        "m", "rope gone by since the start, least and most, before which the drive of a bullwheel stops", None
+    )

@@ -478,6 +478,9 @@ class KeyFigureLimits(Section):
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
     lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
     tower_clearance: float | None = quantity("m", "least distance of a vehicle from a mast, in space", 0.5, ge=0)
+    vehicle_separation: float | None = quantity(
+        "m", "least distance of vehicles on different ropes from each other, in space", 1.0, ge=0
+    )
     acceleration: float | None = quantity("m/s^2", "highest acceleration of the last body of a carriage", 1.5, gt=0)
     stopping_distance: float | None = quantity("m", "longest way to a standstill", None, gt=0)
     stopping_time: float | None = quantity("s", "longest time to a standstill", None, gt=0)

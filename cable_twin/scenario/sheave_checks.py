@@ -109,6 +109,11 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
         if name in scenario.carriages:
             yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
         yield from initial_speed(path, drive.speed, drive.limits.speed)
+        if drive.travel is not None and not drive.travel[0] <= 0.0 <= drive.travel[1] != drive.travel[0]:
+            yield Fault(
+                (*path, "travel"),
+                f"given {list(drive.travel)}; allowed: least, then most, in m, with 0 of the start between them",
+            )
         for key in ("force", "power", "deceleration"):
             given = getattr(drive.limits, key)
             if given is not None:

@@ -47,6 +47,11 @@ def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
     carriage = _known(name, scenario)
     if carriage.joint == "clamped":
         raise CommandError(f"'{name}' goes with the cable and takes no command; drive: {next(iter(scenario.drives))}")
+    if carriage.clamped_to:
+        drives = ", ".join(scenario.drives) or "none in this scenario"
+        raise CommandError(
+            f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
+        )
     if carriage.joint == "fixed":
         raise CommandError(f"'{name}' is fixed to the cable and takes no command")
     return carriage.drive.limits

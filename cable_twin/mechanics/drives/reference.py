@@ -22,6 +22,13 @@ def braking_speed(distance, speed, deceleration, duration):
 
 
 @kernel
+def capped_speed(target, ahead, behind, speed, deceleration, duration):
+    """Speed (m/s) nearest to the target from which `deceleration` stops within so far ahead, or behind, in m."""
+    most = braking_speed(ahead, speed, deceleration, duration)
+    return max(min(target, most), -braking_speed(behind, -speed, deceleration, duration))
+
+
+@kernel
 def follows_reference(drive_mode, sheave_mode, carriage):
     """Whether a joint, or the sheave of its haul rope, goes as the reference does; modes are those of the state."""
     mode = drive_mode[carriage]
@@ -65,8 +72,7 @@ def advance_reference(carriages, cable, state, carriage, duration):
     stroke = carriages.stop_stroke[carriage]
     ahead = cable.unstrained_length - stroke - position
     behind = position - stroke
-    capped = min(target, braking_speed(ahead, speed, slowing, duration))
-    capped = max(capped, -braking_speed(behind, -speed, slowing, duration))
+    capped = capped_speed(target, ahead, behind, speed, slowing, duration)
     if capped != target:
         target, jerk = capped, inf  # the end of the track outranks comfort
     if slowing != limit and (target - speed) * speed < 0.0:

@@ -78,6 +78,7 @@ class Sheaves(NamedTuple):
     adhesion: FloatArray  # (sheaves,) -, highest ratio of their tensions, exp(μ α)
     resistance: FloatArray  # (sheaves,) N at its rim, of its bearings
     driven: IntArray  # (sheaves,) 1 where there is a drive
+    way: FloatArray  # (sheaves, 2) m, of rope gone by, least and most, within which the drive stops; -inf, inf of none
     acceleration_limit: FloatArray  # (sheaves,) m/s², of the drive
     emergency_deceleration: FloatArray  # (sheaves,) m/s², of the drive in an emergency stop
     jerk_limit: FloatArray  # (sheaves,) m/s³, inf where there is none

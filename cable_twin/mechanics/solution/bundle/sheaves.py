@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import inf, sqrt, tanh
 
-from cable_twin.mechanics.drives.reference import follow, ramp
+from cable_twin.mechanics.drives.reference import capped_speed, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import buffer_force
@@ -84,7 +84,11 @@ def drive_rim(sheaves, motion, sheave, net, inertia, h):
         limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
         if motion.braking[sheave]:
             limit, jerk = sheaves.emergency_deceleration[sheave], inf
-        ramp(rim, sheave, motion.target[sheave], limit, jerk, h)
+        low, high = sheaves.way[sheave, 0], sheaves.way[sheave, 1]
+        target = capped_speed(motion.target[sheave], high - place, place - low, speed, limit, h)
+        if target != motion.target[sheave]:
+            jerk = inf  # the end of the way outranks comfort
+        ramp(rim, sheave, target, limit, jerk, h)
         return False, rim.acceleration[sheave]
     against = resisting(sheaves, motion, sheave, h)
     given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
