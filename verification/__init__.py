@@ -33,6 +33,7 @@ MODULES = (
     "wind",
     "grooves",
     "ropes",
+    "bicable",
     "en50318",
 )
 
