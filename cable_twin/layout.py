@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from math import prod
+from math import inf, prod
 from typing import Any
 
 import numpy as np
@@ -197,8 +197,9 @@ class Layout:
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
             layout.loop_offsets[row] = strand.offset if strand else 0.0
-            if scenario.of_rope(name).riding is not None:  # what rides a loop is told by the track on which it is
-                layout.loop_offsets[row] = layout.rope_offsets[row]
+            if scenario.carriers and scenario.carriers.tracks:  # what rides a loop is told by its track, on no strand
+                ridden = name in scenario.carriers.tracks.values()
+                layout.loop_offsets[row] = layout.rope_offsets[row] if ridden else inf
         layout.joints = np.array(
             [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
             or [(0, row) for row in layout.vehicle_rows.values()],
@@ -268,10 +269,12 @@ class Layout:
     def put(self, columns: Columns, name: str, own: Columns) -> None:
         """Write the columns of one rope into those of a frame.
 
-        Of carriers, those that are on it; the first rope of all gives what is on none.
+        Of carriers, those that are on it; the first rope that has any gives what is on none.
         """
         rows, number = self._rows[name], list(self.alone).index(name)
-        here = (own.attached == 1.0) | (np.arange(own.attached.size) < len(self.alone[name].carriages)) | (number == 0)
+        home = next((row for row, one in enumerate(self.alone.values()) if one.carriers), 0)
+        here = (own.attached == 1.0) | (np.arange(own.attached.size) < len(self.alone[name].carriages))
+        here = here | (number == home)
         bodies = np.repeat(here, np.diff(self.alone[name].first_body))
         for key, target in columns._asdict().items():
             kind = str(SHAPES[key][0])

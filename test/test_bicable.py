@@ -7,8 +7,12 @@ import pytest
 from test_scenario_faults import faults_of
 
 from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.simulate import main
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 from verification.bicable import FULL, LENGTH, lift
 
 SPEED = 4.0  # m/s
@@ -35,7 +39,8 @@ def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
         on, was = now.attached == 1.0, before.attached == 1.0
         upward = now.vehicle_rope == 0.0
         came |= {(bool(upward[row]), int(now.arc_length[row] > 0.5 * LENGTH)) for row in np.flatnonzero(on & ~was)}
-        left |= {(bool(upward[row]), int(before.arc_length[row] > 0.5 * LENGTH)) for row in np.flatnonzero(was & ~on)}
+        gone = np.flatnonzero(was & ~on)
+        left |= {(bool(before.vehicle_rope[row] == 0.0), int(before.arc_length[row] > 0.5 * LENGTH)) for row in gone}
         np.testing.assert_array_equal(now.payload[on & was], before.payload[on & was])
         expected = np.where(upward, FULL, 0.0) if speed > 0.0 else np.where(upward, 0.0, FULL)
         fresh = on & ~was
@@ -49,7 +54,7 @@ def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
     assert np.nanmax(jerky) < 2.5  # m/s^2
     start, finish = (0, 1) if speed > 0.0 else (1, 0)
     assert came == {(True, start), (False, start)}
-    assert {way for way in left if way[0]} | {way for way in left if not way[0]} >= {(True, finish), (False, finish)}
+    assert left == {(True, finish), (False, finish)}
 
 
 def test_rails_carry_what_comes_on():
@@ -65,7 +70,7 @@ def test_rails_carry_what_comes_on():
     row = int(fresh[0])
     weight = 9.81 * (FULL + 800.0)
     assert abs(columns.haul_force[row]) < 0.02 * weight
-    assert np.linalg.norm(columns.contact_force[row] - [0.0, 0.0, weight]) < 0.05 * weight
+    assert np.linalg.norm(columns.contact_force[row]) < 0.02 * weight
     later = simulation.advance_to(simulation.time + 20.0 / SPEED).columns
     assert later.haul_force[row] > 0.15 * weight
 
@@ -112,7 +117,7 @@ TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}
         ("tracks", {"haul_up": "track_up"}, "tracks: not given for haul_down; allowed: a track for each strand"),
         ("tracks", {"haul_up": "track_up", "haul_down": "track_up"}, "tracks.haul_down: given 'track_up', as for"),
         ("tracks", {"haul_up": "track_down", "haul_down": "track_up"}, "which runs the other way than 'haul_up'"),
-        ("clamp_offset", [0.0, -40.0], "'haul_up' is 37.15 m away from a clamp; allowed: up to 5 m"),
+        ("clamp_offset", [0.0, -40.0], "'haul_up' is 39.5 m away from a clamp; allowed: up to 5 m"),
     ],
 )
 def test_tracks_are_checked(keys, value, said):
@@ -124,7 +129,26 @@ def test_tracks_are_checked(keys, value, said):
 
 def test_what_only_a_track_needs_is_a_fault_without_one():
     data = lift()
-    data["carriers"]["tracks"] = {}
+    data["carriers"] |= {"tracks": {}, "friction": {"rolling": 0.005}}
     faults = faults_of(data)
     assert any("carriers.clamp_offset: given without a track; allowed: beside `tracks`" in fault for fault in faults)
     assert any("carriers.friction: given without a track; allowed: beside `tracks`" in fault for fault in faults)
+
+
+def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, capsys):
+    """Whichever ropes come first in the file; and the view of it is written to the end."""
+    data = lift(count=5)
+    data["ropes"] = dict(reversed(data["ropes"].items()))
+    path = tmp_path / "lift.yaml"
+    path.write_text(load_scenario(data, {"carriers.first": 8.0}).to_yaml(), encoding="utf-8")
+    arguments = ["--duration", "0.5", "--output", str(tmp_path / "logs")]
+    assert main([str(path), *arguments]) == 0
+    printed = capsys.readouterr()
+    assert "stopped" not in printed.out + printed.err
+    (run,) = (tmp_path / "logs").iterdir()
+    read = [item for item in read_snapshots(read_log(run)) if isinstance(item, Snapshot)][-1].columns
+    simulation = Simulation(load_scenario(path))
+    now = simulation.advance_to(float(read.time[0])).columns
+    np.testing.assert_array_equal(read.vehicle_rope, now.vehicle_rope)
+    np.testing.assert_allclose(read.arc_length, now.arc_length, rtol=0, atol=1e-6)
+    assert set(now.vehicle_rope) == {2.0, 3.0}

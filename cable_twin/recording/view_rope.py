@@ -63,12 +63,13 @@ class Rope:
             return
         times = c.time[rows, 0]
         on_rope = c.attached[rows] == 1.0
-        places = np.where(on_rope, c.arc_length[rows], np.nan)
+        ropes = np.nan_to_num(c.vehicle_rope[rows]).astype(np.intp)
+        places = np.where(on_rope, c.arc_length[rows], np.nan) + self._offsets[ropes]
         points, tensions = with_joints(
             self._arc_lengths,
             c.rope_position[rows],
             c.rope_tension[rows] * self._scale,
-            places + self._offsets[np.nan_to_num(c.vehicle_rope[rows]).astype(np.intp)],
+            places,
             c.joint_position[rows],
         )
         known = tensions[~np.isnan(tensions)]
@@ -82,7 +83,7 @@ class Rope:
                 self._log_legend(stream, float(times[0]), self._colors)
             bins = self._colors.bins(tensions)
         if self._starts.size:
-            sorted_places = np.sort(self._placed(places + self._offsets), axis=1)
+            sorted_places = np.sort(self._placed(places), axis=1)
             for frame, ways in enumerate(sorted_places):
                 bins[frame, np.searchsorted(ways, self._starts) - 1] = NO_ROPE
         for form in self._drawn:
