@@ -201,7 +201,7 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
 def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like):
     """Take a member out of the equations of the others at the front; keeps what gives it when those are known."""
     square, width = outer(0.0, like, like), scratch.width[0]
-    for other in range(width):
+    for other in range(scratch.used.shape[1]):  # also of those that come later, for the front is wider then
         scratch.used[event, other] = scratch.linked[member, other]
         if scratch.linked[member, other]:
             side = multiply_nodes(inverse, load_node(scratch.fill[member, other], square))
