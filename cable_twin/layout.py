@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from math import prod
+from math import inf, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -177,8 +177,9 @@ class Layout:
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
             layout.loop_offsets[row] = strand.offset if strand else 0.0
-            if scenario.of_rope(name).riding is not None:  # what rides a loop is told by the track on which it is
-                layout.loop_offsets[row] = layout.rope_offsets[row]
+            if scenario.carriers and scenario.carriers.tracks:  # what rides a loop is told by its track, on no strand
+                ridden = name in scenario.carriers.tracks.values()
+                layout.loop_offsets[row] = layout.rope_offsets[row] if ridden else inf
         layout.joints = np.array(
             [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
             or [(0, row) for row in layout.vehicle_rows.values()],
@@ -194,6 +195,7 @@ class Layout:
     def _share_of(self, number: int, name: str) -> _Share:
         """Which numbers of a frame are of one rope."""
         own = self.alone[name]
+        home = next((row for row, one in enumerate(self.alone.values()) if one.carriers), 0)
         before = sum(len(other.supports) for other in list(self.alone.values())[:number])
         vehicles = np.array([self.vehicle_rows[vehicle] for vehicle in own.vehicles], dtype=np.int64)
         bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
@@ -218,7 +220,7 @@ class Layout:
             numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
             owner=owner,
             attached=here.attached.astype(np.int64),
-            always=(numbers < len(own.carriages)) | (number == 0),
+            always=(numbers < len(own.carriages)) | (number == home),
             rope=here.vehicle_rope.astype(np.int64),
             across=np.concatenate(across).astype(np.int64),
         )
@@ -239,7 +241,7 @@ class Layout:
     def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
         """Write the numbers of the frame of one rope into those of a frame.
 
-        Of carriers, those that are on it; the first rope of all gives what is on none.
+        Of carriers, those that are on it; the first rope that has any gives what is on none.
         """
         share, number = self._shares[name], list(self.alone).index(name)
         here = share.always | (own[share.attached] == 1.0)

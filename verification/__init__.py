@@ -34,6 +34,7 @@ MODULES = (
     "grooves",
     "ropes",
     "loops",
+    "bicable",
     "en50318",
 )
 

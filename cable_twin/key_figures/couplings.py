@@ -29,9 +29,14 @@ class CouplingFigures:
         self._extremes = np.full((count, 2, 3), nan)  # lowest and highest: N, s, m along the track
         self._pull = np.full((len(self._connectors), 2), nan)  # highest: N, s
         self._slack = np.zeros(len(self._connectors))  # s
-        clamped = {name: row for row, (name, one) in enumerate(scenario.vehicles.items()) if one.clamped_to}
-        self._clamps, self._clamp_rows = list(clamped), np.array(list(clamped.values()), np.int64)
-        self._along = np.full((len(clamped), 3), nan)  # highest: N, s, m
+        vehicles, carriers = list(scenario.vehicles), scenario.carriers
+        riders = vehicles[len(scenario.carriages) :] if carriers and carriers.tracks else []
+        clamped = [name for name, one in scenario.carriages.items() if one.clamped_to]
+        self._groups = [[name] for name in clamped] + ([riders] if riders else [])  # those of one figure
+        self._group_names = clamped + ([carriers.name] if carriers and riders else [])
+        self._clamps = clamped + riders
+        self._clamp_rows = np.array([vehicles.index(name) for name in self._clamps], np.int64)
+        self._along = np.full((len(self._clamps), 3), nan)  # highest: N, s, m
         self._last = nan  # s
 
     def update(self, snapshot: Snapshot) -> None:
@@ -78,9 +83,13 @@ class CouplingFigures:
                 KeyFigure(f"{name}: contact force, lowest", low[0], "N", low[1], f"x {low[2]:.1f} m", band=UNFILTERED),
                 KeyFigure(f"{name}: loss of contact, share of the time", share, "%", self._last, band=UNFILTERED),
             ]
-        for name, (force, time, place) in zip(self._clamps, self._along.tolist(), strict=True):
-            label = f"{name}: pull of its clamp along the track, highest"
-            found.append(KeyFigure(label, force, "N", time, f"arc length {place:.1f} m"))
+        for name, group in zip(self._group_names, self._groups, strict=True):
+            rows = [self._clamps.index(one) for one in group]
+            worst = rows[int(np.argmax(self._along[rows, 0]))]
+            force, time, place = self._along[worst].tolist()
+            which = f"{self._clamps[worst]}, " if len(group) > 1 else ""
+            label = f"{name}: pull of {'the' if which else 'its'} clamp along the track, highest"
+            found.append(KeyFigure(label, force, "N", time, f"{which}arc length {place:.1f} m"))
         if self._connectors:
             most, longest = int(np.argmax(self._pull[:, 0])), int(np.argmax(self._slack))
             pull, time = self._pull[most].tolist()

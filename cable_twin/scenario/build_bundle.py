@@ -6,8 +6,8 @@ from math import exp, inf
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.solution.bundle.order import sequence_of
+from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.solution.bundle.order import lines_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
@@ -44,7 +44,9 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     meshes = {rope: system.cable.node_arc_length for rope, system in systems.items()}
     node = np.array([[np.argmin(abs(meshes[rope] - s)) for rope, s in rod.ends] for rod in rods], dtype=np.int64)
     rope = np.array([[ropes.index(name) for name, _ in rod.ends] for rod in rods], dtype=np.int64)
+    line = lines_of(len(ropes), np.concatenate([rope.reshape(-1, 2), clamped_pairs(scenario)]))
     order = sequence_of(rope.reshape(-1, 2), node.reshape(-1, 2))
+    order.sort(key=lambda number: line[rope[number, 0]])
     rods = [rods[number] for number in order]
     connectors = Connectors(
         rope=rope.reshape(-1, 2)[order],
@@ -64,6 +66,13 @@ def clamped(scenario: Scenario) -> list[tuple[int, int, str, Carriage]]:
         vehicles = scenario.of_rope(rope).vehicles
         found += [(row, number, name, one) for number, (name, one) in enumerate(vehicles.items()) if one.clamped_to]
     return found
+
+
+def clamped_pairs(scenario: Scenario) -> IntArray:
+    """Ropes (n, 2) of which something slides on one and is clamped to the other."""
+    ropes = list(scenario.ropes)
+    pairs = {(row, ropes.index(other)) for row, _, _, one in clamped(scenario) for other in one.clamped_to}
+    return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
 
 
 def build_clamps(scenario: Scenario) -> Clamps:
@@ -156,4 +165,12 @@ def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], t
     return HYDRAULIC, direction, (1.0, cylinder.force, cylinder.band, cylinder.rate, 0.0, 0.0), cylinder.travel
 
 
-__all__ = ["build_clamps", "build_connectors", "build_pantographs", "build_ropes", "build_sheaves", "clamped"]
+__all__ = [
+    "build_clamps",
+    "build_connectors",
+    "build_pantographs",
+    "build_ropes",
+    "build_sheaves",
+    "clamped",
+    "clamped_pairs",
+]

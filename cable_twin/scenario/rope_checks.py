@@ -9,6 +9,7 @@ from cable_twin.scenario.cable_checks import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sheave_checks import sheave_faults
+from cable_twin.scenario.track_checks import track_faults
 from cable_twin.scenario.vehicle_checks import vehicle_faults
 
 NAMES_SHOWN = 8
@@ -21,6 +22,8 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
         for key in ("sheaves", "connectors", "pantographs"):
             for name in getattr(scenario, key):
                 yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
+        if scenario.carriers is not None and scenario.carriers.tracks:
+            yield Fault(("carriers", "tracks"), "given with one cable; allowed: with several `ropes`")
         for name, carriage in scenario.carriages.items():
             if carriage.clamped_to:
                 yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
@@ -43,6 +46,8 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
                 seen.add(path)
                 yield Fault(path, fault.text)
     yield from sheave_faults(scenario)
+    if scenario.carriers is not None:
+        yield from track_faults(scenario, scenario.carriers)
     yield from _connectors(scenario)
     yield from _pantographs(scenario)
     yield from _clamps(scenario)

@@ -136,6 +136,7 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
     used = {rope for rod in scenario.connectors.values() for rope, _ in rod.ends}
     used |= {one.rope for one in scenario.pantographs.values()} | set(strands)
     used |= {one.rope or next(iter(scenario.ropes)) for one in scenario.carriages.values()}
+    used |= set(scenario.carriers.tracks.values()) if scenario.carriers else set()
     for rope in scenario.ropes:
         if rope not in used:
             yield Fault(("ropes", rope), "given, but no vehicle can reach it and nothing joins it; allowed: none such")

@@ -12,6 +12,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import clamped
 from cable_twin.simulation.ropeway import Ropeway
 
+BESIDE = 1e-3  # m, on both sides of a place, for the slope there
 FARTHEST = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 
 
@@ -77,11 +78,23 @@ def observe_clamps(rows: list[int], parts: list[Ropeway], moving: BundleState, c
             if row not in held:
                 columns.haul_pull[row], columns.haul_force[row] = 0.0, 0.0
             continue
+        if moving.rail_mass[clamp] != 0.0:
+            _leave_out_rails(parts[int(clamps.rope[clamp])], float(moving.rail_mass[clamp]), row, columns)
         cable, place = parts[other].system.cable, float(moving.clamp_place[clamp])
         for end, (element, node) in enumerate(((0, 0), (cable.element_count - 1, 2))):
             share = share_of_node(cable, place, element, node)
             if share != 0.0:
                 columns.support_force[counts[other] + end] += share * columns.haul_pull[row]
+
+
+def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) -> None:
+    """Take what the rails of a station carry of a carriage, `mass` (kg), out of the pull of its clamp."""
+    place, carried = float(columns.arc_length[row]), mass * track.scenario.gravity
+    before, after = _position(track, place - BESIDE), _position(track, place + BESIDE)
+    along = carried * float((after - before)[-1] / np.linalg.norm(after - before))
+    columns.haul_pull[row, 2] -= carried
+    columns.haul_force[row] -= along
+    columns.drive_force[row] -= along
 
 
 def _position(part: Ropeway, place: float) -> FloatArray:

@@ -12,7 +12,7 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
-from cable_twin.mechanics.solution.bundle.order import order_of
+from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
 from cable_twin.mechanics.solution.bundle.records import (
     SYSTEM,
     Bundle,
@@ -31,6 +31,7 @@ from cable_twin.scenario.build_bundle import (
     build_connectors,
     build_pantographs,
     build_sheaves,
+    clamped_pairs,
 )
 from cable_twin.simulation.clamping import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
@@ -74,7 +75,11 @@ class RopeBundle:
                 present=bool(np.any(damped)),
             ),
             order=order_of(
-                nodes, connectors.rope, connectors.node, along_track(scenario, parts) if clamps.rope.size else None
+                nodes,
+                connectors.rope,
+                connectors.node,
+                along_track(scenario, parts) if clamps.rope.size else None,
+                lines_of(len(parts), np.concatenate([connectors.rope, clamped_pairs(scenario)])),
             ),
             sheaves=build_sheaves(scenario),
         )

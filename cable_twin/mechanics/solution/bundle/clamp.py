@@ -9,7 +9,7 @@ tangent is whole and no stiffness has to be chosen.
 
 from __future__ import annotations
 
-from math import exp, floor, sqrt
+from math import floor, sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -27,12 +27,14 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent
-from cable_twin.mechanics.rope.point import add_force, point_at, value
-from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
+from cable_twin.mechanics.rope.point import add_force, point_at, slope, value
+from cable_twin.mechanics.rope.strand import going_by, rest_stretch
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
-CLOSING_TIME = 0.5  # s, in which what is between a clamp and a rope that it has just taken falls to a third
+CLOSING_TIME = 2.0  # s, after which nothing is left of what was between a clamp and a rope that it has just taken
+STATION = 3.0  # m, of the track at both ends of it, which carriages do not ride
+RAILS = 12.0  # m after that, over which its rails carry a part of those
 
 
 @kernel
@@ -64,7 +66,8 @@ def clamp_gap(bundle, moving, clamp, system, state, like):
 def find_clamps(bundle, moving, system, state, h):
     """Find to which rope each clamp holds after `h` (s), and where; off all meshes, to none and without force.
 
-    One that takes hold under way does so where its rope is. What is between them then closes within seconds.
+    One that takes hold under way does so where its rope is, and as fast as that goes away from it: what is between them
+    is then closed with a speed and an acceleration that begin and end with no force.
     """
     clamps, like = bundle.clamps, system.cable.gravity
     for clamp in range(clamps.rope.size):
@@ -76,20 +79,68 @@ def find_clamps(bundle, moving, system, state, h):
             place = clamp_coordinate(own, there, clamps.place[row], clamps.loop_length[clamp])
             if found < 0 and 0.0 < place < own.cable.unstrained_length:
                 found, found_place = rope, place
+        own = record_at(bundle.records[clamps.rope[clamp], SYSTEM], system)
         track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]
         if not track.attached[carriage]:
             found = -1
         taken = found != moving.clamp_rope[clamp]
         moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
         track.clamp_holds[carriage] = found >= 0
-        left = scale(exp(-h / CLOSING_TIME), load(moving.clamp_slack[clamp], like))
+        mass = 0.0
+        if found >= 0 and clamps.loop_length[clamp] > 0.0:
+            mass = rail_share(own.cable.unstrained_length, track.joints.position[carriage])
+            mass *= carried_mass(own.carriages, carriage)
+        moving.rail_mass[clamp] = mass
+        moving.clamp_time[clamp] += h
         if taken:
-            clear_array(track.clamp_force[carriage])
+            store(scale(-mass, like), track.clamp_force[carriage])
             clear_array(moving.clamp_slack[clamp])
-            left = scale(0.0, left)
+            clear_array(moving.clamp_taken[clamp])
+            moving.clamp_time[clamp] = 0.0
             if found >= 0 and h > 0.0:
-                left = clamp_gap(bundle, moving, clamp, system, state, like)
-        store(left, moving.clamp_slack[clamp])
+                store(clamp_gap(bundle, moving, clamp, system, state, like), moving.clamp_taken[clamp, 0])
+                store(gap_rate(bundle, moving, clamp, system, state, like), moving.clamp_taken[clamp, 1])
+        store(what_is_left(moving, clamp, like), moving.clamp_slack[clamp])
+
+
+@inlined_kernel
+def what_is_left(moving, clamp, like):
+    """Way (dim,) in m that a clamp has still to close: of the fifth order in time, from its first value and rate."""
+    u = min(moving.clamp_time[clamp] / CLOSING_TIME, 1.0)
+    cubed = u * u * u
+    by_place = 1.0 + cubed * (-10.0 + u * (15.0 - 6.0 * u))
+    by_rate = CLOSING_TIME * (u + cubed * (-6.0 + u * (8.0 - 3.0 * u)))
+    first, rate = load(moving.clamp_taken[clamp, 0], like), load(moving.clamp_taken[clamp, 1], like)
+    return add_scaled(by_rate, rate, scale(by_place, first))
+
+
+@inlined_kernel
+def gap_rate(bundle, moving, clamp, system, state, like):
+    """Rate (dim,) in m/s of the gap of a clamp that does not hold yet."""
+    rope, carriage, other = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp], moving.clamp_rope[clamp]
+    track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
+    haul, there = record_at(bundle.records[other, SYSTEM], system), record_at(bundle.records[other, STATE], state)
+    place = moving.clamp_place[clamp]
+    held = point_at(haul.cable, place)
+    speed, _ = going_by(haul.cable, there, place)
+    goes = add_scaled(speed, slope(there.nodes.position, held, like), value(there.nodes.velocity, held, like))
+    return subtract(goes, joint_velocity(track.cable, here, carriage))
+
+
+@inlined_kernel
+def rail_share(length, place):
+    """Share of its weight that rails carry of a carriage at a `place` (m) of a track of a `length` (m)."""
+    u = min(max((min(place, length - place) - STATION) / RAILS, 0.0), 1.0)
+    return 1.0 + u * u * u * (-10.0 + u * (15.0 - 6.0 * u))
+
+
+@inlined_kernel
+def carried_mass(carriages, carriage):
+    """Mass (kg) of all bodies of a carriage, with what they carry."""
+    mass = 0.0
+    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+        mass += carriages.mass[body]
+    return mass
 
 
 @kernel
@@ -142,7 +193,8 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
         store(scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap), scratch.clamp_right[clamp, 0])
         store(scale(own.sliding_right[carriage], e_1), scratch.clamp_right[clamp, 1])
 
-        add_force(scale(-1.0, force), held, beside.right_side)
+        # what the rails carry is in F too, as that of the other rope less what is not on it
+        add_force(scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force)), held, beside.right_side)
         out, back = scratch.clamp_out[clamp], scratch.clamp_in[clamp]
         clear_array(out)
         clear_array(back)

@@ -34,7 +34,26 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
     return sequence
 
 
-def order_of(nodes: list[int], ropes: IntArray, connected: IntArray, along: list[FloatArray] | None = None) -> Order:
+def lines_of(count: int, pairs: IntArray) -> list[int]:
+    """Number of the line of each rope: ropes that something couples, also by way of others, are of one line.
+
+    Args:
+        count: number of ropes.
+        pairs: (couplings, 2) ropes.
+    """
+    line = list(range(count))
+    for a, b in pairs.tolist():
+        line = [min(line[a], line[b]) if one in (line[a], line[b]) else one for one in line]
+    return line
+
+
+def order_of(
+    nodes: list[int],
+    ropes: IntArray,
+    connected: IntArray,
+    along: list[FloatArray] | None = None,
+    lines: list[int] | None = None,
+) -> Order:
     """Order of elimination: ropes go on side by side from connector to connector.
 
     Args:
@@ -43,6 +62,8 @@ def order_of(nodes: list[int], ropes: IntArray, connected: IntArray, along: list
         connected: (connectors, 2) nodes; connectors in the order in which they follow each other along the ropes.
         along: of each rope (nodes,) m along the track: between two connectors, nodes follow each other by that;
             without it, rope by rope.
+        lines: of each rope, where some are coupled by nothing, as by `lines_of`: connectors of a line follow each
+            other, and so does all that is on it, so that its front is as small as that of a line alone.
 
     Raises:
         ValueError: two connectors cross each other.
@@ -61,12 +82,16 @@ def order_of(nodes: list[int], ropes: IntArray, connected: IntArray, along: list
         node.extend(place for _, place in ahead)
         front[:] = [max(place, until.get(one, 0)) for one, place in enumerate(front)]
 
+    line = lines or [0] * len(nodes)
     for number, (pair, places) in enumerate(zip(ropes.tolist(), connected.tolist(), strict=True)):
+        ended = {one for one in line if one < line[pair[0]]}
+        go_on({one: count for one, count in enumerate(nodes) if line[one] in ended})
         if any(place < front[one] for one, place in zip(pair, places, strict=True)):
             raise ValueError(f"connector {number} crosses the one before it")
         go_on(dict(zip(pair, places, strict=True)))
         at.append(len(node))
-    go_on(dict(enumerate(nodes)))
+    for number in sorted({*line}):
+        go_on({one: count for one, count in enumerate(nodes) if line[one] == number})
     first = np.cumsum([0, *nodes[:-1]])
     number_of = np.argsort(first[rope] + np.array(node))
     return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first)))

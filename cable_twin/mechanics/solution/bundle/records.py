@@ -156,6 +156,9 @@ class BundleState(NamedTuple):
     clamp_rope: IntArray  # (clamps,) to which it holds now, -1 to none
     clamp_place: FloatArray  # (clamps,) m, arc length there
     clamp_slack: FloatArray  # (clamps, dim) m, what is left of the gap at which it took hold under way
+    clamp_taken: FloatArray  # (clamps, 2, dim) m and m/s, that gap and its rate
+    clamp_time: FloatArray  # (clamps,) s, since then
+    rail_mass: FloatArray  # (clamps,) kg, of its carriage on the rails of a station
     tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
     sheaves: SheaveMotion
 
@@ -198,6 +201,9 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
         clamp_rope=np.full(clamps, -1, np.int64),
         clamp_place=np.zeros(clamps),
         clamp_slack=np.zeros(bundle.clamps.offset.shape),
+        clamp_taken=np.zeros((clamps, 2, bundle.up.size)),
+        clamp_time=np.zeros(clamps),
+        rail_mass=np.zeros(clamps),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
         sheaves=_sheaves_at_rest(bundle.sheaves.inertia.size),
     )

@@ -1,0 +1,154 @@
+"""Carriers that ride a loop clamped to its strands and slide on track ropes: stations, loads, files, faults."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_scenario_faults import faults_of
+
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.simulate import main
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
+from verification.bicable import FULL, LENGTH, lift
+
+SPEED = 4.0  # m/s
+
+
+def running(speed=SPEED, **changes):
+    simulation = Simulation(load_scenario(lift(**changes)), samples=5)
+    simulation.command("motor", speed=speed)
+    return simulation
+
+
+@pytest.mark.parametrize("speed", [SPEED, -SPEED])
+def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
+    """A lap in either direction: no step is halved, nothing jerks, and loads change in the stations alone."""
+    simulation = running(speed)
+    scenario, came, left, highest = simulation.scenario, set(), set(), 0.0
+    places, before = [], simulation.snapshot.columns
+    end = 1.05 * scenario.loop_length / abs(speed) + abs(speed)
+    for frame in range(1, int(end / 0.1)):
+        snapshot = simulation.advance_to(0.1 * frame)
+        assert snapshot.solver.halvings == 0, snapshot.time
+        assert snapshot.solver.constraint_residual < 1e-9
+        now = snapshot.columns
+        on, was = now.attached == 1.0, before.attached == 1.0
+        upward = now.vehicle_rope == 0.0
+        came |= {(bool(upward[row]), int(now.arc_length[row] > 0.5 * LENGTH)) for row in np.flatnonzero(on & ~was)}
+        gone = np.flatnonzero(was & ~on)
+        left |= {(bool(before.vehicle_rope[row] == 0.0), int(before.arc_length[row] > 0.5 * LENGTH)) for row in gone}
+        np.testing.assert_array_equal(now.payload[on & was], before.payload[on & was])
+        expected = np.where(upward, FULL, 0.0) if speed > 0.0 else np.where(upward, 0.0, FULL)
+        fresh = on & ~was
+        np.testing.assert_array_equal(now.payload[fresh], expected[fresh])
+        places.append(np.where(on[:, None], now.joint_position, np.nan))
+        before = now
+        swing = np.abs(now.body_angles[:, 1]).max()
+        highest = max(highest, float(swing))
+    assert highest < 0.15  # rad
+    jerky = np.linalg.norm(np.diff(places, 2, axis=0), axis=2) / 0.1**2
+    assert np.nanmax(jerky) < 5.0  # m/s^2, of ropes and hangers without any damping
+    start, finish = (0, 1) if speed > 0.0 else (1, 0)
+    assert came == {(True, start), (False, start)}
+    assert left == {(True, finish), (False, finish)}
+
+
+def test_rails_carry_what_comes_on():
+    """The clamp of what is put on pulls with nothing at first, and all of m g sin once it is off the rails."""
+    simulation = running()
+    before = simulation.snapshot.columns.attached
+    for frame in range(1, 2000):
+        columns = simulation.advance_to(0.02 * frame).columns
+        fresh = np.flatnonzero((columns.attached == 1.0) & (before == 0.0) & (columns.vehicle_rope == 0.0))
+        if fresh.size:
+            break
+        before = columns.attached
+    row = int(fresh[0])
+    weight = 9.81 * (FULL + 800.0)
+    assert abs(columns.haul_force[row]) < 0.02 * weight
+    assert np.linalg.norm(columns.contact_force[row]) < 0.02 * weight
+    later = simulation.advance_to(simulation.time + 20.0 / SPEED).columns
+    assert later.haul_force[row] > 0.15 * weight
+
+
+def test_state_goes_on_with_the_same_bits_while_some_are_in_stations(tmp_path):
+    simulation = running()
+    simulation.advance_to(9.0)
+    while (simulation.snapshot.columns.attached == 1.0).all():
+        simulation.advance_to(simulation.time + 0.1)
+    simulation.save(tmp_path / "state.npz")
+    full = simulation.capture()
+    again = Simulation.load(tmp_path / "state.npz", samples=5)
+    end = simulation.time + 12.0
+    expected = simulation.advance_to(end).numbers.tobytes()
+    assert again.advance_to(end).numbers.tobytes() == expected
+    simulation.restore(full)
+    assert simulation.advance_to(end).numbers.tobytes() == expected
+    rest = Simulation(simulation.scenario, samples=5).snapshot.columns
+    simulation.reset()
+    columns = simulation.snapshot.columns
+    for name in ("joint_position", "haul_pull", "attached", "payload", "vehicle_rope", "sheave_position"):
+        np.testing.assert_array_equal(getattr(columns, name), getattr(rest, name))
+
+
+def test_riders_share_one_figure_of_their_clamps():
+    simulation = running()
+    figures = KeyFigures(simulation.scenario)
+    figures.update(simulation.advance_to(0.5))
+    (figure,) = (one for one in figures.figures() if one.name.endswith("pull of the clamp along the track, highest"))
+    assert figure.name == "cabin: pull of the clamp along the track, highest"
+    assert figure.place.startswith("cabin_")
+    assert figure.value == pytest.approx(np.abs(simulation.snapshot.columns.haul_force).max(), rel=0.05)
+
+
+TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        ("tracks", {**TRACKS, "rail": "track_up"}, "tracks.rail: given for 'rail', which is no strand of a loop"),
+        ("tracks", {**TRACKS, "haul_up": "rail"}, "tracks.haul_up: given 'rail'; allowed: a rope that is no strand"),
+        ("tracks", {**TRACKS, "haul_up": "haul_down"}, "tracks.haul_up: given 'haul_down'; allowed: a rope that is no"),
+        ("tracks", {"haul_up": "track_up"}, "tracks: not given for haul_down; allowed: a track for each strand"),
+        ("tracks", {"haul_up": "track_up", "haul_down": "track_up"}, "tracks.haul_down: given 'track_up', as for"),
+        ("tracks", {"haul_up": "track_down", "haul_down": "track_up"}, "which runs the other way than 'haul_up'"),
+        ("clamp_offset", [0.0, -40.0], "'haul_up' is 39.5 m away from a clamp; allowed: up to 5 m"),
+    ],
+)
+def test_tracks_are_checked(keys, value, said):
+    data = lift()
+    data["carriers"][keys] = value
+    faults = faults_of(data)
+    assert any(said in fault for fault in faults), faults
+
+
+def test_what_only_a_track_needs_is_a_fault_without_one():
+    data = lift()
+    data["carriers"] |= {"tracks": {}, "friction": {"rolling": 0.005}}
+    faults = faults_of(data)
+    assert any("carriers.clamp_offset: given without a track; allowed: beside `tracks`" in fault for fault in faults)
+    assert any("carriers.friction: given without a track; allowed: beside `tracks`" in fault for fault in faults)
+
+
+def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, capsys):
+    """Whichever ropes come first in the file; and the view of it is written to the end."""
+    data = lift(count=5)
+    data["ropes"] = dict(reversed(data["ropes"].items()))
+    path = tmp_path / "lift.yaml"
+    path.write_text(load_scenario(data, {"carriers.first": 8.0}).to_yaml(), encoding="utf-8")
+    arguments = ["--duration", "0.5", "--output", str(tmp_path / "logs")]
+    assert main([str(path), *arguments]) == 0
+    printed = capsys.readouterr()
+    assert "stopped" not in printed.out + printed.err
+    (run,) = (tmp_path / "logs").iterdir()
+    read = [item for item in read_snapshots(read_log(run)) if isinstance(item, Snapshot)][-1].columns
+    simulation = Simulation(load_scenario(path))
+    now = simulation.advance_to(float(read.time[0])).columns
+    np.testing.assert_array_equal(read.vehicle_rope, now.vehicle_rope)
+    np.testing.assert_allclose(read.arc_length, now.arc_length, rtol=0, atol=1e-6)
+    assert set(now.vehicle_rope) == {2.0, 3.0}
