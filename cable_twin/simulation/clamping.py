@@ -63,7 +63,9 @@ def clamp_rows(scenario: Scenario) -> list[int]:
     return [numbers[name] for _, _, name, _ in clamped(scenario)]
 
 
-def observe_clamps(rows: list[int], parts: list[Ropeway], moving: BundleState, columns: Columns) -> None:
+def observe_clamps(
+    rows: list[int], parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
+) -> None:
     """Fill what no rope knows alone: that a clamp holds to none, and its pull beside a support of the other rope.
 
     `rows` are those of `clamp_rows`.

@@ -158,7 +158,7 @@ class RopeBundle:
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
-        observe_clamps(self._clamp_rows, self.parts, moving, columns)
+        observe_clamps(self._clamp_rows, self.parts, self.bundle.clamps, moving, columns)
         connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
         columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
