@@ -1,0 +1,40 @@
+"""The warning of a step with which a vehicle passes nodes too fast."""
+
+import warnings
+
+import pytest
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.passing import growing_steps, highest_speed
+
+# waves of about 220 m/s, so 0.1 of an element of 10.4 m in 5 ms: only what is as fast as 130 m/s is too fast
+FAST = {"carriages.cabin.drive.limits.speed": 150.0}
+WARNING = r"solver\.step of 0\.005 s is above 0\.0044\d* s, the longest for a vehicle at 150 m/s on elements of 10\.4 m"
+
+
+def test_such_a_step_is_warned_of():
+    with pytest.warns(UserWarning, match=WARNING):
+        Simulation(load_scenario("single_span", FAST))
+
+
+@pytest.mark.parametrize("changes", [{}, {**FAST, "solver.step": 0.004}, {**FAST, "solver.spectral_radius": 0.6}])
+def test_others_are_not(changes):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Simulation(load_scenario("single_span", changes))
+
+
+def test_limits():
+    shortest, longest = growing_steps(0.7, 1.0, 10.0, 100.0)
+    assert shortest == pytest.approx(6.37e-3, rel=1e-3)
+    assert longest == pytest.approx(12.6e-3, rel=2e-3)
+    assert growing_steps(0.0, 1.0, 10.0, 100.0)[0] == float("inf")
+    assert growing_steps(0.7, 1.0, 0.0, 100.0)[0] == float("inf")
+    assert growing_steps(1.0, 1.0, 10.0, 100.0) == (0.0, float("inf"))
+
+
+@pytest.mark.parametrize(("name", "speed"), [("single_span", 10.0), ("gondola", 6.0), ("jig_back", 10.0)])
+def test_speed_of_what_moves_by_itself_or_with_its_rope(name, speed):
+    scenario = load_scenario(name)
+    assert highest_speed(scenario, scenario) == speed
