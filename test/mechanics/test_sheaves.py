@@ -32,6 +32,7 @@ def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
         acceleration_limit=np.array([0.3]),
         emergency_deceleration=np.array([1.2]),
         jerk_limit=np.array([np.inf]),
+        way=np.array([[-np.inf, np.inf]]),
         brake_force=np.zeros(1),
         rollback=np.array([np.inf]),
         brake_rise_time=np.zeros(1),
