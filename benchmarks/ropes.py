@@ -122,8 +122,12 @@ def _exponent(counts: list[int], costs: list[float]) -> float:
 
 
 def _lift(chairs: int, duration: float) -> Callable[[], None]:
-    """The chairlift with so many chairs evenly round its loop, under way."""
-    simulation = Simulation(load_scenario("chairlift", {"carriers.count": chairs, "drives.haul_rope.speed": 2.5}))
+    """The chairlift under way with so many chairs evenly round its loop, which are together as heavy as its own."""
+    share = 28.0 / chairs
+    changed = {"count": chairs, "bodies.chair.mass": 250.0 * share, "bodies.chair.inertia": 250.0 * share}
+    changed |= {"payload.capacity": 300.0 * share, "payload.leaving.return": 300.0 * share}
+    values = {f"carriers.{key}": value for key, value in changed.items()}
+    simulation = Simulation(load_scenario("chairlift", {**values, "drives.haul_rope.speed": 2.5}))
     return lambda: simulation.advance_to(duration) and None
 
 
