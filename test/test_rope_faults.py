@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from changed_keys import change
 from test_scenario_faults import SEED, faults_of
 
 from cable_twin.scenario import load_scenario
@@ -27,13 +28,7 @@ def two_ropes(**changes):
             }
         },
     }
-    for key, value in changes.items():
-        *path, last = key.split("__")
-        section = data
-        for name in path:
-            section = section[name]
-        section[last] = value
-    return data
+    return change(data, changes)
 
 
 @pytest.mark.parametrize(

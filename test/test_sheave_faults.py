@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from changed_keys import change
 
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
@@ -10,15 +11,9 @@ from cable_twin.simulation.twin import EquilibriumError
 
 
 def lift(**changes):
-    """The shipped chairlift as plain data, with changes at keys joined by two underscores; None takes a key out."""
+    """The shipped chairlift as plain data, with changes at keys joined by two underscores."""
     data = load_scenario("chairlift").resolved()
-    for key, value in changes.items():
-        *path, last = key.split("__")
-        section = data
-        for name in path:
-            section = section[name]
-        section[last] = value
-    return data
+    return change(data, changes)
 
 
 WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}

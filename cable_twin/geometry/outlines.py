@@ -7,7 +7,8 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_twin.scenario.schema import Body, Scenario
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.vehicles import Body
 
 FloatArray = NDArray[np.float64]
 CORNERS = 4  # of a box; a line has fewer points

@@ -16,7 +16,7 @@ from cable_twin.key_figures.space import LOOKS
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.schema import Body
+from cable_twin.scenario.vehicles import Body
 from cable_twin.snapshot import Layout, Snapshot
 
 ASSUMED = "assumed: as much as somebody leans out, with a reserve"

@@ -12,7 +12,7 @@ from rich.table import Table
 from cable_twin.offline.figure_table import shown_unit
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.signal_series import Comparison, Difference, unit_of
-from cable_twin.scenario.schema import Carriers
+from cable_twin.scenario.carriers import Carriers
 
 
 def print_differences(console: Console, a: Reading, b: Reading, comparison: Comparison, label: str = "b") -> None:

@@ -20,7 +20,7 @@ from cable_twin.messages import header, serialize
 from cable_twin.messages.topics import TFMessage
 from cable_twin.scenario import Scenario, in_space
 from cable_twin.scenario.drives import Limits
-from cable_twin.scenario.schema import Body, Carriage
+from cable_twin.scenario.vehicles import Body, Carriage
 from cable_twin.snapshot import ENDS
 
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3

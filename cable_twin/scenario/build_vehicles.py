@@ -9,7 +9,8 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario.drives import Drive
-from cable_twin.scenario.schema import Body, Carriage, EndStop, Scenario, VehicleBuffer
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.vehicles import Body, Carriage, EndStop, VehicleBuffer
 
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import dist
 
+from cable_twin.scenario.carriers import CarrierPayload, Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.fields import in_space
-from cable_twin.scenario.schema import CarrierPayload, Carriers, Scenario
+from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sheaves import Sheave
 from cable_twin.scenario.vehicle_checks import initial_speed
 

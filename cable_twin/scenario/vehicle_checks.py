@@ -9,8 +9,10 @@ from re import fullmatch
 import numpy as np
 
 from cable_twin.scenario.build_vehicles import BRAKES, inertia_tensor, stop_stroke
+from cable_twin.scenario.carriers import Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.schema import Body, Carriage, Carriers, Scenario
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.vehicles import Body, Carriage
 
 SHORTEST_STAY = 0.1  # s in a station, in which what gets in and out is changed
 FASTEST_ROPE = 12.0  # m/s, of a drive without a limit

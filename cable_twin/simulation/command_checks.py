@@ -11,7 +11,7 @@ from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.drives import Limits
-from cable_twin.scenario.schema import Carriage
+from cable_twin.scenario.vehicles import Carriage
 
 SAFETY = 4.5  # -, of a haul rope in operation
 BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed

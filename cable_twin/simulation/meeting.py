@@ -12,7 +12,7 @@ from cable_twin.mechanics.parameters import System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
-from cable_twin.scenario.schema import Carriage
+from cable_twin.scenario.vehicles import Carriage
 
 
 class Pair(NamedTuple):
