@@ -198,6 +198,18 @@ def test_the_first_minute_of_the_shipped_gondola():
     assert np.isfinite(simulation.energy().total)
 
 
+@pytest.mark.parametrize("count", [1, 120, 200])
+def test_a_lift_of_any_number_of_carriers_starts_at_rest(count):
+    """Far more or less weight than the ropes were cut for, so that the tensioned bullwheel has a way to go first."""
+    travel = {"sheaves.return.counterweight.travel": [-8.0, 8.0]}
+    simulation = Simulation(load_scenario("chairlift", {"carriers.count": count, **travel}), on_demand=True)
+    at_rest = simulation.snapshot.columns.sheave_tension.copy()
+    simulation.advance_to(2.0)
+    columns = simulation.snapshot.columns
+    assert np.abs(columns.sheave_tension - at_rest).max() < 1e-4 * at_rest.max()
+    assert np.abs(columns.body_velocity).max() < 1e-3  # m/s
+
+
 def test_a_state_of_another_number_of_bullwheels_is_refused():
     simulation = lift()
     full = simulation.capture()

@@ -225,7 +225,7 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
             yield Fault(("carriers", "name"), f"given {carriers.name!r}, which would name {taken[0]!r} twice")
     if carriers.spacing is None and strand is None:
         yield Fault(("carriers", "spacing"), "not given; allowed: a length in m, for the loop is as long as they need")
-    elif spacing > length:
+    elif strand is None and spacing > length:
         yield Fault(
             ("carriers", "spacing"),
             f"given {carriers.spacing!r}; allowed: at most {length:.9g} m, the length of the cable",

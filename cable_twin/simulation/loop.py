@@ -15,6 +15,7 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, B
 from cable_twin.mechanics.solution.bundle.sheaves import stop_wheel
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.mechanics.solution.equilibrium import hang_carriages
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
@@ -68,7 +69,9 @@ class Loop:
                 cable, nodes = part.system.cable, part.state.nodes
                 part.state.rope.position[1 - side] = motion.rope.position[sheave]
                 way = motion.carriage.position[sheave] * sheaves.direction[sheave]
-                nodes.position[-1 if side == 0 else 0, 0] = cable.end_position[1 - side] + way
+                moved = cable.end_position[1 - side] + way - nodes.position[-1 if side == 0 else 0, 0]
+                share = cable.node_arc_length / cable.unstrained_length  # all of it comes along, so none is crushed
+                nodes.position[:, 0] += np.outer(share if side == 0 else 1.0 - share, moved)
         for name in self._strands:
             part = self._parts[name]
             state, length = part.state, part.system.cable.unstrained_length
@@ -80,6 +83,7 @@ class Loop:
             on = part.system.carriages.clamped & state.attached
             state.joints.position[on] = np.clip(places, 0.0, length)[on]
             state.reference.position[on] = state.joints.position[on]
+            hang_carriages(part.system, state)
 
     def _begin_here(self) -> None:
         """Let this be the start: no rope has gone by yet."""
