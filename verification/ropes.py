@@ -196,7 +196,7 @@ def jig_back_at_rest() -> Iterator[Result]:
 
 @case("jig-back under way, equal cabins", "W at the drive = μ Σ N ds of the wheels on the track ropes + ΔE")
 def jig_back_under_way() -> Iterator[Result]:
-    """Started and stopped between the stations and the towers; what the damping of the ropes takes is within the row."""
+    """From start to stop between stations and towers; what the damping of the ropes takes is within the row."""
     smooth = {f"towers.{one}_{number}.friction": 0.0 for one in ("tower", "rollers") for number in (1, 2)}
     simulation = jig_back((3000.0, 3000.0), 120, **smooth)
     rolling = simulation.scenario.carriages["cabin_1"].friction.rolling
