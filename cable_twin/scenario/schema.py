@@ -12,11 +12,11 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from cable_twin.mechanics.parameters import ELASTIC_MODELS, GUSTS, INTEGRATORS, STRONGEST_WIND
 from cable_twin.scenario.as_yaml import as_yaml
+from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
 from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
 from cable_twin.scenario.fields import FromList, Place, Section, Vector, in_space, quantity
-from cable_twin.scenario.sheaves import Riding, Sheave, Strand, expand_sheaves, strands_of
 from cable_twin.scenario.vehicles import Carriage, Payload
 
 MOST_ELEMENTS = 100_000
@@ -308,7 +308,7 @@ class Scenario(Section):
     def _first_of_ropes(cls, data: Any) -> Any:
         """Let the cable be the first of several ropes, and each tower and drive stand by itself."""
         if isinstance(data, dict):
-            data = expand_sheaves(data)
+            data = expand_bullwheels(data)
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}

@@ -27,10 +27,10 @@ from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_o
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
+    build_bullwheels,
     build_clamps,
     build_connectors,
     build_pantographs,
-    build_sheaves,
     clamped_pairs,
 )
 from cable_twin.simulation.clamping import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
@@ -81,7 +81,7 @@ class RopeBundle:
                 along_track(scenario, parts) if clamps.rope.size else None,
                 lines_of(len(parts), np.concatenate([connectors.rope, clamped_pairs(scenario)])),
             ),
-            sheaves=build_sheaves(scenario),
+            sheaves=build_bullwheels(scenario),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
         self._scratch = allocate_bundle_work(self.bundle)

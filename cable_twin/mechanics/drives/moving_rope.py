@@ -62,10 +62,10 @@ def loop_coordinate(system, state, carriage):
 def move_rope(system, state, duration):
     """Move the cable by `duration` (s) as its drive has it, and the references of all that is clamped to it.
 
-    One whose ends run over sheaves goes as those do, and has been moved by them.
+    One whose ends run over bullwheels goes as those do, and has been moved by them.
     """
     moving, course = system.moving_cable, state.rope
-    if not moving.over_sheaves:
+    if not moving.over_bullwheels:
         ramp_rope(system, state, duration)
         course.position[1], course.velocity[1] = course.position[0], course.velocity[0]
         course.acceleration[1] = course.acceleration[0]
