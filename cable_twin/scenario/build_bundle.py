@@ -21,7 +21,7 @@ from cable_twin.scenario.build import BUFFER, build_system
 from cable_twin.scenario.build_vehicles import floats
 from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.drives import Limits
-from cable_twin.scenario.fields import Vector
+from cable_twin.scenario.quantities import Vector
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicles import Carriage
 

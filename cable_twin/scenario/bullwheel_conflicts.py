@@ -8,9 +8,9 @@ from math import dist
 from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.carriers import CarrierPayload, Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.fields import in_space
+from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.vehicle_checks import initial_speed
+from cable_twin.scenario.vehicle_conflicts import initial_speed
 
 APART = 0.05  # of the diameter, by which joined ends may be further apart
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from cable_twin.scenario.drives import Brake
-from cable_twin.scenario.fields import FromList, Place, Section, Vector, quantity
+from cable_twin.scenario.quantities import FromList, Place, Section, Vector, quantity
 
 EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
 Joined = Annotated[tuple[str, str], FromList]

@@ -1,7 +1,7 @@
 """What a scenario consists of: names, types, units, bounds and defaults of everything in a scenario file.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `find_faults` and the `*_checks` beside it; use `load_scenario`, which applies both.
+is in `find_faults` and the `*_conflicts` beside it; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwh
 from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
-from cable_twin.scenario.fields import FromList, Place, Section, Vector, in_space, quantity
+from cable_twin.scenario.quantities import FromList, Place, Section, Vector, in_space, quantity
 from cable_twin.scenario.vehicles import Carriage, Payload
 
 MOST_ELEMENTS = 100_000

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from cable_twin.scenario.bullwheel_conflicts import bullwheel_faults
-from cable_twin.scenario.cable_checks import cable_faults
+from cable_twin.scenario.cable_conflicts import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.track_checks import track_faults
-from cable_twin.scenario.vehicle_checks import vehicle_faults
+from cable_twin.scenario.track_conflicts import track_faults
+from cable_twin.scenario.vehicle_conflicts import vehicle_faults
 
 NAMES_SHOWN = 8
 
