@@ -33,10 +33,10 @@ from cable_twin.scenario.build_bundle import (
     build_pantographs,
     clamped_pairs,
 )
-from cable_twin.simulation.clamping import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.restoring import restore_all
 from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.second_rope import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.snapshot_file import FullState
 
 FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight

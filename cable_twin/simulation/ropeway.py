@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.drives.moving_rope import hang_in_station, park
+from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
