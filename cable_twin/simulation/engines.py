@@ -14,9 +14,8 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
     build_ropes,
 )
-from cable_twin.simulation.restoring import restore_all
 from cable_twin.simulation.rope_bundle import RopeBundle
-from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.ropeway import Ropeway, restore_ropes
 from cable_twin.simulation.snapshot_file import FullState
 
 
@@ -104,7 +103,7 @@ class SingleRope:
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits."""
-        restore_all(self.parts, full)
+        restore_ropes(self.parts, full)
 
 
 def engine_of(scenario: Scenario) -> Engine:

@@ -34,8 +34,7 @@ from cable_twin.scenario.build_bundle import (
     clamped_pairs,
 )
 from cable_twin.simulation.loop import Loop
-from cable_twin.simulation.restoring import restore_all
-from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.ropeway import Ropeway, restore_ropes
 from cable_twin.simulation.second_rope import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.snapshot_file import FullState
 
@@ -199,13 +198,13 @@ class RopeBundle:
             now[...] = start
 
     def between(self) -> dict[str, FloatArray]:
-        """A copy of the motion of the pantographs, now and at the start, by name."""
+        """A copy of the motion of pantographs, clamps and bullwheels, now and at the start, by name."""
         both = ("now", self.moving), ("start", self._start)
         return {f"{key}/{name}": array.copy() for key, one in both for name, array in fields_of(one).items()}
 
     def restore(self, full: FullState) -> None:
-        """Go to a full state that fits."""
-        restore_all(self.parts, full)
+        """Go to a full state that fits: of ropes, pantographs, clamps, bullwheels, and what their drives are told."""
+        restore_ropes(self.parts, full)
         for key, one in (("now", self.moving), ("start", self._start)):
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]
