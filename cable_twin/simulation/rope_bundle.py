@@ -38,7 +38,6 @@ from cable_twin.simulation.ropeway import Ropeway, restore_ropes
 from cable_twin.simulation.second_rope import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.snapshot_file import FullState
 
-FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
