@@ -42,9 +42,6 @@ class Engine(Protocol):
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
 
-    def take(self, command: Command) -> None:
-        """Carry out what a command asks of what is on no rope alone."""
-
     def energy(self) -> Energy:
         """Energy (J) of that."""
 
@@ -84,9 +81,6 @@ class SingleRope:
         )
 
     def observe(self, columns: Columns) -> None:
-        """Nothing: all is on the rope."""
-
-    def take(self, command: Command) -> None:
         """Nothing: all is on the rope."""
 
     def energy(self) -> Energy:

@@ -165,20 +165,27 @@ class RopeBundle:
         columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
         self.loop.observe(columns)
 
-    def take(self, command: Command) -> None:
-        """Carry out what a command asks of what is on no rope alone."""
-        if command.kind == "emergency_stop":
-            self.loop.stop()
-            self.commands.clear()
-        elif command.kind == "release":
-            self.loop.release()
-        elif command.kind == "reset":
-            self._reset()
-        elif command.kind in ("speed", "force"):
-            for name, value in command.values.items():
-                if name in self.loop.drives:
-                    self.loop.drive(name, command.kind, value)
-                    self.commands[name] = Command(command.kind, {name: value})
+    def drive(self, command: Command) -> None:
+        """Give drives of bullwheels, of those that it names, a speed (m/s) or a force (N)."""
+        for name, value in command.values.items():
+            if name in self.loop.drives:
+                self.loop.drive(name, command.kind, value)
+                self.commands[name] = Command(command.kind, {name: value})
+
+    def stop(self, _: Command) -> None:
+        """Begin the emergency stop of the bullwheels."""
+        self.loop.stop()
+        self.commands.clear()
+
+    def release(self, _: Command) -> None:
+        """End it."""
+        self.loop.release()
+
+    def go_back(self, _: Command) -> None:
+        """Put pantographs, clamps and bullwheels back to the start."""
+        self.commands = dict(self._first_commands)
+        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
+            now[...] = start
 
     def energy(self) -> Energy:
         """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
@@ -189,12 +196,6 @@ class RopeBundle:
         for part in self.parts:
             part.begin()
         self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
-
-    def _reset(self) -> None:
-        """Put pantographs and bullwheels back to the start."""
-        self.commands = dict(self._first_commands)
-        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
-            now[...] = start
 
     def between(self) -> dict[str, FloatArray]:
         """A copy of the motion of pantographs, clamps and bullwheels, now and at the start, by name."""
