@@ -266,7 +266,10 @@ class TwinNode(Node):
         self.get_logger().error(line)
 
     def _tell_goal(self, line: str, given_up: bool) -> None:
-        (self.get_logger().warning if given_up else self.get_logger().info)(line)
+        if given_up:
+            self.get_logger().warning(line)
+        else:  # a call of its own: rclpy allows a place in the code one severity for good
+            self.get_logger().info(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
