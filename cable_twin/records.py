@@ -235,8 +235,9 @@ class Place:
 class Clearance:
     """Least heights above the ground."""
 
-    rope: Place
+    rope: Place  # the lowest of all
     vehicles: Mapping[str, Place]
+    ropes: Mapping[str, Place]
 
 
 @dataclass(frozen=True, slots=True)

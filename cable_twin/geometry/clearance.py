@@ -56,10 +56,11 @@ def _firsts(counts: Iterable[int]) -> IntArray:
     return np.cumsum([0, *counts], dtype=np.int64)
 
 
-def clearance_seen(ground: Ground | Surroundings, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """What `look_at_ground` or `look_around` has found, by name of the vehicles (vehicles,) that are attached."""
-    rope, *vehicles = (Place(*row) for row in ground.lowest.tolist())
-    return Clearance(rope, {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on})
+def clearance_seen(ground: Ground | Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
+    """What `look_at_ground` or `look_around` has found of a rope, by name of the vehicles (vehicles,) on it."""
+    lowest, *vehicles = (Place(*row) for row in ground.lowest.tolist())
+    found = {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on}
+    return Clearance(lowest, found, {rope: lowest})
 
 
 __all__ = ["clearance_seen", "ground_of", "surroundings_of"]

@@ -66,23 +66,29 @@ class Readings:
         return tensions
 
     def clearance(self) -> Clearance:
-        """Least heights of rope and vehicles above the ground, with their places.
+        """Least heights of ropes and vehicles above the ground, with their places.
 
         Raises:
             ValueError: when the scenario has no terrain.
         """
-        scenario, cable = self._ropeway.scenario, self._ropeway.system.cable
-        if not scenario.terrain:
+        if not self._ropeway.scenario.terrain:
             raise ValueError("clearance: the scenario has no terrain")
+        each = {name: self._clearance_of(name, part) for name, part in zip(self._lookouts, self._parts, strict=True)}
+        ropes = {name: one.rope for name, one in each.items()}
+        vehicles = {name: place for one in each.values() for name, place in one.vehicles.items()}
+        return Clearance(min(ropes.values(), key=lambda place: place.height), vehicles, ropes)
+
+    def _clearance_of(self, name: str, part: Ropeway) -> Clearance:
+        """The same of one rope with what is on it."""
+        cable, lookout, snapshot = part.system.cable, self._lookouts[name], self.snapshot.of_rope(name)
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        snapshot = self.snapshot
         seen = snapshot.layout.columns(snapshot.numbers.copy())  # kernels want what may be written
-        rope = self.cable_positions(points)
-        if scenario.dim == 3:
-            look_around(self._surroundings, rope, seen.attached, seen.body_position, seen.body_orientation)
-            return clearance_seen(self._surroundings, [*scenario.vehicles], seen.attached)
-        look_at_ground(self._ground, rope, seen.attached, seen.body_position, seen.body_angles)
-        return clearance_seen(self._ground, [*scenario.vehicles], seen.attached)
+        rope = self.cable_positions(points, name)
+        if isinstance(lookout, Surroundings):
+            look_around(lookout, rope, seen.attached, seen.body_position, seen.body_orientation)
+        else:
+            look_at_ground(lookout, rope, seen.attached, seen.body_position, seen.body_angles)
+        return clearance_seen(lookout, name, [*part.scenario.vehicles], seen.attached)
 
     def energy(self) -> Energy:
         """Mechanical energy (J) of ropes, what is on them and bullwheels now; of connectors and pantographs, none."""
@@ -134,14 +140,10 @@ class Readings:
         return round(clock * self._ropeway.system.solver.step * 1e9) / 1e9
 
     @cached_property
-    def _ground(self) -> Ground:
-        """The ground, made when somebody asks for the clearance."""
-        return ground_of(self._ropeway.scenario)
-
-    @cached_property
-    def _surroundings(self) -> Surroundings:
-        """The same of a scenario in space."""
-        return surroundings_of(self._ropeway.scenario)
+    def _lookouts(self) -> dict[str, Ground | Surroundings]:
+        """The ground below each rope, and in space what is around it, made when somebody asks for the clearance."""
+        look = surroundings_of if self._ropeway.scenario.dim == 3 else ground_of
+        return {name: look(part.scenario) for name, part in zip(self._observer.layout.ropes, self._parts, strict=True)}
 
     def _part(self, rope: str | None) -> Ropeway:
         """A rope with what is on it, by name; the first one without.
