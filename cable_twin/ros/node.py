@@ -266,7 +266,9 @@ class TwinNode(Node):
         self.get_logger().error(line)
 
     def _tell_goal(self, line: str, given_up: bool) -> None:
-        (self.get_logger().warning if given_up else self.get_logger().info)(line)
+        if given_up:  # two lines of code: rclpy refuses one that logs with another severity than before
+            return self.get_logger().warning(line)
+        return self.get_logger().info(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
