@@ -105,6 +105,21 @@ def test_riders_share_one_figure_of_their_clamps():
     assert figure.value == pytest.approx(np.abs(simulation.snapshot.columns.haul_force).max(), rel=0.05)
 
 
+def test_haul_ropes_have_a_safety_factor_of_their_own_and_limits_name_their_keys():
+    figures = KeyFigures(load_scenario("bicable"))
+    figures.update(Simulation(load_scenario("bicable"), samples=5).snapshot)
+    found = {one.name: one for one in figures.figures()}
+    assert {rope: found[f"{rope}: rope safety factor"].limit for rope in ("track_up", "haul_up", "haul_down")} == {
+        "track_up": 3.0,
+        "haul_up": 4.5,
+        "haul_down": 4.5,
+    }
+    travels = {found[f"{end}: counterweight travel, lowest"].source for end in ("track_up/start", "track_down/end")}
+    assert travels == {"scenario: ropes.track_up.start.travel", "scenario: ropes.track_down.end.travel"}
+    loads = {name for name in found if "load of carriers" in name}  # haul ropes carry none
+    assert loads == {f"{rope}: load of carriers, highest" for rope in ("track_up", "track_down")}
+
+
 TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}
 
 
