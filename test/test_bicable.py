@@ -75,6 +75,17 @@ def test_rails_carry_what_comes_on():
     assert later.haul_force[row] > 0.15 * weight
 
 
+@pytest.mark.parametrize("first", [8.0, 143.5])
+def test_there_is_a_rest_with_riders_on_rails(first):
+    simulation = Simulation(load_scenario("bicable", {"carriers.first": first}), samples=5)
+    columns, wheels = simulation.snapshot.columns, list(simulation.snapshot.layout.sheaves)
+    on, off = columns.sheave_tension[wheels.index("return")]
+    assert on == pytest.approx(off, rel=1e-6)
+    before = columns.arc_length
+    held = simulation.advance_to(1.0).columns  # nothing moves it: its drive holds still
+    np.testing.assert_allclose(held.arc_length, before, rtol=0.0, atol=1e-3)
+
+
 def test_state_goes_on_with_the_same_bits_while_some_are_in_stations(tmp_path):
     simulation = running()
     simulation.advance_to(9.0)
