@@ -10,6 +10,7 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot
@@ -129,6 +130,16 @@ def test_haul_ropes_have_a_safety_factor_of_their_own_and_limits_name_their_keys
     assert travels == {"scenario: ropes.track_up.start.travel", "scenario: ropes.track_down.end.travel"}
     loads = {name for name in found if "load of carriers" in name}  # haul ropes carry none
     assert loads == {f"{rope}: load of carriers, highest" for rope in ("track_up", "track_down")}
+
+
+def test_what_carriers_carry_is_no_command():
+    simulation = running()
+    with pytest.raises(
+        CommandError, match=r"'cabin_1' is a carrier, loaded in stations as carriers\.payload says; known"
+    ):
+        simulation.payload("cabin_1", 0.0)
+    with pytest.raises(CommandError, match="unknown carriage 'cabin_99'; known: none in this scenario"):
+        simulation.payload("cabin_99", 0.0)
 
 
 TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}
