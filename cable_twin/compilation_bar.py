@@ -43,7 +43,7 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
                 line(BEGIN)
             reached = sum(moment.share >= share for share in TOLD)
             if not console.is_terminal and reached > told >= 0:
-                line(f"compiling: {100.0 * moment.share:.0f} %, {left}")
+                line(f"compiling: {100.0 * moment.share:.0f} %{f', {left}' if left else ''}")
             told = max(told, reached, 0)
 
         with watching_compilation(show):

@@ -10,6 +10,7 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Snapshot
@@ -75,6 +76,17 @@ def test_rails_carry_what_comes_on():
     assert later.haul_force[row] > 0.15 * weight
 
 
+@pytest.mark.parametrize("first", [8.0, 143.5])
+def test_there_is_a_rest_with_riders_on_rails(first):
+    simulation = Simulation(load_scenario("bicable", {"carriers.first": first}), samples=5)
+    columns, wheels = simulation.snapshot.columns, list(simulation.snapshot.layout.sheaves)
+    on, off = columns.sheave_tension[wheels.index("return")]
+    assert on == pytest.approx(off, rel=1e-6)
+    before = columns.arc_length
+    held = simulation.advance_to(1.0).columns  # nothing moves it: its drive holds still
+    np.testing.assert_allclose(held.arc_length, before, rtol=0.0, atol=1e-3)
+
+
 def test_state_goes_on_with_the_same_bits_while_some_are_in_stations(tmp_path):
     simulation = running()
     simulation.advance_to(9.0)
@@ -103,6 +115,31 @@ def test_riders_share_one_figure_of_their_clamps():
     assert figure.name == "cabin: pull of the clamp along the track, highest"
     assert figure.place.startswith("cabin_")
     assert figure.value == pytest.approx(np.abs(simulation.snapshot.columns.haul_force).max(), rel=0.05)
+
+
+def test_haul_ropes_have_a_safety_factor_of_their_own_and_limits_name_their_keys():
+    figures = KeyFigures(load_scenario("bicable"))
+    figures.update(Simulation(load_scenario("bicable"), samples=5).snapshot)
+    found = {one.name: one for one in figures.figures()}
+    assert {rope: found[f"{rope}: rope safety factor"].limit for rope in ("track_up", "haul_up", "haul_down")} == {
+        "track_up": 3.0,
+        "haul_up": 4.5,
+        "haul_down": 4.5,
+    }
+    travels = {found[f"{end}: counterweight travel, lowest"].source for end in ("track_up/start", "track_down/end")}
+    assert travels == {"scenario: ropes.track_up.start.travel", "scenario: ropes.track_down.end.travel"}
+    loads = {name for name in found if "load of carriers" in name}  # haul ropes carry none
+    assert loads == {f"{rope}: load of carriers, highest" for rope in ("track_up", "track_down")}
+
+
+def test_what_carriers_carry_is_no_command():
+    simulation = running()
+    with pytest.raises(
+        CommandError, match=r"'cabin_1' is a carrier, loaded in stations as carriers\.payload says; known"
+    ):
+        simulation.payload("cabin_1", 0.0)
+    with pytest.raises(CommandError, match="unknown carriage 'cabin_99'; known: none in this scenario"):
+        simulation.payload("cabin_99", 0.0)
 
 
 TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}

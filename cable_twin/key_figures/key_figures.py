@@ -67,7 +67,8 @@ class KeyFigures:
                 if own.name == ENERGY_LOST:  # of the solver, which is one
                     lost = [own]
                     continue
-                figure = replace(own, name=_named(name, own.name))
+                source = own.source.replace("scenario: cable.", f"scenario: ropes.{name}.")
+                figure = replace(own, name=_named(name, own.name), source=source)
                 if own.name.startswith(self._riding):  # on every strand: the worst of them, and where that was
                     figure = replace(own, place=f"{name}: {own.place}")
                     figure = _worse(found.pop(own.name, figure), figure)

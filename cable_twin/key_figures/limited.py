@@ -6,9 +6,11 @@ from cable_twin.key_figures.figure import Bound, KeyFigure, with_limit
 from cable_twin.scenario import Scenario
 
 HAUL_ROPE_SAFETY_FACTOR = 4.5  # -, instead of that of a track rope where the cable moves and the scenario gives none
+SAFETY = "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope"
 VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
 SOURCES = {  # of the default limits
-    "rope_safety_factor": "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope",
+    "rope_safety_factor": SAFETY,
+    "haul_rope_safety_factor": SAFETY,
     "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
     "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
     "lateral_swing": f"{VORARLBERG}: 20 % across",
@@ -24,6 +26,8 @@ SOURCES = {  # of the default limits
 def limited(scenario: Scenario, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
     """The figure with the limit of a scenario of that key of `limits`, and where that comes from."""
     limits = scenario.limits
+    if key == "rope_safety_factor" and scenario.hauls:  # beside a track rope, whose factor is not enough for it
+        key = "haul_rope_safety_factor"
     limit = getattr(limits, key)
     own = limit != type(limits).model_fields[key].default
     if key == "rope_safety_factor" and (scenario.drives or scenario.strand) and not own:

@@ -86,6 +86,8 @@ class LoopFigures:
         found += [figure for row, name in enumerate(self._sheaves) for figure in self._of_sheave(row, name)]
         if self._scenario.carriers is not None:
             for row, rope in enumerate(self._scenario.ropes):
+                if rope in self._scenario.carriers.tracks:  # they hang from its track
+                    continue
                 load = figure_of(self._memory.load, row, f"{rope}: load of carriers, highest", "kg")
                 found.append(replace(load, place="they and what is in them"))
         return [figure for figure in found if not isnan(figure.value)]

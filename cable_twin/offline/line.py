@@ -31,7 +31,8 @@ PATIENCE = 2.0  # s, after which there is a bar
 STDOUT = "-"
 DRAWN = (".png", ".pdf", ".svg")
 EPILOG = """\
-The vehicle stands at N places from one end of its track to the other; carriers of a moving cable go by one spacing. At
+The vehicle stands at N places from one end of its track to the other; carriers of a moving cable go by one spacing, and
+vehicles that a haul rope pulls go together, by the travel of its drive. At
 each the whole line is brought to rest with its loads, wind and ice. The table has the extremes, the place of the
 vehicle where each comes, and the limits of the scenario; loads are those of the cable on a support, as a vector.
 

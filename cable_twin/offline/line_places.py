@@ -30,8 +30,8 @@ class Line:
 
     Attributes:
         scenario: what was calculated.
-        moved: the vehicle that was moved, or the carriers of a moving cable.
-        places: (n,) m, arc length of the vehicle; of carriers, how far the cable has gone by.
+        moved: the vehicle that was moved, or the carriers of a moving cable, or the drive of a haul rope.
+        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, how far the cable has gone by.
         columns: what a frame shows, at each place.
         rows: (n,) values by name and unit, at each place.
         figures: the envelope; the time of a figure is the place of the vehicle (m).
@@ -51,22 +51,25 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     Args:
         scenario: whose line it is.
         count: of places, at least 2.
-        vehicle: its name; the first one that is not clamped where None.
+        vehicle: its name; the first one that is not clamped where None, else what a haul rope pulls, all together.
 
     Raises:
         ValueError: there is no such vehicle; one line.
     """
-    movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped"]
+    movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped" and not one.clamped_to]
+    hauled = [name for name, one in scenario.carriages.items() if one.clamped_to]
+    pulling = next(iter(scenario.drives), "") if hauled else ""
     if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
         return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
+    if pulling and (vehicle in (pulling, *hauled) or (vehicle is None and not movable)):
+        return Line(scenario, pulling, np.linspace(*_way(scenario, hauled, pulling), count))
     if vehicle is None and not movable:
         return Line(scenario, "", np.zeros(1))
     name = movable[0] if vehicle is None else vehicle
     if name not in movable:
-        carriers = [scenario.carriers.name] if scenario.carriers is not None else []
-        raise ValueError(
-            f"--vehicle: given {name!r}; allowed: {', '.join([*movable, *carriers]) or 'none, it has none'}"
-        )
+        others = [pulling, scenario.carriers.name if scenario.carriers is not None else ""]
+        allowed = ", ".join(filter(None, [*movable, *others]))
+        raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, it has none'}")
     stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])
     return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
 
@@ -106,14 +109,50 @@ def at_place(line: Line, place: float) -> Snapshot:
     """The line at rest with its vehicle there."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
-    key, value = f"carriages.{moved}.arc_length", place
+    changes = {f"carriages.{moved}.arc_length": place} if moved else {}
+    if moved in scenario.drives:
+        changes = _hauled_to(scenario, place)
     if carriers is not None and moved == carriers.name:
         first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
-        key, value = "carriers.first", (first + place) % scenario.spacing
+        changes = {"carriers.first": (first + place) % scenario.spacing}
     try:
-        return Simulation(load_scenario(scenario.resolved(), {key: value} if moved else {})).snapshot
+        return Simulation(load_scenario(scenario.resolved(), changes)).snapshot
     except EquilibriumError as error:
         raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
+
+
+def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
+    """Least and most of the haul rope (m) that may go by: the travel of its drive, else as far as end stops let all."""
+    if (travel := scenario.drives[drive].travel) is not None:
+        return travel
+    strokes = build_system(scenario).carriages.stop_stroke[[list(scenario.vehicles).index(name) for name in hauled]]
+    low, high = -np.inf, np.inf
+    for name, stroke in zip(hauled, strokes.tolist(), strict=True):
+        one = scenario.carriages[name]
+        track = scenario.ropes[one.rope or next(iter(scenario.ropes))]
+        ends = sorted(
+            _sense(scenario, name) * (end - one.arc_length) for end in (stroke, track.unstrained_length - stroke)
+        )
+        low, high = max(low, ends[0]), min(high, ends[1])
+    return float(low), float(high)
+
+
+def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float]:
+    """Where all stand that haul ropes pull, when so much of these (m) has gone by."""
+    changes: dict[str, float] = {}
+    for name, one in scenario.carriages.items():
+        changes |= {f"carriages.{name}.clamped_to.{rope}": place + passed for rope, place in one.clamped_to.items()}
+        if one.clamped_to:
+            changes[f"carriages.{name}.arc_length"] = one.arc_length + _sense(scenario, name) * passed
+    return changes
+
+
+def _sense(scenario: Scenario, name: str) -> float:
+    """1 where the track rope of a carriage runs the same way as its haul rope, else -1."""
+    one = scenario.carriages[name]
+    track, haul = scenario.ropes[one.rope or next(iter(scenario.ropes))], scenario.ropes[next(iter(one.clamped_to))]
+    ways = [np.subtract(rope.end.position, rope.start.position) for rope in (track, haul)]
+    return 1.0 if ways[0][0] * ways[1][0] >= 0.0 else -1.0
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:

@@ -112,7 +112,7 @@ def _tension(axes: Axes, line: Line) -> None:
     factor = next((figure for figure in line.figures if figure.name.endswith("rope safety factor")), None)
     if factor is not None and factor.limit is not None and line.scenario.cable.breaking_force is not None:
         limit = 1e-3 * line.scenario.cable.breaking_force / factor.limit
-        axes.axhline(limit, color=LIMIT, linewidth=1.0, label=f"safety factor of {factor.limit:g}")
+        axes.axhline(limit, color=LIMIT, linewidth=1.0, label=f"{factor.name.replace('rope ', '')} of {factor.limit:g}")
     axes.set_xlabel("arc length of the rope, unstrained [m]")
     axes.set_ylabel("tension [kN]")
     axes.legend(ncols=5, **HEAD)
@@ -156,7 +156,7 @@ def _towers(axes: Axes, line: Line) -> None:
 
 def _where(line: Line) -> str:
     carriers = line.scenario.carriers
-    if carriers is not None and line.moved == carriers.name:
+    if line.moved in line.scenario.drives or (carriers is not None and line.moved == carriers.name):
         return "rope gone by [m]"
     return f"arc length of {line.moved} [m]"
 

@@ -25,11 +25,11 @@ class BottomRow:
     """Shows a text as long as it runs; nothing where the streams are no terminal.
 
     Args:
-        text: What to show; called by the thread.
+        text: What to show in so many characters; called by the thread.
         streams: All have to be terminals; the last one is written to.
     """
 
-    def __init__(self, text: Callable[[], Text], *streams: TextIO) -> None:
+    def __init__(self, text: Callable[[int], Text], *streams: TextIO) -> None:
         self._text = text
         self._usable = all(stream.isatty() for stream in streams) and os.environ.get("TERM", "dumb") != "dumb"
         self._terminal = streams[-1].fileno() if self._usable else -1
@@ -95,7 +95,7 @@ class BottomRow:
         """The text in the colours that this terminal has, in one row of so many characters."""
         console = Console(file=StringIO(), force_terminal=True, width=width, legacy_windows=False)
         with console.capture() as capture:
-            console.print(self._text(), end="", no_wrap=True, overflow="crop", crop=True, highlight=False)
+            console.print(self._text(width), end="", no_wrap=True, overflow="crop", crop=True, highlight=False)
         return capture.get()
 
     def _write(self, text: str) -> None:

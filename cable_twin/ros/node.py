@@ -239,8 +239,7 @@ class TwinNode(Node):
 
     def _log_directory(self) -> Path:
         """Where files of this run belong; raises RuntimeError for ~ of a user without a home."""
-        run = self._output.run
-        directory = run.directory if run is not None else Path(self._settings["record_directory"])
+        directory = Path(self._settings["record_directory"]) if (run := self._output.run) is None else run.directory
         return directory.expanduser().resolve()
 
     def _await_recorder(self) -> None:
@@ -266,9 +265,9 @@ class TwinNode(Node):
         self.get_logger().error(line)
 
     def _tell_goal(self, line: str, given_up: bool) -> None:
-        if given_up:
+        if given_up:  # two lines of code: rclpy refuses one that logs with another severity than before
             self.get_logger().warning(line)
-        else:  # a call of its own: rclpy allows a place in the code one severity for good
+        else:
             self.get_logger().info(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:

@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from cable_twin.command_messages import applied_command_from_message
@@ -62,22 +63,7 @@ class Driver:
                 if self._scenario is not None:
                     return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
                 return nobody_listens(self._topic, self._options.wait)
-        carriages = {
-            name: one.get("drive", {})
-            for name, one in self._scenario["carriages"].items()
-            if one.get("joint") != "clamped"  # goes with the cable
-        }
-        drives = carriages | self._scenario.get("drives", {})
-        name = self._options.name
-        if name not in drives:
-            return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
-        kind, unit = self._kind.name, self._kind.unit
-        if kind == "force" and name not in carriages:
-            return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
-        limit = drives[name].get("limits", {}).get(kind)
-        if limit is not None and abs(self._value) > limit:
-            return f"{kind} of '{name}' is {self._value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
-        return None
+        return refusal(self._scenario, self._options.name, self._kind, self._value)
 
     def run(self) -> str | None:
         """Send until the end, and tell the twin to stop however that comes; returns what went wrong."""
@@ -187,3 +173,23 @@ class Driver:
 
     def _note_answer(self) -> None:
         self._answered = time.monotonic()
+
+
+def refusal(scenario: Mapping[str, Any], name: str, kind: Kind, value: float) -> str | None:
+    """What a twin of a resolved scenario would refuse of a command to a carriage or drive; None where it takes it."""
+    carriages = {
+        key: one.get("drive", {})
+        for key, one in scenario["carriages"].items()
+        if one.get("joint") != "clamped" and not one.get("clamped_to")  # go with the cable, are pulled by one
+    }
+    drives = carriages | scenario.get("drives", {})
+    if name not in drives and (ropes := scenario["carriages"].get(name, {}).get("clamped_to")):
+        return f"'{name}' is clamped to {' and '.join(ropes)}, which pulls it; drive: {', '.join(drives) or 'none'}"
+    if name not in drives:
+        return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
+    if kind.name == "force" and name not in carriages and drives[name].get("sheave") is None:
+        return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
+    limit = drives[name].get("limits", {}).get(kind.name)
+    if limit is not None and abs(value) > limit:
+        return f"{kind.name} of '{name}' is {value:g} {kind.unit}; allowed are -{limit:g} to {limit:g} {kind.unit}"
+    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 
@@ -21,7 +22,7 @@ from cable_twin.simulation import Simulation
 SPAN = 1.5  # s over which the real-time factor is taken
 SHOWN = 2  # of what is driven, so that the line stays one
 SLIPPED = 0.005  # m, from which on slip is shown
-LATE = 0.1  # s, from which on lateness is marked
+SOME, LATE = 1e-3, 0.1  # s, from which on lateness is shown, and marked
 
 
 class Status:
@@ -40,20 +41,25 @@ class Status:
     ) -> None:
         self._simulation, self._loop, self._output, self._diagnostics = simulation, loop, output, diagnostics
         self._times: deque[tuple[float, float]] = deque()  # of the clock and simulated, in the last `SPAN`
-        self._highest_tension = _highest_tension(simulation.scenario, output)
+        self._highest_tensions = _highest_tensions(simulation.scenario, output)
         self.hint = drive_hint(simulation.scenario, names)
 
-    def text(self) -> Text:
-        """The line; what matters most comes first, as a narrow terminal shows only that."""
+    def text(self, width: int) -> Text:
+        """The line in at most so many characters; what matters most comes first, and what has no room is left out."""
         simulated = self._loop.simulated_time
         parts = [(self._simulation.scenario.name, "bold"), (f"{simulated:.1f} s", ""), self._pace(simulated)]
         if self._simulation.emergency_stopped:
             parts.append(("EMERGENCY STOP", "bold red"))
-        parts += [*self._driven(), *self._slipping()]
-        parts += [self._tension(), self._recording()]
+        parts += [*self._driven(), *self._slipping(), self._tension(), self._recording()]
+        line = Text()
+        for text, style in parts:
+            part = Text("  " if line else "").append(text, style)
+            if line and len(line) + len(part) > width:  # half a number would be another one
+                return line
+            line.append_text(part)
         if not self._diagnostics.counts["commands_applied"]:
-            parts.append((f"from another terminal: {self.hint}", "cyan"))
-        return Text("  ").join(Text(text, style) for text, style in parts)
+            line.append("  ").append(f"from another terminal: {self.hint}", "cyan")
+        return line
 
     def _pace(self, simulated: float) -> tuple[str, str]:
         """Real-time factor and lateness, or that time stands still."""
@@ -67,8 +73,8 @@ class Status:
         elapsed = now - self._times[0][0]
         factor = (simulated - self._times[0][1]) / elapsed if elapsed > 0.0 else 0.0
         late = self._loop.behind
-        lateness = f"{late:.1f} s late" if late >= 1.0 else f"{late * 1e3:.1f} ms late"
-        return f"x{factor:.2f}, {lateness}", "yellow" if late > LATE else "green"
+        lateness = f", {late:.1f} s late" if late >= 1.0 else f", {late * 1e3:.0f} ms late" if late >= SOME else ""
+        return f"x{factor:.2f}{lateness}", "yellow" if late > LATE else "green"
 
     def _driven(self) -> list[tuple[str, str]]:
         """Speed, and of a carriage its place, of the first that are driven."""
@@ -88,11 +94,17 @@ class Status:
         return [(f"{name} slip {slip:+.2f} m", "red") for name, slip in slips.items() if abs(slip) > SLIPPED]
 
     def _tension(self) -> tuple[str, str]:
-        highest, most = float(self._simulation.snapshot.columns.rope_tension.max()), self._highest_tension
-        unit, scale = ("kN", 1e-3) if highest >= 1e3 else ("N", 1.0)
-        if most is None:
-            return f"tension {highest * scale:.4g} {unit}", ""
-        return f"tension {highest * scale:.4g} of {most * scale:.4g} {unit}", "red" if highest > most else ""
+        """Highest tension; of several ropes, that of the one nearest to where its safety factor ends."""
+        snapshot = self._simulation.snapshot
+        ropes = snapshot.layout.ropes if self._simulation.scenario.ropes else {"tension": slice(None)}
+        highest = {name: float(snapshot.columns.rope_tension[part].max()) for name, part in ropes.items()}
+        limits = self._highest_tensions
+        name = max(highest, key=lambda name: (highest[name] / limits.get(name, math.inf), highest[name]))
+        unit, scale = ("kN", 1e-3) if highest[name] >= 1e3 else ("N", 1.0)
+        if name not in limits:
+            return f"{name} {highest[name] * scale:.4g} {unit}", ""
+        text = f"{name} {highest[name] * scale:.4g} of {limits[name] * scale:.4g} {unit}"
+        return text, "red" if highest[name] > limits[name] else ""
 
     def _recording(self) -> tuple[str, str]:
         judged = self._diagnostics.recording.judge()
@@ -108,12 +120,15 @@ def live_hint(run: Run) -> str:
     return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
 
 
-def _highest_tension(scenario: Scenario, output: Output) -> float | None:
-    """Tension (N) at which the limit of the rope's safety factor is reached; None without one."""
-    ropes = {f"{name}: rope": rope for name, rope in scenario.ropes.items()} or {"rope": scenario.cable}
-    factors = {name: output.figures.limit(f"{name} safety factor") for name in ropes}
-    found = [(rope.breaking_force, factors[name]) for name, rope in ropes.items()]
-    return min((force / factor for force, factor in found if force is not None and factor is not None), default=None)
+def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:
+    """Tension (N) at which the limit of each rope's safety factor is reached, where it has one."""
+    ropes = {f"{name}: rope": (name, rope) for name, rope in scenario.ropes.items()}
+    found = {}
+    for figure, (name, rope) in (ropes or {"rope": ("tension", scenario.cable)}).items():
+        factor = output.figures.limit(f"{figure} safety factor")
+        if factor is not None and rope.breaking_force is not None:
+            found[name] = rope.breaking_force / factor
+    return found
 
 
 def drive_hint(scenario: Scenario, names: TopicNames) -> str:

@@ -251,6 +251,7 @@ class KeyFigureLimits(Section):
     """What key figures are held against; null where there is no limit. `key_figures` names the source of each."""
 
     rope_safety_factor: float | None = quantity("-", "lowest breaking force over tension", 3.15, gt=0)
+    haul_rope_safety_factor: float | None = quantity("-", "the same of haul ropes beside others", 4.5, gt=0)
     tension_per_transverse_load: float | None = quantity("-", "lowest tension over load of a carriage", 10.0, gt=0)
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
     lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
@@ -302,6 +303,7 @@ class Scenario(Section):
     solver: Solver = Field(default_factory=Solver, description="time integration")
     _strand: Strand | None = PrivateAttr(default=None)
     _rides: Riding | None = PrivateAttr(default=None)
+    _hauls: bool = PrivateAttr(default=False)
 
     @model_validator(mode="before")
     @classmethod
@@ -344,6 +346,7 @@ class Scenario(Section):
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
         alone._strand, alone._rides = strand, riding
+        alone._hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
         return alone
 
     def _riding(self, rope: str) -> Riding | None:
@@ -390,6 +393,11 @@ class Scenario(Section):
     def strand(self) -> Strand | None:
         """Where the cable is on its loop, of one that is a strand of several ropes."""
         return self._strand
+
+    @property
+    def hauls(self) -> bool:
+        """Whether the cable is one of several that pulls what others carry."""
+        return self._hauls
 
     @property
     def vehicles(self) -> dict[str, Carriage]:

@@ -78,7 +78,12 @@ def check_room(command: Command, scenario: Scenario) -> None:
     if not command.values:
         raise CommandError("a payload without a carriage")
     for name, mass in command.values.items():
-        room = _known(name, scenario).payload
+        if name not in scenario.carriages:
+            known = ", ".join(key for key, one in scenario.carriages.items() if one.payload is not None)
+            what = f"'{name}' is a carrier, loaded in stations as carriers.payload says"
+            what = what if name in scenario.vehicles else f"unknown carriage '{name}'"
+            raise CommandError(f"{what}; known: {known or 'none in this scenario'}")
+        room = scenario.carriages[name].payload
         if room is None:
             raise CommandError(f"'{name}' carries no payload: the scenario gives it none")
         if not 0.0 <= mass <= room.capacity:
@@ -163,7 +168,8 @@ def check_no_gust(command: Command, scenario: Scenario, system: System, state: S
 
 def _known(name: str, scenario: Scenario) -> Carriage:
     if name not in scenario.vehicles:
-        movable = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
+        own = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
+        movable = [other for other in own if not scenario.vehicles[other].clamped_to]
         known = ", ".join([*scenario.drives, *movable]) or "none in this scenario"
         raise CommandError(f"unknown carriage '{name}'; known: {known}")
     return scenario.vehicles[name]

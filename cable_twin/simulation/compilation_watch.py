@@ -31,8 +31,8 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Time (s) that is left at the speed so far, or None while nothing is known of that."""
-        return self.elapsed * (1.0 - self.share) / self.share if self.share > 0.08 else None
+        """Time (s) left at the speed so far; None where nothing is known of that, as of what several ropes add."""
+        return self.elapsed * (1.0 - self.share) / self.share if 0.08 < self.share < 1.0 - 1e-9 else None
 
 
 def work_ahead() -> dict[tuple[str, str], float]:

@@ -80,6 +80,20 @@ def test_carriers_go_by_one_spacing():
     )  # it hangs in rope that is stretched
 
 
+def test_what_a_haul_rope_pulls_goes_together_by_the_travel_of_its_drive():
+    line = plan_line(load_scenario("jig_back"), 3, None)
+    assert (line.moved, line.places.tolist()) == ("haul_rope", [0.0, 506.0, 1012.0])
+    assert plan_line(line.scenario, 3, "cabin_2").moved == "haul_rope"
+    calculate(line, lambda _: None)
+    places = np.array([columns.arc_length for columns in line.columns])
+    np.testing.assert_allclose(places[:, 0], [14.0, 520.0, 1026.0], rtol=0.0, atol=1.5)  # the haul rope gives way
+    np.testing.assert_allclose(places[:, 1], [1028.0, 522.0, 16.0], rtol=0.0, atol=2.0)
+    cabins = np.array([columns.joint_position[:, 2] for columns in line.columns])
+    assert np.all(np.diff(cabins, axis=0) * [1.0, -1.0] > 0.0)  # one up, one down
+    with pytest.raises(ValueError, match="--vehicle: given 'cabin_3'; allowed: haul_rope"):
+        plan_line(line.scenario, 3, "cabin_3")
+
+
 def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
     files = {name: tmp_path / f"line.{name}" for name in ("csv", "json", "png")}
     arguments = ["aerial_tramway", "--places", "3", "--csv", str(files["csv"]), "--json", str(files["json"])]

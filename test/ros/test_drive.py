@@ -12,6 +12,7 @@ import sys
 import pytest
 from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
 
+from cable_twin.commands import KINDS
 from cable_twin.records import Command
 
 pytest.importorskip("rclpy")
@@ -20,6 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.approach import STATIONS, target_of
 from cable_twin.ros.drive import main
+from cable_twin.ros.repeated_drive import refusal
 from cable_twin.scenario import load_scenario
 
 STOP = Command("speed", {"cabin": 0.0})
@@ -228,3 +230,17 @@ def test_bad_options_are_named_in_a_line(capsys, arguments, said):
     with pytest.raises(SystemExit, match="1"):
         main(arguments)
     assert capsys.readouterr().err == f"drive: {said}; all options: drive --help\n"
+
+
+@pytest.mark.parametrize(
+    ("scenario", "name", "kind", "value", "said"),
+    [
+        ("jig_back", "cabin_1", "speed", 3.0, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
+        ("jig_back", "cabin", "speed", 3.0, "the twin has no carriage or drive 'cabin' to command; it has: haul_rope"),
+        ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope' is 30 m/s; allowed are -10 to 10 m/s"),
+        ("chairlift", "haul_rope", "force", 0.0, None),  # a drive that is lost
+        ("aerial_tramway", "cabin", "force", 1e4, None),
+    ],
+)
+def test_it_knows_before_it_sends_what_a_twin_refuses(scenario, name, kind, value, said):
+    assert refusal(load_scenario(scenario).resolved(), name, KINDS[kind], value) == said

@@ -12,12 +12,22 @@ import sys
 import termios
 import threading
 from fcntl import ioctl
+from types import SimpleNamespace
 
 import pytest
 from twin_process import COMPILING, PATIENCE, environment, wait_until, write_quick_scenario
 
+from cable_twin.key_figures import KeyFigures
+from cable_twin.messages import TopicNames
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification.ropes import clamped
+
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
+
+from cable_twin.ros.figure_watch import FigureWatch
+from cable_twin.ros.status import Status
 
 ROWS, COLUMNS = 24, 150
 # the row, as it is drawn: the cursor is kept, and comes back to where the log goes on
@@ -102,7 +112,7 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     sim = terminals()
     wait_until(lambda: len(sim.rows) > 8 or sim.process.poll() is not None, COMPILING)
     first = sim.rows[8]
-    assert re.match(r"quick  [\d.]+ s  x[\d.]+, [\d.]+ m?s late  cabin at 60\.0 m \+0\.00 m/s  ", first), first
+    assert re.match(r"quick  [\d.]+ s  x[\d.]+(, [\d.]+ m?s late)?  cabin at 60\.0 m \+0\.00 m/s  ", first), first
     # the hint comes last: the path of a command may be longer than what is left of the row
     assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  from another terminal: \S", first), first
     assert all(len(row) < COLUMNS for row in sim.rows)
@@ -120,7 +130,7 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     participant.call("pause", SetBool, data=True)  # is paused already, and no news
     participant.call("reset", Trigger)
     participant.call("pause", SetBool, data=False)
-    participant.until(lambda: re.search(r"x[\d.]+, ", sim.rows[-1]))
+    participant.until(lambda: re.search(r"  x[\d.]+", sim.rows[-1]))
     assert sim.end() == 0
 
     # without the row, what is left is the log, line by line
@@ -157,3 +167,26 @@ def test_it_is_not_there_where_a_stream_is_a_file(terminals, tmp_path, stream):
         sim.process.wait(1.0)
     assert sim.end() == 0
     assert "\x1b7" not in sim.output + written.read_text()
+
+
+def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
+    scenario = load_scenario(
+        clamped(places=(100.0,), elements=16), {"ropes.track.breaking_force": 4e6, "ropes.haul.breaking_force": 4e5}
+    )
+    simulation, figures = Simulation(scenario), FigureWatch(KeyFigures(scenario))
+    figures.update(simulation.snapshot)
+    loop = SimpleNamespace(simulated_time=0.0, behind=0.0, fault=None, paused=False)
+    diagnostics = SimpleNamespace(counts={"commands_applied": 1}, recording=SimpleNamespace(judge=lambda: None))
+    output = SimpleNamespace(figures=figures, run=None)
+    status = Status(simulation, loop, output, diagnostics, TopicNames())
+    highest = {name: simulation.snapshot.of_rope(name).columns.rope_tension.max() for name in scenario.ropes}
+    limits = {
+        name: rope.breaking_force / figures.limit(f"{name}: rope safety factor")
+        for name, rope in scenario.ropes.items()
+    }
+    assert highest["haul"] / limits["haul"] > highest["track"] / limits["track"]
+    shown = f"haul {highest['haul'] * 1e-3:.4g} of {limits['haul'] * 1e-3:.4g} kN"
+    whole = status.text(150).plain
+    assert whole.endswith(f"  {shown}  not recorded"), whole
+    assert status.text(len(whole) - 1).plain.endswith(f"  {shown}")  # what has no room is left out whole
+    assert shown not in status.text(whole.index(shown) + len(shown) - 1).plain

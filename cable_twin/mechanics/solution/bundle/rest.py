@@ -31,8 +31,8 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
     like = system.cable.gravity
     mass_factor = 1.0 / (FIRST_STEP * FIRST_STEP)
     smallest, increment = 1e-12 * mass_factor, 0.0
-    find_clamps(bundle, moving, system, state, 0.0)
     for iteration in range(max_relaxations):
+        find_clamps(bundle, moving, system, state, 0.0)  # what rails carry depends on where a rider comes to stand
         copy_ropes(bundle, STATE, GOOD, state)
         copy_record(moving, moving_good)
         solvable, increment, changed = solve_increments(
