@@ -12,7 +12,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
-from twin_process import COMPILING, PATIENCE
+from twin_process import COMPILING, PATIENCE, check_alive
 
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.messages import decode, serialize
@@ -23,7 +23,7 @@ class Participant:
     """A node of the test's own process in the domain of a twin."""
 
     def __init__(self, domain: int, node: str = "/cable_twin") -> None:
-        self.twin = node
+        self.twin, self.domain = node, domain
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("test_participant", context=self.context)
@@ -68,6 +68,8 @@ class Participant:
         deadline = time.monotonic() + timeout
         while not (value := condition()):
             assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
+            if timeout >= COMPILING:
+                check_alive(self.domain)
             self.executor.spin_once(timeout_sec=0.05)
         return value
 

@@ -9,11 +9,17 @@ import pytest
 
 from cable_twin.offline import line, replay, review, simulate
 from cable_twin.ros import drive, sim
+from cable_twin.scenario.find_faults import inner_model
+from cable_twin.scenario.schema import Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 COMMANDS = {"sim": sim, "drive": drive, "simulate": simulate, "review": review, "replay": replay, "line": line}
 CALL = re.compile(rf"^(?: {{4}}|\$ |)(?:\.venv/bin/)?({'|'.join(COMMANDS)})((?: +[^#\n]*|))", re.MULTILINE)
+
+FOLDERS = ("benchmarks", "cable_twin", "config", "docs", "examples", "launch", "test", "verification")
+FILES = [f"/{path.relative_to(ROOT).as_posix()}" for folder in FOLDERS for path in (ROOT / folder).rglob("*")]
+DEVELOPMENT = ROOT / "docs" / "development.md"
 
 
 def test_readme_is_short():
@@ -56,3 +62,41 @@ def test_commands_have_the_options_they_are_given(page):
         assert not [option for option in re.findall(r"(?<= )--[a-z][a-z-]+", arguments) if option not in known], (
             arguments
         )
+
+
+def is_there(name):
+    """Whether a file or a folder is called so, be it by the end of its path; NAME stands for any."""
+    any_name = re.escape(name.strip("/")).replace("NAME", r"\w+").replace(r"\*", r"\w+")
+    return (ROOT / name).exists() or any(re.search(rf"/{any_name}$", path) for path in FILES)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_modules_that_are_named_exist(page):
+    names = set(re.findall(r"`([\w./*]*\w\.py)`", page.read_text(encoding="utf-8")))
+    assert not [name for name in names if not is_there(name)]
+
+
+def test_what_development_names_exists():
+    """Files and folders as such, modules without their ending, and functions of modules."""
+    text = DEVELOPMENT.read_text(encoding="utf-8")
+    named = {name for name in re.findall(r"`([\w./*]+)`", text) if "/" in name}
+    ways = {name: (name, f"{name}.py", f"{name.rpartition('.')[0]}.py") for name in named}
+    assert len(named) > 30
+    assert not [name for name, tried in ways.items() if not any(map(is_there, tried))]
+
+
+@pytest.mark.parametrize("folder", ["drives", "on_rope", "rope", "language"])
+def test_the_house_has_the_modules_that_it_shows(folder):
+    (row,) = re.findall(rf"^ +{folder}/ +(.+)$", DEVELOPMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    assert not [name for name in row.split(", ") if name != "..." and not is_there(f"mechanics/{folder}/{name}.py")]
+
+
+def test_keys_of_scenarios_are_in_the_files_that_are_named():
+    text = DEVELOPMENT.read_text(encoding="utf-8")
+    (table,) = re.findall(r"^\| file \| sections \|\n.*\n((?:\|.*\n)+)", text, re.MULTILINE)
+    rows = [re.findall(r"`([\w.]+)`", row) for row in table.splitlines()]
+    file_of = {section: file for file, *sections in rows for section in sections}
+    for section, field in Scenario.model_fields.items():
+        _, model = inner_model(field)
+        if model is not None:
+            assert f"{model.__module__.rpartition('.')[2]}.py" == file_of.get(section, "schema.py"), section

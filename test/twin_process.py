@@ -110,6 +110,15 @@ def wait_until(condition: Callable[[], Any], timeout: float = PATIENCE, what: st
     return value
 
 
+_twins: dict[int, TwinProcess] = {}  # the newest of each domain
+
+
+def check_alive(domain: int) -> None:
+    """Fail with what the twin of a domain has printed, if it has ended: no minutes of waiting for the dead."""
+    twin = _twins.get(domain)
+    assert twin is None or twin.process.poll() is None, f"the twin has ended: {twin.output}"
+
+
 class TwinProcess:
     """A command of the package as a process of its own: from nothing where `command` or `variables` are given."""
 
@@ -127,6 +136,8 @@ class TwinProcess:
         self.domain = allocate_domain() if domain is None else domain
         self.output_path = directory / f"{Path(module).stem}_{time.monotonic_ns()}.txt"
         self.output_path.touch()
+        if module == "sim":
+            _twins[self.domain] = self
         self.process: subprocess.Popen[bytes] | ForkedProcess
         if command is None and variables is None:
             variables = environment(directory, self.domain)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 JIT = os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 MODULES = (
     "statics",
-    "frequencies",
+    "rope_frequencies",
     "dynamics",
     "conservation",
     "drives",

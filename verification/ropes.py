@@ -192,3 +192,21 @@ def jig_back_at_rest() -> Iterator[Result]:
             weight = cable.mass_per_length * simulation.scenario.gravity * float(ends[1, 2] - ends[0, 2])
             gained = high - low + (high**2 - low**2) / (2.0 * cable.axial_stiffness) - weight
             yield Result(f"gained along {rope}, {label}", "N", 0.0, gained, 1e-5 * high)
+
+
+@case("jig-back under way, equal cabins", "W at the drive = μ Σ N ds of the wheels on the track ropes + ΔE")
+def jig_back_under_way() -> Iterator[Result]:
+    """From start to stop between stations and towers; what the damping of the ropes takes is within the row."""
+    smooth = {f"towers.{one}_{number}.friction": 0.0 for one in ("tower", "rollers") for number in (1, 2)}
+    simulation = jig_back((3000.0, 3000.0), 120, **smooth)
+    rolling = simulation.scenario.carriages["cabin_1"].friction.rolling
+    before, driven, friction, frame = simulation.energy().total, 0.0, 0.0, 0.05
+    for until, speed in ((18.0, 5.0), (40.0, 0.0)):
+        simulation.command("haul_rope", speed=speed)
+        while simulation.time < until - 1e-9:
+            columns = simulation.advance_to(simulation.time + frame).columns
+            driven += frame * float(columns.sheave_force[0] * columns.sheave_speed[0])
+            normal = np.linalg.norm(columns.contact_force, axis=1)
+            friction += frame * float(rolling * normal @ np.abs(columns.speed))
+    kept = simulation.energy().total - before
+    yield Result("W - ΔE, per friction", "-", 1.0, (driven - kept) / friction, 0.02)

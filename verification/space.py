@@ -18,8 +18,8 @@ from cable_twin.mechanics.state import State, allocate_state, allocate_workspace
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.frequencies import RATIOS, STRING, flat_cable, irvine_frequencies
 from verification.models import GRAVITY, changing, for_kernels, observed_order
+from verification.rope_frequencies import RATIOS, STRING, flat_cable, irvine_frequencies
 from verification.statics import CANTILEVER, LEVEL_SPAN, elastica
 
 HANGER = {"mass": 200.0, "inertia": 100.0, "upper_pivot": [0.0, 1.5], "lower_pivot": [0.0, -1.5], "damping": 50.0}

@@ -10,7 +10,7 @@ from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.key_figures import KeyFigures
 from cable_twin.key_figures.limited import SOURCES
-from cable_twin.key_figures.space import DERAILED
+from cable_twin.key_figures.space_figures import DERAILED
 
 __all__ = [
     "BUFFER_FORCE",

@@ -11,8 +11,8 @@ import numpy as np
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.key_figures.extremes import lowest
 from cable_twin.key_figures.figure import KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.passing import Passing, take_passing
-from cable_twin.key_figures.space import LOOKS
+from cable_twin.key_figures.passing_measures import Passing, take_passing
+from cable_twin.key_figures.space_figures import LOOKS
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario

@@ -150,7 +150,7 @@ class MovingCable(NamedTuple):
     acceleration_limit: float  # m/s^2, of the drive reference
     emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
     jerk_limit: float  # m/s^3, inf where there is none
-    over_sheaves: bool = False  # its ends go as bullwheels do, which it shares with other strands
+    over_bullwheels: bool = False  # its ends go as bullwheels do, which it shares with other strands
 
 
 STANDING = MovingCable(

@@ -57,7 +57,7 @@ class State(NamedTuple):
     # quaternion, rates (bodies, 6) in m/s and, about the axes of the world, rad/s
     joints: Motion  # n, (carriages,) m, arc length on the whole cable; without inertia, so the true acceleration is
     # known only to Runge-Kutta
-    sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled
+    sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled; no bullwheels of a loop
     hauled: Motion  # (carriages,) m, what each haul rope pulls: its way in space along the track rope
     joint_element: NDArray[np.int64]  # (carriages,) element on which the joint is
     friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised

@@ -1,11 +1,11 @@
 """Messages of topics and bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`) and texts (`texts`)."""
 
+from cable_twin.messages.bullwheels import bullwheel_numbers, fill_bullwheels
 from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
-from cable_twin.messages.sheaves import fill_sheaves, sheave_numbers
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -80,11 +80,12 @@ __all__ = [
     "Time",
     "Topic",
     "TopicNames",
+    "bullwheel_numbers",
     "clock_message",
     "contact_force_topic",
     "decode",
     "diagnostics_message",
-    "fill_sheaves",
+    "fill_bullwheels",
     "haul_force_topic",
     "head_topic",
     "header",
@@ -96,7 +97,6 @@ __all__ = [
     "scenario_from_message",
     "scenario_message",
     "serialize",
-    "sheave_numbers",
     "statuses_of_message",
     "support_force_topic",
     "time_of",

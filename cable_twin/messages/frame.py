@@ -17,11 +17,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.messages.bullwheels import BullwheelsMessage
 from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
-from cable_twin.messages.sheaves import SheavesMessage
 from cable_twin.messages.templates import (
     UPRIGHT,
     body_pose_template,
@@ -123,7 +123,7 @@ class MessageEncoder:
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
         if layout.sheaves:
-            self._makers[SHEAVES] = partial(SheavesMessage, self._header, layout, self._columns)
+            self._makers[SHEAVES] = partial(BullwheelsMessage, self._header, layout, self._columns)
         if layout.connectors:
             self._makers[CONNECTORS] = self._connectors
         if layout.pantographs:

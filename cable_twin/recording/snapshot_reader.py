@@ -36,15 +36,15 @@ from cable_twin.messages import (
     SECOND,
     SHEAVES,
     Status,
+    bullwheel_numbers,
     contact_force_topic,
     decode,
-    fill_sheaves,
+    fill_bullwheels,
     haul_force_topic,
     head_topic,
     hung_rows,
     joint_names,
     pose_topic,
-    sheave_numbers,
     statuses_of_message,
     support_force_topic,
 )
@@ -161,8 +161,8 @@ class _Frames:
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
         if layout.sheaves:
-            count = sheave_numbers(layout)
-            readers[SHEAVES] = lambda data: fill_sheaves(last_numbers(data, count), layout, c)
+            count = bullwheel_numbers(layout)
+            readers[SHEAVES] = lambda data: fill_bullwheels(last_numbers(data, count), layout, c)
         if layout.connectors:
             readers[CONNECTORS] = reader(len(layout.connectors), [c.connector_force])
         for row, name in enumerate(layout.pantographs):

@@ -219,7 +219,7 @@ def _counterweight(scenario: Scenario, end: Support) -> tuple[FloatArray, float,
 
 def _build_moving_cable(scenario: Scenario) -> parameters.MovingCable:
     if scenario.strand is not None:
-        return parameters.STANDING._replace(moving=True, over_sheaves=True, loop_length=scenario.loop_length)
+        return parameters.STANDING._replace(moving=True, over_bullwheels=True, loop_length=scenario.loop_length)
     for drive in scenario.drives.values():
         limits = drive.limits
         return parameters.MovingCable(

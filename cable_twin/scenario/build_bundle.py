@@ -12,17 +12,17 @@ from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
     HYDRAULIC,
+    Bullwheels,
     Clamps,
     Connectors,
     Pantographs,
-    Sheaves,
 )
 from cable_twin.scenario.build import BUFFER, build_system
 from cable_twin.scenario.build_vehicles import floats
+from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.drives import Limits
-from cable_twin.scenario.fields import Vector
+from cable_twin.scenario.quantities import Vector
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sheaves import Sheave
 from cable_twin.scenario.vehicles import Carriage
 
 
@@ -118,7 +118,7 @@ def build_pantographs(scenario: Scenario) -> Pantographs:
     )
 
 
-def build_sheaves(scenario: Scenario) -> Sheaves:
+def build_bullwheels(scenario: Scenario) -> Bullwheels:
     """The bullwheels, in the order of the file."""
     given, names = list(scenario.sheaves.values()), list(scenario.ropes)
     joined = [[names.index(end.partition(".")[0]) for end in sheave.joins] for sheave in given]
@@ -127,7 +127,7 @@ def build_sheaves(scenario: Scenario) -> Sheaves:
     limits = [drives[name].limits if name in drives else Limits() for name in scenario.sheaves]
     ways = [drives[name].travel if name in drives else None for name in scenario.sheaves]
     tensioning = [_tensioning(scenario, sheave) for sheave in given]
-    return Sheaves(
+    return Bullwheels(
         rope=np.array(joined, dtype=np.int64).reshape(-1, 2),
         inertia=floats([sheave.inertia / sheave.radius**2 for sheave in given]),
         wrapped=floats([sheave.wrapped * pair[0].mass_per_length for sheave, pair in zip(given, ropes, strict=True)]),
@@ -167,11 +167,11 @@ def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], t
 
 
 __all__ = [
+    "build_bullwheels",
     "build_clamps",
     "build_connectors",
     "build_pantographs",
     "build_ropes",
-    "build_sheaves",
     "clamped",
     "clamped_pairs",
 ]

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from cable_twin.scenario.fields import FromList, Place, Section, Vector, quantity
-from cable_twin.scenario.sheaves import Strand
+from cable_twin.scenario.bullwheels import Strand
+from cable_twin.scenario.quantities import FromList, Place, Section, Vector, quantity
 from cable_twin.scenario.vehicles import Body, Friction
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
-from cable_twin.scenario.fields import FromList, Section, quantity
+from cable_twin.scenario.quantities import FromList, Section, quantity
 
 PlaceOnRope = Annotated[tuple[str, float], FromList]
 

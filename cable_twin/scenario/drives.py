@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cable_twin.scenario.fields import FromList, Section, Vector, quantity
+from cable_twin.scenario.quantities import FromList, Section, Vector, quantity
 
 
 class Limits(Section):

@@ -11,14 +11,14 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.cable_checks import cable_faults
+from cable_twin.scenario.cable_conflicts import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
-from cable_twin.scenario.rope_checks import rope_faults
+from cable_twin.scenario.rope_conflicts import rope_faults
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sensor_checks import sensor_faults
-from cable_twin.scenario.space_checks import rest_faults, space_faults
-from cable_twin.scenario.vehicle_checks import vehicle_faults
-from cable_twin.scenario.wind_checks import wind_faults
+from cable_twin.scenario.sensor_conflicts import sensor_faults
+from cable_twin.scenario.space_conflicts import rest_faults, space_faults
+from cable_twin.scenario.vehicle_conflicts import vehicle_faults
+from cable_twin.scenario.wind_conflicts import wind_faults
 
 
 def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:

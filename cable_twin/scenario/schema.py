@@ -1,7 +1,7 @@
 """What a scenario consists of: names, types, units, bounds and defaults of everything in a scenario file.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `find_faults` and the `*_checks` beside it; use `load_scenario`, which applies both.
+is in `find_faults` and the `*_conflicts` beside it; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from cable_twin.mechanics.parameters import ELASTIC_MODELS, GUSTS, INTEGRATORS, STRONGEST_WIND
 from cable_twin.scenario.as_yaml import as_yaml
+from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
 from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
-from cable_twin.scenario.fields import FromList, Place, Section, Vector, in_space, quantity
-from cable_twin.scenario.sheaves import Riding, Sheave, Strand, expand_sheaves, strands_of
+from cable_twin.scenario.quantities import FromList, Place, Section, Vector, in_space, quantity
 from cable_twin.scenario.vehicles import Carriage, Payload
 
 MOST_ELEMENTS = 100_000
@@ -310,7 +310,7 @@ class Scenario(Section):
     def _first_of_ropes(cls, data: Any) -> Any:
         """Let the cable be the first of several ropes, and each tower and drive stand by itself."""
         if isinstance(data, dict):
-            data = expand_sheaves(data)
+            data = expand_bullwheels(data)
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from cable_twin.scenario.drives import Drive
-from cable_twin.scenario.fields import FromList, Place, Section, Tensor, Vector, quantity
+from cable_twin.scenario.quantities import FromList, Place, Section, Tensor, Vector, quantity
 
 
 def _shape(area: Any) -> str:

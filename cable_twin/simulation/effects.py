@@ -22,7 +22,7 @@ from cable_twin.simulation.command_checks import (
     check_wind,
 )
 from cable_twin.simulation.driving import brake, drive, drive_mode
-from cable_twin.simulation.engines import Engine
+from cable_twin.simulation.engines import Engine, RopeBundle
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
 
@@ -33,9 +33,10 @@ GUST_DURATION = 10.5  # s, in IEC 61400-1
 class Effect(NamedTuple):
     """What a kind of command does; a check raises CommandError."""
 
-    change: Callable[[Ropeway, Command], None]
+    change: Callable[[Ropeway, Command], None]  # on each rope
     check: Callable[[Command, Scenario], None] | None = None  # refuses what no motion makes possible
     check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # what the present one forbids
+    between: Callable[[RopeBundle, Command], None] | None = None  # on no rope alone, as on the bullwheels of a loop
 
 
 def take_effect(engine: Engine, scenario: Scenario, command: Command, *, ahead: bool = False) -> None:
@@ -63,7 +64,8 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command, *, ahead: 
             effect.check_motion(share, part.scenario, part.system, part.state)
     for part, share in shares:
         effect.change(part, share)
-    engine.take(command)
+    if effect.between is not None and isinstance(engine, RopeBundle):
+        effect.between(engine, command)
 
 
 def _share(command: Command, part: Ropeway) -> Command:
@@ -132,14 +134,14 @@ def _reset(ropeway: Ropeway, _: Command) -> None:
 
 
 EFFECTS: Mapping[str, Effect] = {
-    "speed": Effect(_drive, check_drive),
-    "force": Effect(_drive, check_drive),
+    "speed": Effect(_drive, check_drive, between=RopeBundle.drive),
+    "force": Effect(_drive, check_drive, between=RopeBundle.drive),
     "payload": Effect(_load, check_room, check_station),
     "wind": Effect(_blow, check_wind),
     **dict.fromkeys(GUST_KINDS, Effect(_gust, check_gust, check_no_gust)),
-    "emergency_stop": Effect(_stop),
-    "release": Effect(_release),
-    "reset": Effect(_reset),
+    "emergency_stop": Effect(_stop, between=RopeBundle.stop),
+    "release": Effect(_release, between=RopeBundle.release),
+    "reset": Effect(_reset, between=RopeBundle.go_back),
 }
 assert EFFECTS.keys() == KINDS.keys(), "a kind without an effect, or an effect without a kind"
 

@@ -14,9 +14,8 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
     build_ropes,
 )
-from cable_twin.simulation.restoring import restore_all
 from cable_twin.simulation.rope_bundle import RopeBundle
-from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.ropeway import Ropeway, restore_ropes
 from cable_twin.simulation.snapshot_file import FullState
 
 
@@ -42,9 +41,6 @@ class Engine(Protocol):
 
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
-
-    def take(self, command: Command) -> None:
-        """Carry out what a command asks of what is on no rope alone."""
 
     def energy(self) -> Energy:
         """Energy (J) of that."""
@@ -87,9 +83,6 @@ class SingleRope:
     def observe(self, columns: Columns) -> None:
         """Nothing: all is on the rope."""
 
-    def take(self, command: Command) -> None:
-        """Nothing: all is on the rope."""
-
     def energy(self) -> Energy:
         """None: all is on the rope."""
         return Energy(0.0, 0.0, 0.0)
@@ -104,7 +97,7 @@ class SingleRope:
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits."""
-        restore_all(self.parts, full)
+        restore_ropes(self.parts, full)
 
 
 def engine_of(scenario: Scenario) -> Engine:

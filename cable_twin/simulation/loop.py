@@ -10,9 +10,9 @@ from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.solution.bundle.bullwheels import stop_wheel
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, Bundle, SheaveMotion
-from cable_twin.mechanics.solution.bundle.sheaves import stop_wheel
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, BullwheelMotion, Bundle
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import hang_carriages
@@ -31,7 +31,7 @@ class Loop:
         parts: one a rope, with what is on it.
     """
 
-    def __init__(self, scenario: Scenario, bundle: Bundle, motion: SheaveMotion, parts: list[Ropeway]) -> None:
+    def __init__(self, scenario: Scenario, bundle: Bundle, motion: BullwheelMotion, parts: list[Ropeway]) -> None:
         self._bundle, self._parts, self.motion = bundle, dict(zip(scenario.ropes, parts, strict=True)), motion
         self._names, self._strands = list(scenario.sheaves), scenario.strands
         self._drives = {name: self._names.index(str(drive.sheave)) for name, drive in scenario.drives.items()}

@@ -27,19 +27,17 @@ from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_o
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
+    build_bullwheels,
     build_clamps,
     build_connectors,
     build_pantographs,
-    build_sheaves,
     clamped_pairs,
 )
-from cable_twin.simulation.clamping import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.loop import Loop
-from cable_twin.simulation.restoring import restore_all
-from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.ropeway import Ropeway, restore_ropes
+from cable_twin.simulation.second_rope import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
 from cable_twin.simulation.snapshot_file import FullState
 
-FARTHEST_CLAMP = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
@@ -81,7 +79,7 @@ class RopeBundle:
                 along_track(scenario, parts) if clamps.rope.size else None,
                 lines_of(len(parts), np.concatenate([connectors.rope, clamped_pairs(scenario)])),
             ),
-            sheaves=build_sheaves(scenario),
+            sheaves=build_bullwheels(scenario),
         )
         self.moving = moving = self._start = allocate_bundle_state(self.bundle)
         self._scratch = allocate_bundle_work(self.bundle)
@@ -167,20 +165,27 @@ class RopeBundle:
         columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
         self.loop.observe(columns)
 
-    def take(self, command: Command) -> None:
-        """Carry out what a command asks of what is on no rope alone."""
-        if command.kind == "emergency_stop":
-            self.loop.stop()
-            self.commands.clear()
-        elif command.kind == "release":
-            self.loop.release()
-        elif command.kind == "reset":
-            self._reset()
-        elif command.kind in ("speed", "force"):
-            for name, value in command.values.items():
-                if name in self.loop.drives:
-                    self.loop.drive(name, command.kind, value)
-                    self.commands[name] = Command(command.kind, {name: value})
+    def drive(self, command: Command) -> None:
+        """Give drives of bullwheels, of those that it names, a speed (m/s) or a force (N)."""
+        for name, value in command.values.items():
+            if name in self.loop.drives:
+                self.loop.drive(name, command.kind, value)
+                self.commands[name] = Command(command.kind, {name: value})
+
+    def stop(self, _: Command) -> None:
+        """Begin the emergency stop of the bullwheels."""
+        self.loop.stop()
+        self.commands.clear()
+
+    def release(self, _: Command) -> None:
+        """End it."""
+        self.loop.release()
+
+    def go_back(self, _: Command) -> None:
+        """Put pantographs, clamps and bullwheels back to the start."""
+        self.commands = dict(self._first_commands)
+        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
+            now[...] = start
 
     def energy(self) -> Energy:
         """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
@@ -192,20 +197,14 @@ class RopeBundle:
             part.begin()
         self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
 
-    def _reset(self) -> None:
-        """Put pantographs and bullwheels back to the start."""
-        self.commands = dict(self._first_commands)
-        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
-            now[...] = start
-
     def between(self) -> dict[str, FloatArray]:
-        """A copy of the motion of the pantographs, now and at the start, by name."""
+        """A copy of the motion of pantographs, clamps and bullwheels, now and at the start, by name."""
         both = ("now", self.moving), ("start", self._start)
         return {f"{key}/{name}": array.copy() for key, one in both for name, array in fields_of(one).items()}
 
     def restore(self, full: FullState) -> None:
-        """Go to a full state that fits."""
-        restore_all(self.parts, full)
+        """Go to a full state that fits: of ropes, pantographs, clamps, bullwheels, and what their drives are told."""
+        restore_ropes(self.parts, full)
         for key, one in (("now", self.moving), ("start", self._start)):
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]

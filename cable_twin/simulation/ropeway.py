@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.mechanics.drives.moving_rope import hang_in_station, park
+from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
@@ -19,6 +19,7 @@ from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
 from cable_twin.simulation.driving import hang_in_ropes, set_in_motion
 from cable_twin.simulation.meeting import with_buffers
+from cable_twin.simulation.snapshot_file import FullState
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
@@ -152,4 +153,17 @@ class Ropeway:
         self._system, self.packed_system = system, pack(system)
 
 
-__all__ = ["Ropeway"]
+def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
+    """Go to what a full state has of each rope with what is on it, and of what is commanded there."""
+    for part, state, start in zip(parts, full.states, full.starts, strict=True):
+        write_state(state, part.state)
+        write_state(start, part.start)
+        part.note_stations()
+        part.carry(part.state.payload)
+        part.stopped = full.emergency_stopped
+        own = (*part.rows, *part.scenario.drives)
+        part.commands = {name: command for name, command in full.commands.items() if name in own}
+        part.loading = {name: mass for name, mass in full.loading.items() if name in own}
+
+
+__all__ = ["Ropeway", "restore_ropes"]

@@ -21,11 +21,11 @@ from cable_twin.records import (
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.advance import in_parts, meeting_found, report_of, undamped
 from cable_twin.simulation.effects import take_effect
+from cable_twin.simulation.element_crossing import warn_of_crossing
 from cable_twin.simulation.engines import engine_of
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer, read_only
-from cable_twin.simulation.passing import warn_of_passing
 from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
@@ -74,7 +74,7 @@ class Simulation(Readings):
             for part, rope in zip(self._parts, first.ropes.values(), strict=True):
                 check_pressure(part.system, rope)
                 if scenario.solver.integrator == "generalized_alpha":
-                    warn_of_passing(part.scenario, scenario, part.system, rope)
+                    warn_of_crossing(part.scenario, scenario, part.system, rope)
         self._at_start = True
         self._engine.advance(0)  # compile, if still to do
         self._engine.begin()

@@ -11,11 +11,11 @@ from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.order import order_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
+    Bullwheels,
     Bundle,
     Clamps,
     Connectors,
     Pantographs,
-    Sheaves,
     Wires,
     allocate_bundle_state,
     allocate_bundle_work,
@@ -32,14 +32,14 @@ NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
 LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
 
 
-def no_sheaves(dim):
+def no_bullwheels(dim):
     """No bullwheel."""
     whole = {"rope": (0, 2), "driven": (0,), "tensioning": (0,)}
     real = {"direction": (0, dim), "travel": (0, 2)}
-    return Sheaves(
+    return Bullwheels(
         **{
             name: np.zeros(whole[name], np.int64) if name in whole else np.zeros(real.get(name, (0,)))
-            for name in Sheaves._fields
+            for name in Bullwheels._fields
         }
     )
 
@@ -74,7 +74,7 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
         ),
         wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
         order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
-        sheaves=no_sheaves(dim),
+        sheaves=no_bullwheels(dim),
     )
     return bundle, systems, states, works, addresses
 

@@ -105,6 +105,17 @@ def test_brakes_in_time_for_the_ends_of_the_track(jerk, target, end):
     assert np.abs(np.diff(path[:, 1])).max() / STEP <= 0.8 * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("step", [0.01, 0.013])
+def test_deceleration_before_the_end_is_even(step):
+    """The acceleration is what a drive's force is told from: rounding must not take it away in single steps."""
+    system, state = drive(30.0, acceleration=0.7)
+    path = run(system, state, 12.0, 3.0, step)
+    braking = np.flatnonzero(path[:, 2] < 0.0)
+    assert len(braking) * step == pytest.approx(3.0 / 0.7, abs=3 * step)
+    assert np.array_equal(braking, np.arange(braking[0], braking[-1] + 1))
+    np.testing.assert_allclose(path[braking[2:-2], 2], -0.7, rtol=1e-9)
+
+
 def test_braking_speed_stops_within_the_distance():
     deceleration, duration, distance, speed = 0.8, 0.1, 3.0, 1.0
     after = braking_speed(distance, speed, deceleration, duration)

@@ -5,7 +5,8 @@ import pytest
 from systems import changed, dense_blocks, difference, disturbed_state, make_system, put
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
-from cable_twin.mechanics.drives.moving_rope import attach_carriers, loop_coordinate, move_rope, moving_rope_force
+from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
+from cable_twin.mechanics.drives.stations import attach_carriers, loop_coordinate
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, STANDING, MovingCable
 from cable_twin.mechanics.rope.element import add_cable

@@ -12,6 +12,8 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.parameters import EMERGENCY, HAULED, SERVICE, SPEED
 
+ROUNDING = 1e-6  # of a step
+
 
 @kernel
 def braking_speed(distance, speed, deceleration, duration):
@@ -112,7 +114,8 @@ def ramp(course, number, target, limit, jerk, duration):
     if jerk == inf and reached:
         ramping = abs(gap) / limit if limit > 0.0 else 0.0
         position += 0.5 * (speed + target) * ramping + target * (duration - ramping)
-        acceleration = 0.0 if ramping < duration else direction * limit
+        # rounding must not say that it is over where it goes on, as along the way to the end of a track
+        acceleration = 0.0 if ramping < (1.0 - ROUNDING) * duration else direction * limit
         speed = target
     else:
         after = speed + wanted * duration

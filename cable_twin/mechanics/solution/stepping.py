@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import take_up
 from cable_twin.mechanics.drives.motion import move_drives
-from cable_twin.mechanics.drives.moving_rope import attach_carriers
+from cable_twin.mechanics.drives.stations import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel, kernel_part
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers

@@ -9,11 +9,11 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
+from cable_twin.mechanics.solution.bundle.bullwheels import correct_bullwheels, end_bullwheels, move_bullwheels
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, follow_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.bundle.riders import ride_tracks
-from cable_twin.mechanics.solution.bundle.sheaves import correct_sheaves, end_sheaves, move_sheaves
 from cable_twin.mechanics.solution.bundle.strand_ends import carry_on, feel_ends, give_ends, place_ends
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.generalized_alpha import (
@@ -53,7 +53,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
     """
     solver, ropes, looped = system.solver, bundle.records.shape[0], bundle.sheaves.inertia.size > 0
     c = coefficients(solver.spectral_radius)
-    move_sheaves(bundle.sheaves, moving.sheaves, c, h)
+    move_bullwheels(bundle.sheaves, moving.sheaves, c, h)
     give_ends(bundle, moving.sheaves, system, state)
     for rope in range(ropes):
         own = record_at(bundle.records[rope, SYSTEM], system)
@@ -84,7 +84,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         turned = 0.0
         if looped:
             feel_ends(bundle, moving.sheaves, system, state)
-            turned = correct_sheaves(bundle, moving.sheaves, system, c, h)
+            turned = correct_bullwheels(bundle, moving.sheaves, system, c, h)
             carry_on(bundle, moving.sheaves, system, state)
             follow_clamps(bundle, moving, system, state)
         if iteration == 2 and before > 0.0:
@@ -134,7 +134,7 @@ def step_bundle(bundle, moving, before, scratch, system, state, work, column, h)
         gap = max(gap, worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)) if converged else gap
         converged = converged and isfinite(gap)
         if converged:
-            end_sheaves(bundle.sheaves, moving.sheaves)
+            end_bullwheels(bundle.sheaves, moving.sheaves)
             ride_tracks(bundle, system, state)
         if attempt == 1 or not converged or not saturated:
             break

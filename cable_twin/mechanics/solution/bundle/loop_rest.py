@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.solution.bundle.records import FIXED, SheaveMotion, Sheaves
+from cable_twin.mechanics.solution.bundle.records import FIXED, BullwheelMotion, Bullwheels
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 
 MOST_ITERATIONS = 40
@@ -21,7 +21,7 @@ NUDGE = 1e-5  # m, for the derivatives
 LONGEST_MOVE = 0.002  # of the shortest strand: rope that runs through in one iteration
 
 
-def settle_loop(sheaves: Sheaves, motion: SheaveMotion, lengths: FloatArray, relax: Callable[[], None]) -> None:
+def settle_loop(sheaves: Bullwheels, motion: BullwheelMotion, lengths: FloatArray, relax: Callable[[], None]) -> None:
     """Find the rest of all strands over their bullwheels, and leave ropes and carriages of `motion` as they are there.
 
     Args:

@@ -11,7 +11,7 @@ from cable_twin.mechanics.parameters import FREE, FloatArray, IntArray
 from cable_twin.mechanics.state import Course, Motion
 
 SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
-FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Sheaves.tensioning
+FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
@@ -69,31 +69,31 @@ class Wires(NamedTuple):
 
 
 @by_reference
-class Sheaves(NamedTuple):
+class Bullwheels(NamedTuple):
     """Bullwheels, each between the end of one strand and the start of another one or of the same."""
 
-    rope: IntArray  # (sheaves, 2): whose end runs onto it, and whose start runs off it
-    inertia: FloatArray  # (sheaves,) kg, of all that turns with it, reduced to its rim
-    wrapped: FloatArray  # (sheaves,) kg, rope on it
-    adhesion: FloatArray  # (sheaves,) -, highest ratio of their tensions, exp(μ α)
-    resistance: FloatArray  # (sheaves,) N at its rim, of its bearings
-    driven: IntArray  # (sheaves,) 1 where there is a drive
-    way: FloatArray  # (sheaves, 2) m, of rope gone by, least and most, within which the drive stops; -inf, inf of none
-    acceleration_limit: FloatArray  # (sheaves,) m/s², of the drive
-    emergency_deceleration: FloatArray  # (sheaves,) m/s², of the drive in an emergency stop
-    jerk_limit: FloatArray  # (sheaves,) m/s³, inf where there is none
-    brake_force: FloatArray  # (sheaves,) N at its rim, of what an emergency stop applies instead, 0 of none
-    brake_rise_time: FloatArray  # (sheaves,) s, from release to full force
-    rollback: FloatArray  # (sheaves,) m, that the rim may go back before it is stopped, inf without a watch
-    tensioning: IntArray  # (sheaves,) FIXED, COUNTERWEIGHT or HYDRAULIC
-    direction: FloatArray  # (sheaves, dim) unit vector in which it is pulled; 0 where FIXED
-    mass: FloatArray  # (sheaves,) kg, that moves along that
-    pull: FloatArray  # (sheaves,) N, of the counterweight, or that the cylinder keeps
-    band: FloatArray  # (sheaves,) N, by which that may be off before the cylinder moves
-    rate: FloatArray  # (sheaves,) m/s, of the cylinder
-    travel: FloatArray  # (sheaves, 2) m, least and most
-    buffer_stiffness: FloatArray  # (sheaves,) N/m, at both limits
-    buffer_damping: FloatArray  # (sheaves,) s/m, of the buffer force, per unit of its elastic part
+    rope: IntArray  # (wheels, 2): whose end runs onto it, and whose start runs off it
+    inertia: FloatArray  # (wheels,) kg, of all that turns with it, reduced to its rim
+    wrapped: FloatArray  # (wheels,) kg, rope on it
+    adhesion: FloatArray  # (wheels,) -, highest ratio of their tensions, exp(μ α)
+    resistance: FloatArray  # (wheels,) N at its rim, of its bearings
+    driven: IntArray  # (wheels,) 1 where there is a drive
+    way: FloatArray  # (wheels, 2) m, of rope gone by, least and most, within which the drive stops; -inf, inf of none
+    acceleration_limit: FloatArray  # (wheels,) m/s², of the drive
+    emergency_deceleration: FloatArray  # (wheels,) m/s², of the drive in an emergency stop
+    jerk_limit: FloatArray  # (wheels,) m/s³, inf where there is none
+    brake_force: FloatArray  # (wheels,) N at its rim, of what an emergency stop applies instead, 0 of none
+    brake_rise_time: FloatArray  # (wheels,) s, from release to full force
+    rollback: FloatArray  # (wheels,) m, that the rim may go back before it is stopped, inf without a watch
+    tensioning: IntArray  # (wheels,) FIXED, COUNTERWEIGHT or HYDRAULIC
+    direction: FloatArray  # (wheels, dim) unit vector in which it is pulled; 0 where FIXED
+    mass: FloatArray  # (wheels,) kg, that moves along that
+    pull: FloatArray  # (wheels,) N, of the counterweight, or that the cylinder keeps
+    band: FloatArray  # (wheels,) N, by which that may be off before the cylinder moves
+    rate: FloatArray  # (wheels,) m/s, of the cylinder
+    travel: FloatArray  # (wheels, 2) m, least and most
+    buffer_stiffness: FloatArray  # (wheels,) N/m, at both limits
+    buffer_damping: FloatArray  # (wheels,) s/m, of the buffer force, per unit of its elastic part
 
 
 @by_reference
@@ -118,31 +118,31 @@ class Bundle(NamedTuple):
     clamps: Clamps
     wires: Wires
     order: Order
-    sheaves: Sheaves
+    sheaves: Bullwheels  # as the section of a scenario is called
 
 
 @by_reference
-class SheaveMotion(NamedTuple):
+class BullwheelMotion(NamedTuple):
     """Motion of the bullwheels, and what their drives were told."""
 
-    rim: Motion  # (sheaves,) m, of unstrained rope
-    rope: Motion  # (sheaves,) m, unstrained, that has gone over it
-    carriage: Motion  # (sheaves,) m, in the direction in which it tensions
-    given: FloatArray  # (sheaves,) N on the rim in this step, of drive, bearings and brake
-    by_forces: IntArray  # (sheaves,) what moves by its forces in this step: nothing, the rope alone, or the wheel
-    tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
-    stretch: FloatArray  # (sheaves,) -, length of the rope on it over that without strain
-    traction: FloatArray  # (sheaves,) N, of the rim on the rope, by the unstrained rope that goes over it
-    pull: FloatArray  # (sheaves,) N, of both strands against the direction in which it tensions
-    slipping: IntArray  # (sheaves,) 1 while it slips on a rim that is faster, -1 on one that is slower
-    mode: IntArray  # (sheaves,) FREE, FORCE or SPEED, of the drive
-    target: FloatArray  # (sheaves,) m/s
-    force: FloatArray  # (sheaves,) N at the rim, in FORCE
-    braking: IntArray  # (sheaves,) 1 in an emergency stop
-    braking_time: FloatArray  # (sheaves,) s, since then
-    sense: IntArray  # (sheaves,) 1 or -1, in which its drive turned it last, 0 before
-    furthest: FloatArray  # (sheaves,) m, of its rim in that sense
-    rolled_back: IntArray  # (sheaves,) 1 where it has gone back too far, until the release
+    rim: Motion  # (wheels,) m, of unstrained rope
+    rope: Motion  # (wheels,) m, unstrained, that has gone over it
+    carriage: Motion  # (wheels,) m, in the direction in which it tensions
+    given: FloatArray  # (wheels,) N on the rim in this step, of drive, bearings and brake
+    by_forces: IntArray  # (wheels,) what moves by its forces in this step: nothing, the rope alone, or the wheel
+    tension: FloatArray  # (wheels, 2) N, of the strand that comes to it and of that which leaves it
+    stretch: FloatArray  # (wheels,) -, length of the rope on it over that without strain
+    traction: FloatArray  # (wheels,) N, of the rim on the rope, by the unstrained rope that goes over it
+    pull: FloatArray  # (wheels,) N, of both strands against the direction in which it tensions
+    slipping: IntArray  # (wheels,) 1 while it slips on a rim that is faster, -1 on one that is slower
+    mode: IntArray  # (wheels,) FREE, FORCE or SPEED, of the drive
+    target: FloatArray  # (wheels,) m/s
+    force: FloatArray  # (wheels,) N at the rim, in FORCE
+    braking: IntArray  # (wheels,) 1 in an emergency stop
+    braking_time: FloatArray  # (wheels,) s, since then
+    sense: IntArray  # (wheels,) 1 or -1, in which its drive turned it last, 0 before
+    furthest: FloatArray  # (wheels,) m, of its rim in that sense
+    rolled_back: IntArray  # (wheels,) 1 where it has gone back too far, until the release
 
 
 @by_reference
@@ -160,7 +160,7 @@ class BundleState(NamedTuple):
     clamp_time: FloatArray  # (clamps,) s, since then
     rail_mass: FloatArray  # (clamps,) kg, of its carriage on the rails of a station
     tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
-    sheaves: SheaveMotion
+    sheaves: BullwheelMotion  # so called in files of snapshots, as the section of a scenario is
 
 
 @by_reference
@@ -205,12 +205,12 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
         clamp_time=np.zeros(clamps),
         rail_mass=np.zeros(clamps),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
-        sheaves=_sheaves_at_rest(bundle.sheaves.inertia.size),
+        sheaves=_bullwheels_at_rest(bundle.sheaves.inertia.size),
     )
 
 
-def _sheaves_at_rest(count: int) -> SheaveMotion:
-    return SheaveMotion(
+def _bullwheels_at_rest(count: int) -> BullwheelMotion:
+    return BullwheelMotion(
         rim=Motion(*(np.zeros(count) for _ in Motion._fields)),
         rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
         carriage=Motion(*(np.zeros(count) for _ in Motion._fields)),

@@ -8,7 +8,7 @@ over as smoothly as on rails that sink away from under the wheels. They push upw
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.moving_rope import hang_in_station, put_on
+from cable_twin.mechanics.drives.stations import hang_in_station, put_on
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, subtract

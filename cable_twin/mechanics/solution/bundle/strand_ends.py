@@ -52,7 +52,7 @@ def carry_on(bundle, motion, system, state):
     place_ends(bundle, motion, system, state)
     for rope in range(bundle.records.shape[0]):
         own = record_at(bundle.records[rope, SYSTEM], system)
-        if own.moving_cable.over_sheaves:
+        if own.moving_cable.over_bullwheels:
             here = record_at(bundle.records[rope, STATE], state)
             carry_clamped(own, here)
             prescribe(here)

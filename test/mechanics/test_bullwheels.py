@@ -4,15 +4,21 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, HYDRAULIC, Sheaves, _sheaves_at_rest
-from cable_twin.mechanics.solution.bundle.sheaves import (
+from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     ROPE,
     WHEEL,
-    end_sheaves,
+    end_bullwheels,
     missing_rope,
     missing_travel,
-    move_sheaves,
+    move_bullwheels,
+)
+from cable_twin.mechanics.solution.bundle.records import (
+    COUNTERWEIGHT,
+    FIXED,
+    HYDRAULIC,
+    Bullwheels,
+    _bullwheels_at_rest,
 )
 from cable_twin.mechanics.solution.generalized_alpha import coefficients
 
@@ -22,7 +28,7 @@ INERTIA, WRAPPED, ADHESION = 2000.0, 40.0, 1.5  # kg, kg, -
 
 def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
     """One bullwheel between strands that pull with `on` and `off` (N), on a carriage of 5 t."""
-    sheaves = Sheaves(
+    sheaves = Bullwheels(
         rope=np.zeros((1, 2), np.int64),
         inertia=np.array([INERTIA]),
         wrapped=np.array([WRAPPED]),
@@ -46,7 +52,7 @@ def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
         buffer_stiffness=np.array([1e5]),
         buffer_damping=np.zeros(1),
     )._replace(**{key: np.atleast_1d(np.array(value)) for key, value in changes.items()})
-    motion = _sheaves_at_rest(1)
+    motion = _bullwheels_at_rest(1)
     motion.tension[0], motion.pull[0] = (on, off), on + off
     motion.rim.velocity[:] = motion.rope.velocity[:] = speed
     return sheaves, motion
@@ -56,7 +62,7 @@ def step(sheaves, motion, times=1):
     """Steps between strands that do not answer: Newton's increments to the end, then the end of the step."""
     c = coefficients(0.7)
     for _ in range(times):
-        move_sheaves(sheaves, motion, c, STEP)
+        move_bullwheels(sheaves, motion, c, STEP)
         if motion.by_forces[0] != NOTHING:
             for _ in range(3):
                 delta = missing_rope(sheaves, motion, 0, c, STEP, 0.0, 0.0)
@@ -66,7 +72,7 @@ def step(sheaves, motion, times=1):
                     moving.velocity[0] += c.gamma / (c.beta * STEP) * delta
                     moving.algorithmic[0] += delta / (c.beta * STEP**2)
                     moving.acceleration[0] += by_acceleration * delta
-        end_sheaves(sheaves, motion)
+        end_bullwheels(sheaves, motion)
 
 
 def test_a_free_wheel_speeds_up_by_what_its_strands_pull():

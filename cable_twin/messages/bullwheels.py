@@ -1,4 +1,4 @@
-"""Bullwheels as a message: of each its rope and drive, and by rows of their own what is at it.
+"""Bullwheels as a message, `sheaves`: of each its rope and drive, and by rows of their own what is at it.
 
 NAME has the rope gone over it (m), its speed (m/s) and the force of its drive at the rim (N); NAME/on and NAME/off are
 the strands that come to it and leave it, with their tensions (N) as effort, and on NAME/on how far its rim has gone
@@ -31,7 +31,7 @@ class _Rows:
         self.tensioned = [row for row, name in enumerate(layout.sheaves) if name in layout.tensioned]
 
 
-class SheavesMessage:
+class BullwheelsMessage:
     """The message of what the columns of a frame show.
 
     Args:
@@ -57,7 +57,7 @@ class SheavesMessage:
         return self._template.fill(stamp_ns)
 
 
-def fill_sheaves(numbers: FloatArray, layout: Layout, c: Columns) -> None:
+def fill_bullwheels(numbers: FloatArray, layout: Layout, c: Columns) -> None:
     """Fill the columns of bullwheels from the three arrays that their message ends with, 8 bytes apart.
 
     Args:
@@ -75,9 +75,9 @@ def fill_sheaves(numbers: FloatArray, layout: Layout, c: Columns) -> None:
     c.sheave_tension[:, 0], c.sheave_tension[:, 1] = forces[rows.on], forces[rows.off]
 
 
-def sheave_numbers(layout: Layout) -> int:
+def bullwheel_numbers(layout: Layout) -> int:
     """How many doubles the message ends with, the lengths of its arrays counted as one each."""
     return 3 * len(_Rows(layout).names) + 2
 
 
-__all__ = ["SheavesMessage", "fill_sheaves", "sheave_numbers"]
+__all__ = ["BullwheelsMessage", "bullwheel_numbers", "fill_bullwheels"]

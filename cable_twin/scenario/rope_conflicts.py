@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from cable_twin.scenario.cable_checks import cable_faults
+from cable_twin.scenario.bullwheel_conflicts import bullwheel_faults
+from cable_twin.scenario.cable_conflicts import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sheave_checks import sheave_faults
-from cable_twin.scenario.track_checks import track_faults
-from cable_twin.scenario.vehicle_checks import vehicle_faults
+from cable_twin.scenario.track_conflicts import track_faults
+from cable_twin.scenario.vehicle_conflicts import vehicle_faults
 
 NAMES_SHOWN = 8
 
@@ -45,7 +45,7 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
             if path not in seen:
                 seen.add(path)
                 yield Fault(path, fault.text)
-    yield from sheave_faults(scenario)
+    yield from bullwheel_faults(scenario)
     if scenario.carriers is not None:
         yield from track_faults(scenario, scenario.carriers)
     yield from _connectors(scenario)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_twin.scenario.carriers import Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, show
-from cable_twin.scenario.fields import in_space
+from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
 
 FARTHEST = 5.0  # m, of the strand from the clamps of carriers at the ends of their track

@@ -1,4 +1,4 @@
-"""A vehicle that passes an element in too few steps: the error of its joint grows from node to node (theory.md)."""
+"""A vehicle that crosses an element in too few steps: the error of its joint grows from node to node (theory.md)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
     return max([*(limit for limit in limits if limit is not None), *(abs(one.speed) for one in moved)], default=0.0)
 
 
-def warn_of_passing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
+def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
     """Warn of a step with which that may come about on the shortest elements, where the rope is as tight as `rope`."""
     step, radius = system.solver.step, system.solver.spectral_radius
     speed, length = highest_speed(vehicles, drives), float(system.cable.element_length.min())
@@ -52,4 +52,4 @@ def warn_of_passing(vehicles: Scenario, drives: Scenario, system: System, rope: 
         )
 
 
-__all__ = ["growing_steps", "highest_speed", "warn_of_passing"]
+__all__ = ["growing_steps", "highest_speed", "warn_of_crossing"]

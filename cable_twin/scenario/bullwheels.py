@@ -1,4 +1,4 @@
-"""Bullwheels, which join strands of rope to a loop, as a scenario file has them."""
+"""Bullwheels, which join strands of rope to a loop, as a scenario file has them: its `sheaves`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from cable_twin.scenario.drives import Brake
-from cable_twin.scenario.fields import FromList, Place, Section, Vector, quantity
+from cable_twin.scenario.quantities import FromList, Place, Section, Vector, quantity
 
 EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
 Joined = Annotated[tuple[str, str], FromList]
@@ -123,7 +123,7 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
     return found
 
 
-def expand_sheaves(data: dict[str, Any]) -> dict[str, Any]:
+def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:
     """Write what a file says of a bullwheel's drive among the drives, and of towers of several ropes rope by rope."""
     sheaves, drives = data.get("sheaves"), data.get("drives", {})
     if isinstance(sheaves, dict) and isinstance(drives, dict):

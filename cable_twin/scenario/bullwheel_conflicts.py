@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import dist
 
+from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.carriers import CarrierPayload, Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.fields import in_space
+from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sheaves import Sheave
-from cable_twin.scenario.vehicle_checks import initial_speed
+from cable_twin.scenario.vehicle_conflicts import initial_speed
 
 APART = 0.05  # of the diameter, by which joined ends may be further apart
 
 
-def sheave_faults(scenario: Scenario) -> Iterator[Fault]:
+def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them, of a scenario of several ropes."""
     joined: dict[str, str] = {}
     sound = True
@@ -165,4 +165,4 @@ def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
                 yield Fault((*path, "leaving", name), f"given {mass!r}; allowed: 0 to {room.capacity:g} kg")
 
 
-__all__ = ["sheave_faults"]
+__all__ = ["bullwheel_faults"]

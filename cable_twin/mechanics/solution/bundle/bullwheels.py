@@ -20,11 +20,11 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULI
 from cable_twin.mechanics.solution.generalized_alpha import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
-NOTHING, ROPE, WHEEL = range(3)  # SheaveMotion.by_forces
+NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 
 @kernel
-def move_sheaves(sheaves, motion, c, h):
+def move_bullwheels(sheaves, motion, c, h):
     """Move all wheels and their carriages by `h` (s): where they are prescribed, else as a first guess."""
     for sheave in range(sheaves.inertia.size):
         turn_wheel(sheaves, motion, sheave, c, h)
@@ -159,7 +159,7 @@ def add_increment(motion, number, c, h, delta):
 
 
 @kernel
-def correct_sheaves(bundle, motion, system, c, h):
+def correct_bullwheels(bundle, motion, system, c, h):
     """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m)."""
     sheaves, largest = bundle.sheaves, 0.0
     for sheave in range(sheaves.inertia.size):
@@ -221,7 +221,7 @@ def missing_travel(sheaves, motion, sheave, c, h, yielding):
 
 
 @kernel
-def end_sheaves(sheaves, motion):
+def end_bullwheels(sheaves, motion):
     """End a step: take the traction of all wheels, and stop them where one has gone back further than it may."""
     back = False
     for sheave in range(sheaves.inertia.size):

@@ -1,0 +1,99 @@
+"""What is clamped to a moving rope in the stations: off the rope it hangs at rest, and there it comes on again.
+
+Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part.
+"""
+
+from __future__ import annotations
+
+from math import floor
+
+from cable_twin.mechanics.drives.reference import follow
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import add_scaled, scale
+from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.sliding_joint import (
+    joint_point,
+    joint_tangent,
+    joint_velocity,
+    place_joint,
+    velocity_acceleration,
+)
+from cable_twin.mechanics.rope.point import position_on_cable, slope, value
+from cable_twin.mechanics.rope.strand import going_by, rest_stretch
+
+
+@kernel
+def loop_coordinate(system, state, carriage):
+    """Place (m) of what is clamped, along the mesh from its start on and round the loop as far as that start."""
+    length = system.moving_cable.loop_length
+    place = system.carriages.loop_place[carriage] - state.loop_start[0] + state.rope.position[0]
+    return (place - length * floor(place / length)) / rest_stretch(system.cable, state)
+
+
+@kernel
+def park(system, state, carriage, place):
+    """Take a carriage off the cable: it hangs at rest in the station that is nearer to its place (m) on the loop."""
+    cable = system.cable
+    beyond = place - cable.unstrained_length
+    station = (
+        cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
+    )
+    hang_in_station(system, state, carriage, station)
+
+
+@kernel
+def hang_in_station(system, state, carriage, station):
+    """Take a carriage off the cable: it hangs at rest at the end of it that is at the arc length `station` (m)."""
+    cable = system.cable
+    state.attached[carriage] = False
+    state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
+    follow(state.reference, carriage, station, 0.0, 0.0)
+    state.joints.algorithmic[carriage] = 0.0
+    state.drive_force[carriage] = 0.0
+    place_joint(cable, state, carriage)
+    joint = position_on_cable(cable, state, station)
+    still = scale(0.0, joint)
+    hang_chain(system.carriages, state, carriage, joint, joint_tangent(cable, state, carriage))
+    move_chain(system.carriages, cable.gravity, state, carriage, still, still)
+
+
+@kernel
+def attach_carriers(system, state):
+    """Put what has come onto the mesh on the cable: hanging from its joint, upright, and moving as that does.
+
+    Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
+    other carriage feels more of it than the wave that a load makes that rolls onto a rope.
+    """
+    cable = system.cable
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage] and not state.attached[carriage]:
+            place = loop_coordinate(system, state, carriage)
+            if place <= cable.unstrained_length:
+                attach(system, state, carriage, place)
+
+
+@kernel
+def attach(system, state, carriage, place):
+    """Put one carriage on the cable at the arc length `place` (m)."""
+    speed, rate = going_by(system.cable, state, place)
+    put_on(system, state, carriage, place, speed, rate)
+
+
+@kernel
+def put_on(system, state, carriage, place, speed, rate):
+    """Put a carriage on the cable at an arc length (m): hanging upright, and moving along it at `speed` (m/s)."""
+    cable = system.cable
+    state.attached[carriage] = True
+    state.joints.position[carriage] = place
+    state.joints.velocity[carriage] = speed
+    state.joints.algorithmic[carriage] = rate
+    follow(state.reference, carriage, place, speed, rate)
+    state.friction_origin[carriage], state.friction_deflection[carriage] = place, 0.0
+    place_joint(cable, state, carriage)
+    point = joint_point(cable, state, carriage)
+    joint = position_on_cable(cable, state, place)
+    velocity = joint_velocity(cable, state, carriage)
+    r_tt, r_x = value(state.nodes.acceleration, point, cable.gravity), slope(state.nodes.position, point, cable.gravity)
+    acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
+    hang_chain(system.carriages, state, carriage, joint, r_x)
+    move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)

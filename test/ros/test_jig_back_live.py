@@ -1,0 +1,57 @@
+"""A jig-back that runs in real time: hostile commands, goals, an emergency stop, and its log after a kill."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from twin_process import COMPILING
+
+from cable_twin.offline import replay
+from cable_twin.recording.log_reader import read_log
+
+pytest.importorskip("rclpy")
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+HOSTILE = (
+    ({"name": ["cabin_1"], "velocity": [1.0]}, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
+    ({"name": ["haul_rope"], "velocity": [50.0]}, "speed of 'haul_rope' is 50 m/s; allowed are -10 to 10 m/s"),
+    (
+        {"name": ["haul_rope"], "position": [2000.0]},
+        "'2000.0' given for 'haul_rope', which moves the cable; allowed: 0",
+    ),
+)
+
+
+def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(processes, participants, capsys):
+    sim = processes("--scenario", "jig_back")
+    twin = participants(sim.domain)
+    twin.subscribe_standard()
+
+    def joint(name: str) -> tuple[float, float]:
+        state: JointState = twin.received["joint_states"][-1]
+        row = list(state.name).index(name)
+        return float(state.position[row]), float(state.velocity[row])
+
+    for command, said in HOSTILE:
+        with twin.stream(**command):  # what is refused is told once a second
+            twin.until(lambda said=said: said in sim.output, what=said)
+    twin.publish(name=["haul_rope"], position=[1.5])
+    twin.until(lambda: abs(joint("haul_rope")[0] - 1.5) < 0.1, COMPILING, "1.5 m of rope gone by")
+    with twin.stream(name=["haul_rope"], velocity=[5.0]):
+        twin.until(lambda: joint("haul_rope")[1] > 0.5, what="0.5 m/s")
+    assert twin.call("emergency_stop", SetBool, data=True).success
+    twin.until(lambda: abs(joint("haul_rope")[1]) < 1e-6, what="the emergency stop")
+    assert twin.call("emergency_stop", SetBool, data=False).success
+    twin.publish(name=["haul_rope"], position=[0.0])
+    # another severity at the logger than that of the goal above
+    twin.until(lambda: "haul_rope has arrived at" in sim.output.rpartition("emergency stop released")[2], COMPILING)
+    assert joint("haul_rope")[0] > -1e-6
+    assert "view stopped" not in sim.output
+    sim.send(signal.SIGKILL)
+    sim.wait()
+    sources = {applied.source for applied in read_log(sim.run_directory).commands}
+    assert {"joint_commands", "goal"} <= sources
+    assert replay.main([str(sim.run_directory)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
