@@ -265,9 +265,9 @@ class TwinNode(Node):
         self.get_logger().error(line)
 
     def _tell_goal(self, line: str, given_up: bool) -> None:
-        if given_up:  # two lines of code: rclpy refuses one that logs with another severity than before
+        if given_up:
             self.get_logger().warning(line)
-        else:
+        else:  # a call of its own: rclpy allows a place in the code one severity for good
             self.get_logger().info(line)
 
     def _tell_applied(self, applied: AppliedCommand) -> None:
