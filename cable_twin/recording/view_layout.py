@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cable_twin.recording.view_geometry import TIMELINE
-from cable_twin.recording.view_plots import LEGENDS, Plot
+from cable_twin.recording.view_plots import LEGEND_HEIGHT, LEGENDS, Plots
 from cable_twin.recording.view_space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye
 from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
@@ -28,7 +28,7 @@ def lay_out(
     top: float,
     followed: Mapping[str, float],
     boxes: Iterable[str],
-    plots: Iterable[Plot],
+    plots: Plots,
     unit: str,
     window: float | None,
     spans: Mapping[str, tuple[float, float]],
@@ -119,13 +119,13 @@ def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
 
 
 def _plot_views(
-    plots: Iterable[Plot], unit: str, window: float | None, spans: Mapping[str, tuple[float, float]]
+    plots: Plots, unit: str, window: float | None, spans: Mapping[str, tuple[float, float]]
 ) -> list[rrb.View | rrb.Container]:
     """Return a view of each signal that is plotted."""
-    paths = [(plot.path, len(plot.names)) for plot in plots]
-    drawn = {path.split("/")[1] for path, _ in paths}
+    drawn = {plot.path.split("/")[1] for plot in plots}
     titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
-    return [_plot_view(f"plots/{name}", title, paths, window, spans.get(name)) for name, title in titles.items()]
+    rows = {name: [len(row) for row in plots.legend(name)] for name in titles}
+    return [_plot_view(f"plots/{name}", title, rows[name], window, spans.get(name)) for name, title in titles.items()]
 
 
 def plot_titles(unit: str) -> dict[str, str]:
@@ -150,10 +150,10 @@ def frame(contents: rrb.Container) -> rrb.Blueprint:
 
 
 def _plot_view(
-    path: str, title: str, paths: Iterable[tuple[str, int]], window: float | None, span: tuple[float, float] | None
+    path: str, title: str, rows: Sequence[int], window: float | None, span: tuple[float, float] | None
 ) -> rrb.View | rrb.Container:
-    """Return one plot, with its legend below it; all of them share their time axis."""
-    lines = sum(count for other, count in paths if other.startswith(f"{path}/") or other == path)
+    """Return one plot, with its legend of so many names in each row below it; all of them share their time axis."""
+    lines = sum(rows)
     shown = None
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative
@@ -170,10 +170,12 @@ def _plot_view(
         return plot
     legend = rrb.Spatial2DView(
         origin=path.replace("plots", LEGENDS, 1),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-0.5, lines - 0.5], y_range=[-0.005 * lines, 0.055 * lines]),
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=[-0.5, lines - 0.5], y_range=[-0.005 * lines, (LEGEND_HEIGHT * len(rows) - 0.005) * lines]
+        ),
         titlebar=False,
     )
-    return rrb.Vertical(plot, legend, row_shares=[8, 1])
+    return rrb.Vertical(plot, legend, row_shares=[8, len(rows)])
 
 
 def with_ticks(low: float, high: float) -> tuple[float, float]:

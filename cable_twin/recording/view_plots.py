@@ -21,6 +21,8 @@ from cable_twin.snapshot import Columns, Layout
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 LEGENDS = "legends"  # entities of the names of lines
 LEGEND_GAP = 4  # letters between two of them
+LEGEND_ROW = 64  # letters that a row of them has room for
+LEGEND_HEIGHT = 0.06  # of a row, per line of the plot that it is wide
 Values = Callable[[Columns, FloatArray], FloatArray]
 
 
@@ -83,14 +85,30 @@ class Plots:
             before = self.spans.get(name, (low, high))
             self.spans[name] = min(low, before[0]), max(high, before[1])
 
+    def legend(self, name: str) -> list[list[tuple[str, int]]]:
+        """Names and colours of all lines of a signal, in rows that they fit into."""
+        rows: list[list[tuple[str, int]]] = []
+        left = 0
+        for plot in self._plots:
+            if plot.path.split("/")[1] == name:
+                for title, color in zip(plot.names, plot.colors, strict=True):
+                    if not rows or len(title) + LEGEND_GAP > left:
+                        rows.append([])
+                        left = LEGEND_ROW
+                    rows[-1].append((title, color))
+                    left -= len(title) + LEGEND_GAP
+        return rows
+
     def _begin_legend(self, stream: rr.RecordingStream, name: str) -> None:
-        """Name all lines of a signal in a row, for a view of their own: rerun's legend would hide them."""
-        plots = [plot for plot in self._plots if plot.path.split("/")[1] == name]
-        titles = [title for plot in plots for title in plot.names]
-        colors = np.array([color for plot in plots for color in plot.colors], dtype=np.uint32)
-        widths = np.array([len(title) + LEGEND_GAP for title in titles])  # a long name takes more of the row
-        middles = (np.cumsum(widths) - 0.5 * widths) * len(titles) / widths.sum() - 0.5
-        places = [(middle, 0.0) for middle in middles]
+        """Name all lines of a signal in a view of their own: rerun's legend would hide them."""
+        rows, places = self.legend(name), []
+        lines = sum(map(len, rows))
+        for number, row in enumerate(rows):
+            widths = np.array([len(title) + LEGEND_GAP for title, _ in row])  # a long name takes more of the row
+            middles = (np.cumsum(widths) - 0.5 * widths) * lines / widths.sum() - 0.5
+            places += [(middle, number * LEGEND_HEIGHT * lines) for middle in middles]
+        titles = [title for row in rows for title, _ in row]
+        colors = np.array([color for row in rows for _, color in row], dtype=np.uint32)
         names = rr.Points2D(places, colors=colors, radii=[0.0], labels=titles, show_labels=True)
         stream.log(f"{LEGENDS}/{name}", names, static=True)
 
