@@ -21,7 +21,7 @@ from cable_twin.snapshot import Columns, Layout
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 LEGENDS = "legends"  # entities of the names of lines
 LEGEND_GAP = 4  # letters between two of them
-LEGEND_ROW = 64  # letters that a row of them has room for
+LEGEND_ROW = 56  # letters that a row of them has room for
 LEGEND_HEIGHT = 0.06  # of a row, per line of the plot that it is wide
 Values = Callable[[Columns, FloatArray], FloatArray]
 
