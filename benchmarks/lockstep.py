@@ -25,7 +25,7 @@ from cable_twin.simulation import Simulation
 
 SCENARIOS = ("aerial_tramway", "single_span")
 PERIOD = 0.01  # s, of a frame
-FRAMES, QUICK_FRAMES, CALLS = 5000, 300, 100  # of one call, and calls of one frame
+FRAMES, QUICK_FRAMES, CALLS = 20_000, 300, 100  # of one call, and calls of one frame
 LEAST = 0.8  # of the API with messages
 SHARE = "the same of processor time"
 NODE, STARTING = "/cable_twin", 300.0  # s, where it compiles
