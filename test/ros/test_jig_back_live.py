@@ -1,18 +1,23 @@
-"""A jig-back that runs in real time: hostile commands, goals, an emergency stop, and its log after a kill."""
+"""A jig-back that runs in real time: hostile commands, goals, an emergency stop, a snapshot, its log after a kill."""
 
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 
+import numpy as np
 import pytest
 from twin_process import COMPILING
 
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.simulation import Simulation
+from cable_twin.snapshot import Snapshot
 
 pytest.importorskip("rclpy")
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 HOSTILE = (
     ({"name": ["cabin_1"], "velocity": [1.0]}, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
@@ -43,6 +48,7 @@ def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(proc
         twin.until(lambda: joint("haul_rope")[1] > 0.5, what="0.5 m/s")
     assert twin.call("emergency_stop", SetBool, data=True).success
     twin.until(lambda: abs(joint("haul_rope")[1]) < 1e-6, what="the emergency stop")
+    saved = Path(twin.call("save_snapshot", Trigger).message.partition(": ")[2])
     assert twin.call("emergency_stop", SetBool, data=False).success
     twin.publish(name=["haul_rope"], position=[0.0])
     # another severity at the logger than that of the goal above
@@ -51,7 +57,16 @@ def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(proc
     assert "view stopped" not in sim.output
     sim.send(signal.SIGKILL)
     sim.wait()
-    sources = {applied.source for applied in read_log(sim.run_directory).commands}
+    log, second = read_log(sim.run_directory), Simulation.load(saved)
+    assert second.emergency_stopped
+    for applied in log.commands:
+        if applied.time > second.time:
+            second.advance_to(applied.time)
+            second.apply(applied.command, applied.source)
+    *_, last = (item for item in read_snapshots(log) if isinstance(item, Snapshot))
+    assert last.time > second.time
+    np.testing.assert_array_equal(second.advance_to(last.time).columns.arc_length, last.columns.arc_length)
+    sources = {applied.source for applied in log.commands}
     assert {"joint_commands", "goal"} <= sources
     assert replay.main([str(sim.run_directory)]) == 0
     assert "every sample agrees to the last bit" in capsys.readouterr().out

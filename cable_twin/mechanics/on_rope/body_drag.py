@@ -2,7 +2,7 @@
 
 w_b = w - ċ with the wind w there. A body that is alike all round has the force q |w_b| w_b, q = density drag_area / 2,
 one with a drag area for each of its axes A diag(q) Aᵀ |w_b| w_b. The eddies are those of `wind`; the drag of the rope
-is `rope.drag`.
+is `rope.rope_drag`.
 """
 
 from __future__ import annotations
