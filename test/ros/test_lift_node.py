@@ -173,8 +173,8 @@ def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]
 def test_stamps_are_on_the_clock(processes, participants, tmp_path):
     """Age as `ros2 topic delay` has it: 2 ms, also after a late start.
 
-    A machine that stalls makes messages old, so the youngest counts; a wrong epoch spoils all of them. How old most are is
-    measured by `python -m benchmarks live`.
+    A machine that stalls makes messages old, so the youngest counts; a wrong epoch spoils all of them. How old most are
+    is measured by `python -m benchmarks live`.
     """
     process = processes("--scenario", str(write_lift(tmp_path)), "--start-paused", "true")
     participant = participants(process.domain)
