@@ -181,6 +181,8 @@ def faults(result: Result) -> list[str]:
         if result.delay.get(key, 0.0) > allowed:
             name = key.removeprefix("lateness_").removesuffix("_ms")
             found.append(f"{name} of {result.delay[key]:.2f} ms from stamp to subscriber, allowed: {allowed:g} ms")
+    if result.refused:
+        found.append(f"{result.refused} of {result.commands} commands were refused")
     if result.dropped:
         found.append(f"{result.dropped} frames are missing in the logs")
     return [f"live: {result.scenario}: {line}" for line in found]

@@ -116,7 +116,8 @@ class Twin:
             raise BenchmarkError(f"{error}: `pip install '.[ros]'` adds what is missing") from error
 
         loaded = load_scenario(scenario)
-        driven = {name: one.drive for name, one in loaded.carriages.items() if one.joint == "sliding"} | loaded.drives
+        own = {name: one for name, one in loaded.carriages.items() if one.joint == "sliding" and not one.clamped_to}
+        driven = {name: one.drive for name, one in own.items()} | loaded.drives
         self._limits = {name: drive.limits.speed or 1.0 for name, drive in driven.items()}
         self._joint_state = JointState
         self._random = np.random.default_rng(4)
