@@ -24,10 +24,10 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.drives import Limits
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
-# Ropeway standards name no band. ASTM F2291, of amusement rides, limits what lasts 0.2 s; what is shorter is an impact.
+# assumed: ropeway standards name no band; shorter than 0.2 s nobody takes for an acceleration
 MEANS = (
     f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), "
-    "as ASTM F2291 takes what is shorter for impacts; no ropeway standard names a band"
+    "assumed: no ropeway standard names a band"
 )
 
 
