@@ -9,12 +9,18 @@ import shlex
 import shutil
 import signal
 import sys
+import threading
+from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, NoReturn
 
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+
+COMPILER = ("numba", "llvmlite")
+RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
 def leave_at_once(command: str, code: int) -> None:
@@ -36,6 +42,55 @@ def left_at_once(command: str) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def interrupts_kept() -> Iterator[None]:
+    """Raise KeyboardInterrupt at Ctrl-C as Python does, but none that is lost and printed, or breaks the compiler.
+
+    Kernels may be compiled or loaded at any first use, where an exception does harm (see `leave_at_once`), and Python
+    drops what is raised in callbacks and finalizers with a traceback on the terminal. Both are tried again a moment
+    later.
+    """
+
+    def on_interrupt(_number: int, frame: FrameType | None) -> None:
+        if _compiles(frame):
+            _interrupt_later()
+        else:
+            raise KeyboardInterrupt
+
+    def on_dropped(dropped: sys.UnraisableHookArgs) -> None:
+        if issubclass(dropped.exc_type, KeyboardInterrupt):
+            _interrupt_later()
+        else:
+            hook(dropped)
+
+    try:
+        before = signal.signal(signal.SIGINT, on_interrupt)
+    except ValueError:  # not the main thread, which gets no signals
+        yield
+        return
+    hook, sys.unraisablehook = sys.unraisablehook, on_dropped
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = hook
+
+
+def _compiles(frame: FrameType | None) -> bool:
+    """Whether `frame` or one that has called it is the compiler's."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] in COMPILER:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _interrupt_later() -> None:
+    timer = threading.Timer(RETRY, interrupt_main)
+    timer.daemon = True
+    timer.start()
 
 
 def typed(command: str) -> str:

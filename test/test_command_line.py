@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-import pytest
+import ctypes
+import signal
+import sys
+import threading
 
-from cable_twin.command_line import OneLineParser
+import numba
+import pytest
+from numba.extending import overload
+
+from cable_twin.command_line import OneLineParser, interrupts_kept
 
 
 def test_help_fills_paragraphs_and_leaves_examples_as_they_are(monkeypatch, capsys):
@@ -17,3 +24,42 @@ def test_help_fills_paragraphs_and_leaves_examples_as_they_are(monkeypatch, caps
     assert max(map(len, paragraph.splitlines())) < 60
     assert " ".join(paragraph.split()).endswith("many words and more")
     assert examples == f"{example}\n"
+
+
+WITHIN = 60.0  # s in which an interrupt that is put off comes
+
+
+def test_an_interrupt_is_at_once_where_it_may_be():
+    before = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    with pytest.raises(KeyboardInterrupt), interrupts_kept():
+        signal.raise_signal(signal.SIGINT)
+    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
+
+
+def test_an_interrupt_in_a_callback_is_neither_lost_nor_printed(capfd):
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt), interrupts_kept():  # noqa: PT012 - it comes after the callback
+        callback()
+        threading.Event().wait(WITHIN)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_interrupt_of_the_compiler_waits_until_it_is_done():
+    done = []
+
+    def measure(value):
+        raise NotImplementedError
+
+    @overload(measure)
+    def _measure(value):
+        signal.raise_signal(signal.SIGINT)  # while its caller is compiled
+        return lambda value: 2.0 * value
+
+    @numba.njit
+    def kernel(value):
+        return measure(value)
+
+    with pytest.raises(KeyboardInterrupt), interrupts_kept():  # noqa: PT012 - it comes after the compiler
+        done.append(kernel(3.0))
+        threading.Event().wait(WITHIN)
+    assert done == [6.0]

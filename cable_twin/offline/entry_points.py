@@ -10,7 +10,7 @@ from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 
-from cable_twin.command_line import INTERRUPTED, left_at_once
+from cable_twin.command_line import INTERRUPTED, interrupts_kept, left_at_once
 
 UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all others
 
@@ -26,7 +26,8 @@ def _run(command: str) -> int:
     with left_at_once(command):
         module = import_module(f"cable_twin.offline.{command}")
     try:
-        code: int = module.main()
+        with interrupts_kept():
+            code: int = module.main()
         sys.stdout.flush()
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is done: while Python ends, Ctrl-C would kill it
     except KeyboardInterrupt:
