@@ -7,21 +7,27 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import cable_twin
+from cable_twin.scenario import load_scenario
 
 ROOT = Path(cable_twin.__file__).resolve().parents[1]
 # callers are typed anew, as one from the cache would ask for nothing; in a process where no other test has been
 CODE = """
+import sys
 import numba
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.typed_passes import NopythonTypeInference
+from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.simulation.first_compilation import begin_with
+from cable_twin.mechanics.solution.bundle.bullwheels import move_bullwheels
+from cable_twin.mechanics.solution.bundle.generalized_alpha import begin_rope, step_bundle
 from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients, predict_all
-from cable_twin.mechanics.solution.integrators import integrator_named
-from cable_twin.mechanics.state import allocate_state, allocate_workspace
-from cable_twin.scenario import build_system, load_scenario
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation.engines import engine_of
 
 class Typed(Exception):
     pass
@@ -48,12 +54,19 @@ class TypesAlone(CompilerBase):
 def types(arguments):
     return tuple(map(numba.typeof, arguments))
 
-advance = integrator_named("generalized_alpha")
-system = build_system(load_scenario("seed_example"))
-state, work = allocate_state(system), allocate_workspace(system)
-chosen = begin_with(advance, system, state, work)
-callers = {advance: (system, state, state, state, work, 0), assemble_unheld: (system, state, 1.0, 1.0, 1.0, work)}
-callers |= {predict_all: (Coefficients(0.1, 0.4, 0.3, 0.6), 1.0, system, state, work), **chosen}
+engine = engine_of(load_scenario(sys.argv[1]))
+chosen = begin_with(engine)
+callers = {engine.integrator: tuple(map(pack, engine.arguments(0)))}
+known = engine.typical()
+callers |= {assemble_unheld: [known[name] for name in ("system", "state", *3 * ("h",), "work")]}
+factors = Coefficients(0.1, 0.4, 0.3, 0.6)
+callers |= {predict_all: (factors, *(known[name] for name in ("h", "system", "state", "work")))}
+if "bundle" in known:
+    rope = [known[name] for name in ("system", "state", "work")]
+    bundle, moving, scratch = (known[name] for name in ("bundle", "moving", "scratch"))
+    callers |= {step_bundle: (bundle, moving, moving, scratch, *rope, 0, 1.0), begin_rope: (factors, 1.0, *rope)}
+    callers |= {move_bullwheels: (known["sheaves"], known["motion"], factors, 1.0)}
+callers |= chosen
 for caller, arguments in callers.items():
     try:
         numba.njit(caller.py_func, error_model="numpy", _nrt=False, pipeline_class=TypesAlone).compile(types(arguments))
@@ -65,10 +78,17 @@ for kernel, arguments in chosen.items():
 """
 
 
-def test_kernels_compiled_ahead_are_those_that_are_called():
+ONE, SEVERAL = "solve", "solve_bundle"  # one rope, several
+
+
+@pytest.mark.parametrize(
+    ("name", "last_of_rest"),
+    [("seed_example", ONE), ("windy_tramway", ONE), ("pantograph", SEVERAL), ("jig_back", SEVERAL)],
+)
+def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     """Each is asked for with the types that it is compiled for; a few are asked for by callers of other arguments."""
     result = subprocess.run(
-        [sys.executable, "-c", CODE],
+        [sys.executable, "-c", CODE, name],
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "0"},
         capture_output=True,
         text=True,
@@ -78,18 +98,20 @@ def test_kernels_compiled_ahead_are_those_that_are_called():
     assert result.returncode == 0, result.stderr
     lines = [line.split() for line in result.stdout.splitlines()]
     names = [name for name, _, _ in lines]
-    assert {"add_towers", "solve", "find_saturated", "move_drives"} < set(names)
-    assert names.index("solve") < names.index("add_towers") < names.index("move_drives")  # a step alone has the last
+    assert {last_of_rest, "find_saturated", "move_drives"} < set(names)
+    assert names.index(last_of_rest) < names.index("move_drives")  # a step alone has that
     assert "add_cable" not in names  # the other process begins with it
     asked = [line for line in lines if line[1] != "0"]
     assert len(asked) > 0.8 * len(lines)
     assert asked == [[name, "1", "True"] for name, _, _ in asked]
 
 
-def test_the_second_process_ends_well():
+@pytest.mark.parametrize("name", ["seed_example", "jig_back"])
+def test_the_second_process_ends_well(name):
     """It would fail in silence, and the first start would take longer."""
     result = subprocess.run(
-        [sys.executable, "-m", "cable_twin.simulation.first_compilation", "generalized_alpha", str(os.getpid())],
+        [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid())],
+        input=load_scenario(name).to_yaml(),
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,

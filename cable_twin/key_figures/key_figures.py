@@ -77,6 +77,11 @@ class KeyFigures:
         return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *passing, *lost]
 
 
+def compile_figures(scenario: Scenario, first: Snapshot) -> None:
+    """Compile what the key figures of a run need, with its first snapshot: before it begins, and not in its frames."""
+    KeyFigures(scenario).update(first)
+
+
 def _worse(one: KeyFigure, other: KeyFigure) -> KeyFigure:
     """Which of two figures of one name, on two strands, went farther."""
     least = one.bound == "at least" or one.name.endswith(LEAST)
@@ -90,4 +95,4 @@ def _named(rope: str, figure: str) -> str:
     return f"{rope}/{figure}" if figure.startswith(tuple(f"{end}:" for end in ENDS)) else figure
 
 
-__all__ = ["KeyFigures"]
+__all__ = ["KeyFigures", "compile_figures"]

@@ -17,7 +17,7 @@ from rich.console import Console
 from cable_twin.command_line import left_at_once
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.figure_messages import describe
-from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure, KeyFigures
+from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure, KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
@@ -210,11 +210,11 @@ def _simulation(options: argparse.Namespace, log: Log | None, console: Console) 
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         if options.snapshot is not None:
-            return Simulation.load(options.snapshot)
+            return Simulation.load(options.snapshot, meanwhile=compile_figures)
         if log is not None and not changed:
-            return start_of(log)
-        own = log.scenario if log is not None else DEFAULT_SCENARIO
-        return Simulation(load_scenario(own if options.scenario is None else options.scenario, dict(options.set)))
+            return start_of(log, meanwhile=compile_figures)
+        source = options.scenario if options.scenario is not None else log.scenario if log else DEFAULT_SCENARIO
+        return Simulation(load_scenario(source, dict(options.set)), meanwhile=compile_figures)
 
 
 def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None, start: float) -> float:

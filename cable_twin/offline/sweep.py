@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from cable_twin.command_line import INTERRUPTED, left_at_once
 from cable_twin.compilation_bar import compilation_shown
+from cable_twin.key_figures import compile_figures
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.script import ScriptError, check_script, read_script
@@ -84,7 +85,7 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
     source = DEFAULT_SCENARIO if options.scenario is None else options.scenario
     scenarios = swept_scenarios(options.sweep, source, dict(options.set))
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
-        first = Simulation(scenarios[0])
+        first = Simulation(scenarios[0], meanwhile=compile_figures)
     if faults := check_script(first, script):
         raise ScriptError("\n".join(faults))
     duration = options.duration or (script[-1].time if script else 0.0) + DURATION

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from cable_twin.commands import JOINT_COMMANDS, KINDS
 from cable_twin.compilation_bar import compilation_shown
+from cable_twin.key_figures import compile_figures
 from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
 from cable_twin.recording.run import start_run
 from cable_twin.records import AppliedCommand
@@ -196,14 +197,12 @@ class TwinNode(Node):
         given = self._settings["scenario"]
         with compilation_shown(Console(stderr=True), self.get_logger().info):
             if not self._settings["snapshot"]:
-                return Simulation(load_scenario(given))
-            simulation = Simulation.load(self._settings["snapshot"])
-        name = simulation.scenario.name
-        if "scenario" in self._parameter_overrides and Path(given).stem != name:
-            raise ParameterError(
-                f"parameter 'scenario' is '{given}'; allowed beside this 'snapshot': '{name}', its own"
-            )
-        self.set_parameters([RosParameter("scenario", value=name)])
+                return Simulation(load_scenario(given), meanwhile=compile_figures)
+            simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
+        own = simulation.scenario.name
+        if "scenario" in self._parameter_overrides and Path(given).stem != own:
+            raise ParameterError(f"parameter 'scenario' is '{given}'; allowed beside this 'snapshot': '{own}', its own")
+        self.set_parameters([RosParameter("scenario", value=own)])
         return simulation
 
     def _check(self, simulation: Simulation) -> None:

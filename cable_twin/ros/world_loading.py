@@ -8,6 +8,7 @@ from concurrent.futures import Future
 
 from rclpy.node import Node
 
+from cable_twin.key_figures import compile_figures
 from cable_twin.ros.declaration import ParameterError
 from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
@@ -64,7 +65,7 @@ class WorldLoading:
     def _load(self, scenario: Scenario, source: str, paused: bool, before: bool, future: Future[str]) -> None:
         fault = ""
         try:
-            simulation = Simulation(scenario)
+            simulation = Simulation(scenario, meanwhile=compile_figures)
             self._check(simulation)
         except (EquilibriumError, ParameterError) as error:
             fault = " ".join(str(error).split())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import monotonic
 from typing import Any, NamedTuple, cast
@@ -11,10 +12,8 @@ from typing import Any, NamedTuple, cast
 from numba.core import event
 
 from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, Kernel, kept_kernels, title_of
-from cable_twin.mechanics.parameters import INTEGRATORS
 from cable_twin.mechanics.readout.columns import observe
-from cable_twin.mechanics.solution.equilibrium import relax
-from cable_twin.mechanics.solution.integrators import integrator_named
+from cable_twin.simulation.engines import Engine
 from cable_twin.simulation.first_compilation import kernels_below
 
 PERIOD = 0.25  # s between two looks
@@ -31,19 +30,36 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Time (s) left at the speed so far; None where nothing is known of that, as of what several ropes add."""
+        """Time (s) left at the speed so far; None where nothing is known of that."""
         return self.elapsed * (1.0 - self.share) / self.share if 0.08 < self.share < 1.0 - 1e-9 else None
 
 
-def work_ahead() -> dict[tuple[str, str], float]:
-    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code."""
+def called_at_start(engine: Engine) -> list[Kernel]:
+    """Kernels that Python calls in a start."""
+    return [*engine.at_rest, cast(Kernel, observe), engine.integrator]
+
+
+def work_ahead(called: Sequence[Kernel]) -> dict[tuple[str, str], float]:
+    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code.
+
+    Args:
+        called: by Python.
+    """
     ahead: dict[tuple[str, str], float] = {}
-    for called in (relax, observe, integrator_named(INTEGRATORS[0])):
-        kernels = [kernel for kernel in kernels_below(cast(Kernel, called)) if not kernel.is_inlined]
+    for caller in called:
+        kernels = [kernel for kernel in kernels_below(caller) if not kernel.is_inlined]
         sizes = {(FROM_KERNELS, kernel.title): OVERHEAD + len(kernel.py_func.__code__.co_code) for kernel in kernels}
         ahead |= sizes
-        ahead[FROM_PYTHON, cast(Kernel, called).title] = LAST * sum(sizes.values())
+        ahead[FROM_PYTHON, caller.title] = LAST * sum(sizes.values())
     return ahead
+
+
+_expected: list[Kernel] = []  # what is compiled is this process's, as numba's events are
+
+
+def expect_kernels(engine: Engine) -> None:
+    """Say what is about to start, and with it what a first start compiles: for whoever watches it."""
+    _expected[:] = called_at_start(engine)
 
 
 @contextmanager
@@ -52,19 +68,17 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
 
     Where all are there already, nothing is told.
     """
-    if not isinstance(relax, Kernel):  # the JIT is off
+    if not isinstance(observe, Kernel):  # the JIT is off
         yield
         return
-    watch = _Watch()
+    watch, since = _Watch(), time.time()
     ended = threading.Event()
+    _expected.clear()
 
     def look() -> None:
-        ahead = work_ahead()
         while not ended.wait(PERIOD):
             if watch.begun is not None:
-                done = set(watch.done) | kept_kernels()
-                share = sum(size for kernel, size in ahead.items() if kernel in done) / sum(ahead.values())
-                shown(Moment(share, watch.kernel, monotonic() - watch.begun))
+                shown(Moment(_share(watch, since), watch.kernel, monotonic() - watch.begun))
 
     thread = threading.Thread(target=look, name="compilation watch", daemon=True)
     with event.install_listener("numba:compile", watch):
@@ -74,6 +88,15 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
         finally:
             ended.set()
             thread.join()
+
+
+def _share(watch: _Watch, since: float) -> float:
+    """Share of the work that is done: by this process or the one beside it, or before."""
+    called = [*_expected]
+    ahead = work_ahead(called)
+    there = [kernel.kinds_loaded for kernel in (*called, *kernels_below(*called))]
+    done = set(watch.done).union(kept_kernels(since), *there)
+    return sum(size for kernel, size in ahead.items() if kernel in done) / (sum(ahead.values()) or 1.0)
 
 
 class _Watch(event.Listener):
@@ -102,4 +125,4 @@ class _Watch(event.Listener):
         self._under_way = self._under_way[:-1]
 
 
-__all__ = ["Moment", "watching_compilation", "work_ahead"]
+__all__ = ["Moment", "called_at_start", "expect_kernels", "watching_compilation", "work_ahead"]

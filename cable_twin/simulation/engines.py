@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import Command, Energy
@@ -25,10 +27,20 @@ class Engine(Protocol):
     Attributes:
         parts: one a rope, with what is on it.
         commands: the last one in force of each drive that is on no rope alone.
+        at_rest: the kernels that find the rest.
+        integrator: the kernel that takes steps.
     """
 
     parts: list[Ropeway]
     commands: dict[str, Command]
+    at_rest: tuple[Kernel, ...]
+    integrator: Kernel
+
+    def arguments(self, steps: int) -> tuple[Any, ...]:
+        """What the integrator gets to take so many steps."""
+
+    def typical(self) -> dict[str, Any]:
+        """Arguments that kernels below the integrator get, by their names there; only their types count."""
 
     def find_rest(self) -> None:
         """Bring everything to where it starts."""
@@ -55,15 +67,22 @@ class Engine(Protocol):
 class SingleRope:
     """One rope and what is on it."""
 
+    at_rest: tuple[Kernel, ...] = (cast(Kernel, relax),)
+
     def __init__(self, scenario: Scenario, part: Ropeway) -> None:
         self.parts: list[Ropeway] = [part]
         self.commands: dict[str, Command] = {}
-        self._integrator = scenario.solver.integrator
+        self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
         self._work = allocate_workspace(part.system)
-        self._advance = integrator_named(self._integrator)
+        self._pack()
+
+    def _pack(self) -> None:
+        part = self.parts[0]
+        self._packed = pack(part.state)
+        self._scratch = pack(clone_state(part.state)), pack(clone_state(part.state)), pack(self._work)
 
     def find_rest(self) -> None:
-        """Bring the rope to rest, while another process compiles the integrator.
+        """Bring the rope to rest.
 
         Raises:
             EquilibriumError: it finds none.
@@ -71,14 +90,19 @@ class SingleRope:
         part = self.parts[0]
         part.lay(self._work)
         part.take_over_rest()
-        self._packed = pack(part.state)
-        self._scratch = pack(clone_state(part.state)), pack(clone_state(part.state)), pack(self._work)
+        self._pack()
+
+    def arguments(self, steps: int) -> tuple[Any, ...]:
+        """What the integrator gets to take so many steps."""
+        return self.parts[0].packed_system, self._packed, *self._scratch, steps
+
+    def typical(self) -> dict[str, Any]:
+        """Arguments that kernels below the integrator get, by their names there; only their types count."""
+        return self.parts[0].typical(self._work)
 
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps; the fields of `Outcome`."""
-        return self._advance(  # type: ignore[no-any-return]
-            self.parts[0].packed_system, self._packed, *self._scratch, steps
-        )
+        return self.integrator(*self.arguments(steps))  # type: ignore[no-any-return]
 
     def observe(self, columns: Columns) -> None:
         """Nothing: all is on the rope."""

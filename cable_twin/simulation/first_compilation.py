@@ -16,27 +16,31 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numba
 
-from cable_twin.mechanics.language.compilation import Kernel, is_compiled, keeps_kernels
-from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.solution.equilibrium import relax
-from cable_twin.mechanics.solution.integrators import integrator_named
-from cable_twin.mechanics.state import State, Workspace, allocate_state, allocate_workspace
-from cable_twin.scenario import build_system, load_scenario
+from cable_twin.mechanics.language.compilation import Kernel, keeps_kernels
+from cable_twin.scenario import Scenario, parse_scenario
+from cable_twin.simulation.engines import Engine, engine_of
 
 PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 
 @contextlib.contextmanager
-def compiling_ahead(integrator: str) -> Iterator[None]:
-    """Have `integrator` compiled elsewhere meanwhile, where it is not yet and there is a second core for it.
+def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
+    """Have the integrator of a scenario compiled elsewhere meanwhile, where it is not yet and there is a second core.
 
     On leaving, it is in the cache; if the other process failed, it will be compiled on its first call as ever.
     """
-    if not keeps_kernels() or is_compiled(integrator_named(integrator)) or len(os.sched_getaffinity(0)) < 2:
+    integrator = engine.integrator
+    cores = len(os.sched_getaffinity(0))
+    if (
+        cores < 2
+        or not isinstance(integrator, Kernel)
+        or not keeps_kernels()
+        or integrator.is_kept(engine.arguments(0))
+    ):
         yield
         return
     root = str(Path(__file__).resolve().parents[2])
@@ -44,13 +48,17 @@ def compiling_ahead(integrator: str) -> Iterator[None]:
     with (
         _without_collector(),
         subprocess.Popen(
-            [sys.executable, "-m", "cable_twin.simulation.first_compilation", integrator, str(os.getpid())],
+            [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid())],
             env={**os.environ, "PYTHONPATH": path},
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-        ),
+            text=True,
+        ) as process,
     ):
+        with contextlib.suppress(OSError):  # it has ended already
+            process.stdin.write(scenario.to_yaml())  # type: ignore[union-attr]
+            process.stdin.close()  # type: ignore[union-attr]
         yield
 
 
@@ -66,8 +74,8 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def kernels_below(kernel: Kernel) -> list[Kernel]:
-    """All that a kernel calls, and what those call, each once: in the order of the code, callers before callees."""
+def kernels_below(*callers: Kernel) -> list[Kernel]:
+    """All that kernels call, and what those call, each once: in the order of the code, callers before callees."""
     found: dict[Kernel, None] = {}
 
     def visit(caller: Kernel) -> None:
@@ -77,24 +85,22 @@ def kernels_below(kernel: Kernel) -> list[Kernel]:
                 found[callee] = None
                 visit(callee)
 
-    visit(kernel)
+    for caller in callers:
+        visit(caller)
     return list(found)
 
 
-def begin_with(integrator: Kernel, system: System, state: State, work: Workspace) -> dict[Kernel, tuple[Any, ...]]:
+def begin_with(engine: Engine) -> dict[Kernel, tuple[Any, ...]]:
     """Kernels below an integrator, with arguments of the types they get, to compile while the other process starts.
 
     That needs much of the same, and goes from its begin on: so here the second half of that comes first, from its end
     on, then what a step alone has. The first half is there by then, and is not compiled twice. Arguments go by their
     names; a kernel that has others comes with its caller.
     """
-    whole = {"system": system, "state": state, "before": state, "work": work}
-    known: dict[str, Any] = whole | system._asdict() | {"gravity": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
-    known |= dict.fromkeys(("carriage", "contact", "tower", "end", "body"), 0)
-    known |= dict.fromkeys(("mass_factor", "rate_factor", "stiffness_factor", "duration"), 1.0)
+    known = engine.typical()
     chosen = {}
-    in_step = kernels_below(integrator)
-    shared = [kernel for kernel in kernels_below(cast(Kernel, relax)) if kernel in in_step]
+    in_step = kernels_below(engine.integrator)
+    shared = [kernel for kernel in kernels_below(*engine.at_rest) if kernel in in_step]
     own = [kernel for kernel in in_step if kernel not in shared]
     for kernel in (*reversed(shared[len(shared) // 2 :]), *reversed(own)):
         names = list(inspect.signature(kernel.py_func).parameters)
@@ -111,17 +117,14 @@ def _end_with_parent(parent: int) -> None:
 
 
 def main() -> None:
-    """Compile one integrator, for a system of any size."""
-    integrator, parent = sys.argv[1:]
+    """Compile the integrator of the scenario that comes in."""
+    (parent,) = sys.argv[1:]
     _end_with_parent(int(parent))
     gc.disable()
-    system = build_system(load_scenario("seed_example", {"solver.integrator": integrator}))
-    state, work = allocate_state(system), allocate_workspace(system)
-    advance = integrator_named(integrator)
-    if isinstance(advance, Kernel):
-        for kernel, arguments in begin_with(advance, system, state, work).items():
-            numba.typeof(kernel).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
-    advance(system, state, state, state, work, 0)
+    engine = engine_of(parse_scenario(sys.stdin.read()))
+    for kernel, arguments in begin_with(engine).items():
+        numba.typeof(kernel).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
+    engine.integrator(*engine.arguments(0))
 
 
 if __name__ == "__main__":

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
@@ -21,8 +22,9 @@ from cable_twin.mechanics.solution.bundle.records import (
     allocate_bundle_work,
     clone_bundle_state,
 )
-from cable_twin.mechanics.solution.bundle.rest import settle_bundle
-from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, without_friction
+from cable_twin.mechanics.solution.bundle.rest import relax_bundle, settle_bundle
+from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
+from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, relax, without_friction
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
@@ -43,6 +45,9 @@ SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment o
 
 class RopeBundle:
     """Several ropes, what hangs between them and what pushes them from below."""
+
+    at_rest: tuple[Kernel, ...] = cast(Kernel, relax), cast(Kernel, relax_bundle), cast(Kernel, feel_ends)
+    integrator = cast(Kernel, advance_bundle)
 
     def __init__(self, scenario: Scenario, parts: list[Ropeway]) -> None:
         self.parts, self._scenario = parts, scenario
@@ -137,17 +142,28 @@ class RopeBundle:
             yielded = np.cumsum([0.0, *(one.uplift_force / pantographs.stiffness[row, :-1])])
             moving.stages.position[row] = head + yielded
 
+    def arguments(self, steps: int) -> tuple[Any, ...]:
+        """What the integrator gets to take so many steps."""
+        first = self.parts[0]
+        ropes = first.system, first.state, self._works[0]
+        return self.bundle, self.moving, *self._spare, self._scratch, *ropes, steps
+
+    def typical(self) -> dict[str, Any]:
+        """Arguments that kernels below the integrator get, by their names there; only their types count."""
+        first, bundle, moving = self.parts[0], self.bundle, self.moving
+        whole = {"bundle": bundle, "moving": moving, "scratch": self._scratch, "like": first.system.cable.gravity}
+        return (
+            first.typical(self._works[0]) | whole | {"sheaves": bundle.sheaves, "motion": moving.sheaves, "sheave": 0}
+        )
+
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps; the fields of `Outcome`."""
         for row, part in enumerate(self.parts):
             if part.packed_system is not self._packed_systems[row]:
                 self._addresses.write(row, SYSTEM, part.system)
                 self._packed_systems[row] = part.packed_system
-        first = self.parts[0]
-        outcome = advance_bundle(
-            self.bundle, self.moving, *self._spare, self._scratch, first.system, first.state, self._works[0], steps
-        )
-        if self.loop.rolled_back and not first.stopped:
+        outcome = self.integrator(*self.arguments(steps))
+        if self.loop.rolled_back and not self.parts[0].stopped:
             self.commands.clear()
             for part in self.parts:
                 part.refuse()

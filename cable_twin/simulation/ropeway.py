@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from cable_twin.mechanics.drives.stations import hang_in_station, park
@@ -134,6 +136,15 @@ class Ropeway:
         held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
         apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
         return held and not self.scenario.towers and cable.unstrained_length < apart
+
+    def typical(self, work: Workspace) -> dict[str, Any]:
+        """Arguments that kernels get for one rope, by the names that they have there; only their types count."""
+        system, state = self.system, self.state
+        whole = {"system": system, "state": state, "before": state, "work": work}
+        numbers: dict[str, Any] = dict.fromkeys(("carriage", "contact", "tower", "end", "body"), 0)
+        numbers |= dict.fromkeys(("mass_factor", "rate_factor", "stiffness_factor", "duration", "h"), 1.0)
+        vectors = {"gravity": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
+        return whole | system._asdict() | numbers | vectors
 
     def mean_tension(self) -> float:
         """Mean tension (N) of the rope."""

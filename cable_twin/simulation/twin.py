@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -20,6 +20,7 @@ from cable_twin.records import (
 )
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.advance import in_parts, meeting_found, report_of, undamped
+from cable_twin.simulation.compilation_watch import expect_kernels
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.element_crossing import warn_of_crossing
 from cable_twin.simulation.engines import engine_of
@@ -33,6 +34,7 @@ from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_f
 from cable_twin.snapshot import Layout, Snapshot
 
 SAMPLES = 200  # points at which a snapshot holds the cable
+Meanwhile = Callable[[Scenario, Snapshot], object]
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 
 
@@ -51,12 +53,20 @@ class Simulation(Readings):
         scenario: what to simulate.
         samples: points (at least 2) at which snapshots hold the cable.
         on_demand: read a snapshot when it is asked for, and not at each command: for one thread alone.
+        meanwhile: gets the scenario and its first snapshot while another process may still compile the integrator.
 
     Raises:
         EquilibriumError: the cable finds no rest with its carriages on it, or they start within each other.
     """
 
-    def __init__(self, scenario: Scenario, *, samples: int = SAMPLES, on_demand: bool = False) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        samples: int = SAMPLES,
+        on_demand: bool = False,
+        meanwhile: Meanwhile | None = None,
+    ) -> None:
         self.scenario = scenario
         self._engine = engine_of(scenario)
         self._parts = self._engine.parts
@@ -67,7 +77,8 @@ class Simulation(Readings):
         self._shown = read_only(self._state)
         self._observer, self._on_demand = Observer(scenario, self._engine, samples), on_demand
         self.supports = self._observer.layout.supports
-        with compiling_ahead(scenario.solver.integrator):
+        expect_kernels(self._engine)
+        with compiling_ahead(scenario, self._engine):
             self._engine.find_rest()
             # compiles what reads the state, while the other process is still at it
             first = self._observer.snapshot(0.0, NOTHING_DONE)
@@ -75,6 +86,8 @@ class Simulation(Readings):
                 check_pressure(part.system, rope)
                 if scenario.solver.integrator == "generalized_alpha":
                     warn_of_crossing(part.scenario, scenario, part.system, rope)
+            if meanwhile is not None:
+                meanwhile(scenario, first)
         self._at_start = True
         self._engine.advance(0)  # compile, if still to do
         self._engine.begin()
@@ -87,7 +100,9 @@ class Simulation(Readings):
         self._show(NOTHING_DONE)
 
     @classmethod
-    def load(cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES) -> Simulation:
+    def load(
+        cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None
+    ) -> Simulation:
         """Go on from a file of `save`, or a stream of one, with the same bits as the simulation that was saved.
 
         Raises:
@@ -95,7 +110,7 @@ class Simulation(Readings):
         """
         name = str(source) if isinstance(source, str | Path) else "snapshot"
         full = read_full_state(Path(source) if isinstance(source, str) else source, name)
-        simulation = cls(full.scenario, samples=samples)
+        simulation = cls(full.scenario, samples=samples, meanwhile=meanwhile)
         try:
             simulation.restore(full)
         except SnapshotError as error:

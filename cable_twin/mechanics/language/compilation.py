@@ -24,7 +24,7 @@ from typing import Any
 import numba
 
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.language.parts import KernelCache, PartCache, PartCompiler, WholeCompiler
+from cable_twin.mechanics.language.parts import BriefCompiler, KernelCache, PartCache, PartCompiler, WholeCompiler
 
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 MECHANICS = Path(__file__).parents[1]
@@ -88,13 +88,15 @@ class Kernel:
     others call is compiled without it, and without machine code of its own (`parts`).
     """
 
-    def __init__(self, function: Callable[..., Any], **options: Any) -> None:
+    def __init__(
+        self, function: Callable[..., Any], compiler: type[WholeCompiler] = WholeCompiler, **options: Any
+    ) -> None:
         """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
         functools.update_wrapper(self, function)
         self.py_func = function
         self.targetoptions = options  # where numba looks whether to inline it
         with _kept_in(function, FROM_PYTHON) as keeps:
-            self._from_python: Any = numba.njit(pipeline_class=WholeCompiler, **_OPTIONS, **options)(function)
+            self._from_python: Any = numba.njit(pipeline_class=compiler, **_OPTIONS, **options)(function)
             if keeps:
                 self._from_python._cache = KernelCache(function)
         with _kept_in(function, FROM_KERNELS) as keeps:
@@ -112,6 +114,17 @@ class Kernel:
     def is_inlined(self) -> bool:
         """Whether it is compiled as if it stood in its callers, and never by itself."""
         return self.targetoptions.get("inline") == "always"
+
+    @property
+    def kinds_loaded(self) -> set[tuple[str, str]]:
+        """Kind and title of what this process has loaded from the cache."""
+        both = {FROM_PYTHON: self._from_python, FROM_KERNELS: self._from_kernels}
+        return {(kind, self.title) for kind, compiled in both.items() if any(compiled.stats.cache_hits.values())}
+
+    def is_kept(self, arguments: tuple[Any, ...]) -> bool:
+        """Whether it is in the cache, to be called from Python with arguments of these types."""
+        cache = self._from_python._cache
+        return isinstance(cache, KernelCache) and cache.has(tuple(numba.typeof(pack(one)) for one in arguments))
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it, compiled on the first call for these types or loaded from the cache."""
@@ -138,6 +151,12 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile `function` on its first call, or load it from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function)
+
+
+def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`kernel` that runs once, and not for long: a first start is not to wait for better machine code of it."""
+    config: Any = numba.config
+    return function if config.DISABLE_JIT else Kernel(function, BriefCompiler)
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -167,20 +186,17 @@ def title_of(function: Callable[..., Any]) -> str:
     return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
-def kept_kernels() -> set[tuple[str, str]]:
-    """What of the mechanics is in the cache by now: kind, of `FROM_PYTHON` and `FROM_KERNELS`, and title."""
+def kept_kernels(since: float) -> set[tuple[str, str]]:
+    """What of the mechanics has come into the cache since a time (s, of the clock): kind and title.
+
+    Kinds are `FROM_PYTHON` and `FROM_KERNELS`. A kernel is there before for other types, of a plane or of one rope.
+    """
     directory = cache_directory(MECHANICS)
     if directory is None:
         return set()
-    kinds = (FROM_PYTHON, FROM_KERNELS)
-    return {(kind, file.name.rpartition("-")[0]) for kind in kinds for file in (directory / kind).glob("**/*.nbi")}
-
-
-def is_compiled(function: Callable[..., Any]) -> bool:
-    """Whether `function`, a kernel to be called from Python, is in the cache for some types."""
-    if not isinstance(function, Kernel):
-        return True
-    directory = _directory_of(function.py_func)
-    if directory is None:
-        return False  # no process has it but this one
-    return any((directory / FROM_PYTHON).glob(f"**/{function.title}-*.nbc"))
+    return {
+        (kind, file.name.rpartition("-")[0])
+        for kind in (FROM_PYTHON, FROM_KERNELS)
+        for file in (directory / kind).glob("**/*.nbi")
+        if file.stat().st_mtime >= since
+    }

@@ -14,6 +14,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, compile_result
 from numba.core.compiler_machinery import PassManager
+from numba.core.registry import cpu_target
 from numba.core.typed_passes import (
     IRLegalization,
     NativeLowering,
@@ -64,6 +65,16 @@ class WholeCompiler(CompilerBase):
         return [passes]
 
 
+class BriefCompiler(WholeCompiler):
+    """Compiles what Python calls, and what does not run for long."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """As numba asks for them."""
+        self.state.library = _BriefLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
 class PartCompiler(WholeCompiler):
     """Compiles what kernels call."""
 
@@ -71,6 +82,16 @@ class PartCompiler(WholeCompiler):
         """As numba asks for them."""
         self.state.library = _PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
+
+
+class _BriefLibrary(JITCodeLibrary):
+    """A kernel in whose optimisation numba's first round is the only one."""
+
+    def _optimize_final_module(self) -> None:
+        passes, builder = self._codegen._module_pass_manager(
+            opt=0, loop_vectorize=False, slp_vectorize=False, cost="cheap"
+        )
+        passes.run(self._final_module, builder)
 
 
 class _NoCode:
@@ -133,6 +154,10 @@ class _PartFile(CompileResultCacheImpl):
 class KernelCache(FunctionCache):
     """Where numba keeps what Python calls, found by its content."""
 
+    def has(self, types: tuple[Any, ...]) -> bool:
+        """Whether it is there for arguments of these types."""
+        return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
+
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), content_of(self._py_func))
 
@@ -143,4 +168,4 @@ class PartCache(KernelCache):
     _impl_class = _PartFile  # type: ignore[assignment]
 
 
-__all__ = ["KernelCache", "PartCache", "PartCompiler", "WholeCompiler"]
+__all__ = ["BriefCompiler", "KernelCache", "PartCache", "PartCompiler", "WholeCompiler"]

@@ -7,7 +7,7 @@ from math import isfinite
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import brief_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
@@ -75,7 +75,7 @@ def note_rest(system, state):
     settle_towers(system.cable, system.towers, state)
 
 
-@kernel
+@brief_kernel
 def relax(system, state, good, work, max_relaxations, tolerance):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
 
