@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from rich.progress import Progress
@@ -20,6 +21,7 @@ from benchmarks.measure import BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
 
 SCENARIO = "aerial_tramway"
+SIMULATED = (SCENARIO, "windy_tramway", "chairlift", "jig_back")  # one rope and several, in a plane and in space
 READY = (
     "from cable_twin.scenario import load_scenario; from cable_twin.simulation import Simulation; "
     f"Simulation(load_scenario('{SCENARIO}')).advance_to(0.01)"
@@ -29,6 +31,7 @@ READ_MEMORY = (
     "print(json.dumps({'resident': int(status['VmRSS'].split()[0]) / 1024, "
     "'peak': int(status['VmHWM'].split()[0]) / 1024}))"
 )
+SIMULATE = f"import sys; from cable_twin.offline.simulate import main; code = main(); {READ_MEMORY}; sys.exit(code)"
 TIME_CODE = "import time; start = time.perf_counter(); {code}; print(time.perf_counter() - start); "
 RUNS = " runs at "  # in the line with which the node says that time runs
 SIM_TIMEOUT = 300.0  # s
@@ -45,6 +48,8 @@ def run(effort: Effort, progress: Progress) -> Part:
         "import cable_twin.simulation": lambda environment: _start("import cable_twin.simulation", environment),
     }
     compiling: dict[str, Start] = {f"Simulation of {SCENARIO}, first frame": lambda where: _start(READY, where)}
+    for name in SIMULATED:
+        compiling[f"simulate {name}, 1 s, no logs"] = partial(_start_simulate, name)
     if importlib.util.find_spec("rclpy") is not None:
         compiling["sim, until time runs"] = _start_sim
     taken: dict[str, list[Result]] = {name: [] for name in starts}
@@ -89,6 +94,21 @@ def _start(code: str, environment: dict[str, str]) -> Result:
         raise BenchmarkError(f"{code}: {result.stderr.strip()}")
     inside, memory = result.stdout.split(maxsplit=1)
     return {"process": process, "inside": float(inside), **json.loads(memory)}
+
+
+def _start_simulate(name: str, environment: dict[str, str]) -> Result:
+    """Run `simulate` for a second of simulated time.
+
+    Raises:
+        BenchmarkError: it could not.
+    """
+    command = [sys.executable, "-c", SIMULATE, name, "--duration", "1", "--record", "off"]
+    start = time.perf_counter()
+    result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    process = time.perf_counter() - start
+    if result.returncode:
+        raise BenchmarkError(f"simulate {name}: {result.stderr.strip()}")
+    return {"process": process, **json.loads(result.stdout.splitlines()[-1])}
 
 
 def _start_sim(environment: dict[str, str]) -> Result:

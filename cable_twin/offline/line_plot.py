@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
+SAFETY_FACTOR = "rope safety factor"
 HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
 
 
@@ -100,7 +102,8 @@ def _plan(axes: Axes, line: Line) -> None:
 
 
 def _tension(axes: Axes, line: Line) -> None:
-    """Least and highest tension at each arc length, and the limit by the safety factor."""
+    """Least and highest tension at each arc length, and the limits by the safety factors."""
+    dashes = cycle(("-", "-.", ":"))
     arc = _layout(line).arc_lengths
     tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
     low, high = tensions.min(axis=0), tensions.max(axis=0)
@@ -109,13 +112,25 @@ def _tension(axes: Axes, line: Line) -> None:
         axes.fill_between(arc[part], low[part], high[part], color=color, alpha=0.2, linewidth=0)
         axes.plot(arc[part], high[part], color=color, label=f"{whose}highest")
         axes.plot(arc[part], low[part], color=color, linestyle="--", label=f"{whose}lowest")
-    factor = next((figure for figure in line.figures if figure.name.endswith("rope safety factor")), None)
-    if factor is not None and factor.limit is not None and line.scenario.cable.breaking_force is not None:
-        limit = 1e-3 * line.scenario.cable.breaking_force / factor.limit
-        axes.axhline(limit, color=LIMIT, linewidth=1.0, label=f"{factor.name.replace('rope ', '')} of {factor.limit:g}")
+    for limit, names in tension_limits(line).items():
+        axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=next(dashes), label=names)
     axes.set_xlabel("arc length of the rope, unstrained [m]")
     axes.set_ylabel("tension [kN]")
-    axes.legend(ncols=5, **HEAD)
+    axes.legend(ncols=4, **HEAD)
+
+
+def tension_limits(line: Line) -> dict[float, str]:
+    """Tension (kN) that the safety factor of a rope allows, with that factor, and of several ropes with their names."""
+    shared: dict[tuple[float, float], list[str]] = {}
+    for name, rope in (line.scenario.ropes or {"": line.scenario.cable}).items():
+        called = f"{name}: {SAFETY_FACTOR}" if name else SAFETY_FACTOR
+        allowed = next((one.limit for one in line.figures if one.name == called), None)
+        if allowed is not None and rope.breaking_force is not None:
+            shared.setdefault((1e-3 * rope.breaking_force / allowed, allowed), []).append(name)
+    return {
+        limit: f"safety factor of {factor:g}" + (f", {', '.join(names)}" if line.scenario.ropes else "")
+        for (limit, factor), names in shared.items()
+    }
 
 
 def _clearance(axes: Axes, line: Line) -> None:
@@ -148,8 +163,8 @@ def _towers(axes: Axes, line: Line) -> None:
         axes.axhline(1e-3 * line.scenario.limits.support_load, color=LIMIT, linewidth=1.0, label="limit")
     axes.set_xlabel(_where(line))
     axes.set_ylabel("load of the rope\non towers [kN]")
-    if len(towers) > 2:
-        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=9.0 if len(towers) <= MANY else 5.5)
+    if len(towers) > MANY:
+        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=5.5)
     else:
         axes.legend(ncols=4, **HEAD)
 
@@ -165,4 +180,4 @@ def _layout(line: Line) -> Layout:
     return Layout.of(line.scenario, line.columns[0].rope_tension.size // max(len(line.scenario.ropes), 1))
 
 
-__all__ = ["write_line_plot"]
+__all__ = ["tension_limits", "write_line_plot"]

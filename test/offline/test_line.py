@@ -16,7 +16,7 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.line_plot import write_line_plot
+from cable_twin.offline.line_plot import tension_limits, write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {
@@ -90,6 +90,9 @@ def test_what_a_haul_rope_pulls_goes_together_by_the_travel_of_its_drive():
     np.testing.assert_allclose(places[:, 1], [1028.0, 522.0, 16.0], rtol=0.0, atol=3.0)
     cabins = np.array([columns.joint_position[:, 2] for columns in line.columns])
     assert np.all(np.diff(cabins, axis=0) * [1.0, -1.0] > 0.0)  # one up, one down
+    limits = tension_limits(line)  # kN, each with the ropes whose limit it is
+    assert list(limits) == pytest.approx([5200.0 / 3.15, 760.0 / 4.5])
+    assert list(limits.values()) == ["safety factor of 3.15, track_1, track_2", "safety factor of 4.5, haul_1, haul_2"]
     with pytest.raises(ValueError, match="--vehicle: given 'cabin_3'; allowed: haul_rope"):
         plan_line(line.scenario, 3, "cabin_3")
 
