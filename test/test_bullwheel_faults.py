@@ -80,7 +80,13 @@ def test_a_rope_that_no_vehicle_can_reach_is_told():
         ({"sheaves__drive__friction": 0.005}, "sheaves.drive: at rest its strands pull with 1.89"),
         (
             {"sheaves__return__counterweight": {**WEIGHT, "travel": [-0.2, 0.2]}},
-            "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.369",
+            "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.3695 m; allowed: limits "
+            "around that, or ropes that are 0.339 m shorter in all",
+        ),
+        (
+            {"sheaves__return__counterweight": {**WEIGHT, "travel": [0.5, 4.0]}},
+            "sheaves.return.counterweight.travel: given 0.5 to 4 m, but it rests at 0.3695 m; allowed: limits "
+            "around that, or ropes that are 0.261 m longer in all",
         ),
     ],
 )
@@ -90,3 +96,23 @@ def test_a_rest_that_cannot_be_is_told_in_a_line(changes, said):
     assert said in str(caught.value)
     assert "allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_rope_beside_its_bullwheel_is_refused_where_that_is_real():
+    with pytest.raises(ScenarioError, match="joins: given ends that are 12 m apart; allowed: at most the diameter"):
+        load_scenario("jig_back", {"ropes.haul_1.lateral": 3.0})
+
+
+@pytest.mark.parametrize(("key", "given"), [("travel", [0.0, 0.5]), ("sheave", "wheel")])
+def test_the_drive_of_a_cable_without_bullwheels_takes_none_of_theirs(key, given):
+    drive = {"kind": "moving_cable", key: given}
+    with pytest.raises(ScenarioError, match=rf"drives.haul_rope.{key}: given .*; allowed: null, for the cable has no"):
+        load_scenario("aerial_tramway", {"drives": {"haul_rope": drive}})
+
+
+def test_a_drive_without_force_has_none_while_bearings_hold_the_wheel():
+    simulation = Simulation(load_scenario(lift(sheaves__drive__resistance=1e5)), samples=2, on_demand=True)
+    simulation.command("haul_rope", force=0.0)
+    simulation.advance_to(3.0)
+    drive = simulation.snapshot.drives["haul_rope"]
+    assert (drive.speed, drive.force) == (0.0, 0.0)

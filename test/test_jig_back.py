@@ -174,3 +174,24 @@ def test_a_way_of_the_drive_has_the_start_in_it(travel):
     data["drives"]["haul_rope"]["travel"] = travel
     with pytest.raises(ScenarioError, match=r"drives.haul_rope.travel: given .*; allowed: least, then most, in m"):
         load_scenario(data)
+
+
+@needs_kernels
+def test_a_rollback_brakes_cabins_too_at_the_same_step_always():
+    """The full cabin goes up, its drive is lost, and it pulls the empty one back up."""
+    means = {f"carriages.cabin_{number}.drive.emergency_stop": ["track_rope_brake"] for number in (1, 2)}
+    seen = []
+    for period in (0.04, 0.5):
+        simulation = Simulation(load_scenario("jig_back", {**QUICK, **means, "sheaves.drive.rollback": 0.5}), samples=2)
+        simulation.command("haul_rope", speed=1.0)
+        for number in range(1, round(8.0 / period) + 1):
+            simulation.advance_to(number * period)
+        simulation.command("haul_rope", force=0.0)
+        while not simulation.emergency_stopped and simulation.time < 60.0:
+            simulation.advance_to(simulation.time + period)
+        simulation.advance_to(62.0)
+        braking = [bool(part.state.drive_braking.any()) for part in simulation.parts.values()]
+        assert braking == [True, True, False, False]
+        assert simulation.snapshot.drives["haul_rope"].speed == pytest.approx(0.0, abs=0.05)
+        seen.append(simulation.snapshot.numbers.tobytes())
+    assert seen[0] == seen[1]

@@ -96,3 +96,15 @@ def test_what_is_in_one_place_has_one_name():
     }
     rim = np.array([(798.0, -2.0, 1.0), (802.0, 2.0, 1.0)])
     assert gathered(places, {"drive": rim}) == {"drive": places["up/end"], "tower_1": places["tower_1_up"]}
+
+
+def test_places_that_begin_alike_keep_names_of_their_own():
+    places = {
+        "haul_1/start": (0.0, 0.0),
+        "haul_2/end": (0.0, 0.0),
+        "haul_1/end": (9.0, 1.0),
+        "haul_2/start": (9.0, 1.0),
+    }
+    rims = {"return": np.array([(-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)])}
+    assert list(gathered(places, rims)) == ["return", "haul"]
+    assert list(gathered(places, {})) == ["haul", "haul_1/end, haul_2/start"]

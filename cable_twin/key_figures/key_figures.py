@@ -31,7 +31,8 @@ class KeyFigures:
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
         self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
-        self._passing = PassingFigures(scenario) if len(scenario.ropes) > 1 and scenario.dim == 3 else None
+        meeting = len(scenario.ropes) > 1 and len(scenario.vehicles) > 1 and scenario.dim == 3
+        self._passing = PassingFigures(scenario) if meeting else None
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""

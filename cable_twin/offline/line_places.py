@@ -67,7 +67,11 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
         return Line(scenario, "", np.zeros(1))
     name = movable[0] if vehicle is None else vehicle
     if name not in movable:
-        others = [pulling, scenario.carriers.name if scenario.carriers is not None else ""]
+        others = [
+            pulling,
+            *(hauled if pulling else ()),
+            scenario.carriers.name if scenario.carriers is not None else "",
+        ]
         allowed = ", ".join(filter(None, [*movable, *others]))
         raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, it has none'}")
     stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])

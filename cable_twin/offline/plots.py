@@ -113,27 +113,32 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
     return file
 
 
-def _lines(runs: Sequence[PlottedRun], quantity: str) -> list[tuple[int, str]]:
+def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
     """Runs and signals of a quantity that have any number; of several runs only the last body of each carriage."""
     lines = []
     for index, run in enumerate(runs):
         names = [
             name
             for name, series in run.signals.series.items()
-            if name.partition("/")[0] == quantity and np.isfinite(series.line()[1]).any()
+            if name.partition("/")[0] == signal.name and np.isfinite(series.line()[1]).any()
         ]
-        if len(runs) > 1:
+        if len(runs) > 1 and signal.whose == "bodies":
             names = list({name.split("/")[1]: name for name in names}.values())
         lines += [(index, name) for name in names]
     return lines
 
 
+def _is_end(name: str) -> bool:
+    """Whether a signal is of the end of a rope: "load/start", or "load/up/start" of several."""
+    return name.rpartition("/")[2] in ENDS
+
+
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
     """Panels of a signal that have any number: of supports one for the ends and one for towers, which bear far less."""
-    lines = _lines(runs, signal.name)
+    lines = _lines(runs, signal)
     if signal.whose != "supports":
         return [Panel(signal, signal.label, lines)] if lines else []
-    at_ends = [line for line in lines if line[1].split("/")[1] in ENDS]
+    at_ends = [line for line in lines if _is_end(line[1])]
     at_towers = [line for line in lines if line not in at_ends]
     kinds = ((signal.label, at_ends), (signal.label.replace("support", "tower"), at_towers))
     return [Panel(signal, label, some) for label, some in kinds if some]

@@ -78,7 +78,7 @@ def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: M
 
 
 def gathered(places: Mapping[str, Sequence[float]], wheels: Mapping[str, FloatArray]) -> dict[str, Sequence[float]]:
-    """Places by name, once each: of several names there what they begin with, the bullwheel between them, or all.
+    """Places by name, once each: of several names there the bullwheel between them, what they begin with, or all.
 
     Args:
         places: Name -> m, x first.
@@ -92,7 +92,8 @@ def gathered(places: Mapping[str, Sequence[float]], wheels: Mapping[str, FloatAr
         x = places[some[0]][0]
         near = [name for name, rim in wheels.items() if np.min(rim[:, 0]) <= x <= np.max(rim[:, 0])]
         common = commonprefix(some).rstrip("_/")  # noqa: RUF071 - of letters
-        called.append(common or (near[0] if near else ", ".join(some)))
+        name = near[0] if near and len(some) > 1 else common or ", ".join(some)
+        called.append(", ".join(some) if name in called else name)
     return {name: places[some[0]] for name, some in zip(called, names.values(), strict=True)}
 
 

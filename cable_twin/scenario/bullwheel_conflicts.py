@@ -64,6 +64,9 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
     """Ends that are not at the rim, and strands that are not the same rope."""
     ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
     ends = [in_space(ropes[0].end.position), in_space(ropes[1].start.position)]
+    if scenario.dim == 3:  # there ropes are beside each other, and not just drawn so
+        names = [end.partition(".")[0] for end in sheave.joins]
+        ends = [scenario.placed(name, end) for name, end in zip(names, ends, strict=True)]
     wide = 2.0 * sheave.radius * (1.0 + APART)
     if (apart := dist(*ends)) > wide:
         yield Fault(

@@ -69,7 +69,7 @@ class RopeDrive(Section):
     kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
     sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
     speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
-    limits: Limits = Field(default_factory=Limits, description="limits of the drive; it has none of force")
+    limits: Limits = Field(default_factory=Limits, description="limits of the drive; its force is held by friction")
     travel: Vector | None = quantity(
         "m", "rope gone by since the start, least and most, before which the drive of a bullwheel stops", None
     )

@@ -152,6 +152,9 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
             given = getattr(drive.limits, key)
             if given is not None:
                 yield Fault((*path, "limits", key), f"given {given!r}; allowed: null, {why}")
+        for key in ("travel", "sheave"):
+            if (given := getattr(drive, key)) is not None:
+                yield Fault((*path, key), f"given {show(given)}; allowed: null, for the cable has no bullwheels")
     if scenario.drives:
         for end in ("start", "end"):
             if getattr(scenario.cable, end).support == "free":

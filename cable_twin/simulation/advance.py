@@ -29,29 +29,35 @@ def in_parts(
     Returns:
         What came of all of them, or until one failed or two vehicles are pressed through each other.
     """
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
     if not _has_more_to_do(parts, meetings):
-        return Outcome(*advance(steps))
+        while total.converged and total.steps < steps:
+            total = _joined(total, Outcome(*advance(steps - total.steps)))
+        return total
     step, clock = parts[0].system.solver.step, parts[0].state.clock
     period = max(round(PERIOD / step), 1)
-    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
     while total.converged and total.steps < steps and not meeting_found(parts, meetings):
         rest = steps - total.steps
         until = period - int(clock[0]) % period if _has_more_to_do(parts, meetings) else rest
-        part = Outcome(*advance(min(rest, until)))
-        total = part._replace(
-            steps=total.steps + part.steps,
-            iterations=total.iterations + part.iterations,
-            halvings=total.halvings + part.halvings,
-            gap=max(total.gap, part.gap),
-            lost=total.lost + part.lost,
-            moved=total.moved + part.moved,
-        )
+        total = _joined(total, Outcome(*advance(min(rest, until))))
         if total.converged and int(clock[0]) % period == 0:
             for ropeway in parts:
                 load_on(ropeway, period * step)
                 if ropeway.rooms:
                     exchange(ropeway)
     return total
+
+
+def _joined(before: Outcome, last: Outcome) -> Outcome:
+    """What came of two calls."""
+    return last._replace(
+        steps=before.steps + last.steps,
+        iterations=before.iterations + last.iterations,
+        halvings=before.halvings + last.halvings,
+        gap=max(before.gap, last.gap),
+        lost=before.lost + last.lost,
+        moved=before.moved + last.moved,
+    )
 
 
 def _has_more_to_do(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> bool:

@@ -31,7 +31,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
         limits = _limits(name, command.kind, scenario)
         if not math.isfinite(value):
             raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-        limit = limits.speed if command.kind == "speed" else limits.force or _most_by_friction(name, scenario)
+        limit = limits.speed if command.kind == "speed" else limits.force or most_by_friction(name, scenario)
         if limit is not None and abs(value) > limit:
             raise CommandError(
                 f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
@@ -57,7 +57,7 @@ def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
     return carriage.drive.limits
 
 
-def _most_by_friction(name: str, scenario: Scenario) -> float | None:
+def most_by_friction(name: str, scenario: Scenario) -> float | None:
     """Force (N) of a bullwheel's drive above which the rope slips at the tension it may have; None of other drives."""
     drive = scenario.drives.get(name)
     if drive is None or drive.sheave is None:

@@ -21,7 +21,7 @@ from cable_twin.simulation.command_checks import (
     check_station,
     check_wind,
 )
-from cable_twin.simulation.driving import brake, drive, drive_mode
+from cable_twin.simulation.driving import drive, drive_mode
 from cable_twin.simulation.engines import Engine, RopeBundle
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
@@ -107,15 +107,7 @@ def _gust(ropeway: Ropeway, command: Command) -> None:
 
 
 def _stop(ropeway: Ropeway, _: Command) -> None:
-    state = ropeway.state
-    if not ropeway.stopped:
-        state.braking_time[:] = 0.0
-    ropeway.stopped = True
-    ropeway.commands.clear()
-    state.rope_target[0] = 0.0
-    state.rope_braking[0] = True
-    for row in ropeway.rows.values():
-        brake(ropeway.system, state, row)
+    ropeway.stop()
 
 
 def _release(ropeway: Ropeway, _: Command) -> None:

@@ -46,7 +46,7 @@ class Engine(Protocol):
         """Bring everything to where it starts."""
 
     def advance(self, steps: int) -> tuple[Any, ...]:
-        """Take so many steps; the fields of `Outcome`."""
+        """Take so many steps, or fewer where something is to be done after one of them; the fields of `Outcome`."""
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of what is on no rope alone."""

@@ -14,6 +14,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -45,21 +46,20 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
         return
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    with (
-        _without_collector(),
-        subprocess.Popen(
-            [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid())],
-            env={**os.environ, "PYTHONPATH": path},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        ) as process,
-    ):
-        with contextlib.suppress(OSError):  # it has ended already
-            process.stdin.write(scenario.to_yaml())  # type: ignore[union-attr]
-            process.stdin.close()  # type: ignore[union-attr]
-        yield
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as given:  # a pipe would fill up before the other one reads
+        given.write(scenario.to_yaml())
+        given.seek(0)
+        with (
+            _without_collector(),
+            subprocess.Popen(
+                [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid())],
+                env={**os.environ, "PYTHONPATH": path},
+                stdin=given,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            ),
+        ):
+            yield
 
 
 @contextlib.contextmanager

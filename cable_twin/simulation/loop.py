@@ -110,11 +110,12 @@ class Loop:
             device, travel = sheave.tensioning, float(self.motion.carriage.position[row])
             if device is None or device.travel[0] <= travel <= device.travel[1]:
                 continue
+            way = "shorter" if travel > device.travel[1] else "longer"
             beyond = max(device.travel[0] - travel, travel - device.travel[1])
             raise EquilibriumError(
                 f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}.travel: given "
                 f"{device.travel[0]:g} to {device.travel[1]:g} m, but it rests at {travel:.4g} m; allowed: limits "
-                f"around that, or ropes that are {2.0 * beyond:.3g} m {'shorter' if travel > 0.0 else 'longer'} in all"
+                f"around that, or ropes that are {2.0 * beyond:.3g} m {way} in all"
             )
 
     def set_in_motion(self) -> dict[str, Command]:
@@ -171,6 +172,8 @@ class Loop:
         force = motion.traction + sheaves.inertia * motion.rim.acceleration
         force += sheaves.resistance * np.sign(motion.rim.velocity)
         braked = (motion.braking != 0) & (sheaves.brake_force > 0.0)
+        given = (motion.mode == FORCE) & (motion.braking == 0)
+        force[given] = motion.force[given]  # bearings may hold the wheel with less than they have
         force[(sheaves.driven == 0) | braked] = 0.0
         columns.sheave_position[:], columns.sheave_speed[:] = motion.rope.position, motion.rope.velocity
         columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension

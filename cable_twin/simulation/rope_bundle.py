@@ -157,7 +157,7 @@ class RopeBundle:
         )
 
     def advance(self, steps: int) -> tuple[Any, ...]:
-        """Take so many steps; the fields of `Outcome`."""
+        """Take so many steps, or fewer: until a lift has rolled back; the fields of `Outcome`."""
         for row, part in enumerate(self.parts):
             if part.packed_system is not self._packed_systems[row]:
                 self._addresses.write(row, SYSTEM, part.system)
@@ -166,7 +166,7 @@ class RopeBundle:
         if self.loop.rolled_back and not self.parts[0].stopped:
             self.commands.clear()
             for part in self.parts:
-                part.refuse()
+                part.stop()
         return outcome  # type: ignore[no-any-return]
 
     def observe(self, columns: Columns) -> None:

@@ -19,7 +19,7 @@ from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads, build_system
-from cable_twin.simulation.driving import hang_in_ropes, set_in_motion
+from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.meeting import with_buffers
 from cable_twin.simulation.snapshot_file import FullState
 
@@ -124,10 +124,16 @@ class Ropeway:
         """Put payloads (vehicles,) in kg into the system."""
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
 
-    def refuse(self) -> None:
-        """Take no more commands, as in an emergency stop that has begun by itself, and forget those in force."""
+    def stop(self) -> None:
+        """Begin the emergency stop of the rope and of what drives on it: no more commands, and none is in force."""
+        if not self.stopped:
+            self.state.braking_time[:] = 0.0
         self.stopped = True
         self.commands.clear()
+        self.state.rope_target[0] = 0.0
+        self.state.rope_braking[0] = True
+        for row in self.rows.values():
+            brake(self.system, self.state, row)
 
     @property
     def is_taut(self) -> bool:

@@ -206,7 +206,7 @@ class Simulation(Readings):
         Args:
             name: of the carriage or the drive.
             speed: m/s along the cable, of either sign.
-            force: N along the cable; a moving cable takes only speeds.
+            force: N along the cable, or at the rim of a bullwheel; a cable without bullwheels takes only speeds.
 
         Raises:
             CommandError: when it is refused: unknown name, not finite, over the limit, emergency stop in force.

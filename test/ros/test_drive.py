@@ -239,6 +239,7 @@ def test_bad_options_are_named_in_a_line(capsys, arguments, said):
         ("jig_back", "cabin", "speed", 3.0, "the twin has no carriage or drive 'cabin' to command; it has: haul_rope"),
         ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope' is 30 m/s; allowed are -10 to 10 m/s"),
         ("chairlift", "haul_rope", "force", 0.0, None),  # a drive that is lost
+        ("chairlift", "haul_rope", "force", 1e6, "force of 'haul_rope' is 1e+06 N; allowed are -106453 to 106453 N"),
         ("aerial_tramway", "cabin", "force", 1e4, None),
     ],
 )

@@ -237,6 +237,15 @@ def end_bullwheels(sheaves, motion):
 
 
 @kernel
+def wheels_gone_back(motion):
+    """Number of wheels that have gone back further than they may."""
+    count = 0
+    for sheave in range(motion.rolled_back.size):
+        count += motion.rolled_back[sheave]
+    return count
+
+
+@kernel
 def hold_again(motion, sheave):
     """Let a rope that slipped stick to the rim, once that has its speed."""
     rim, rope = motion.rim, motion.rope

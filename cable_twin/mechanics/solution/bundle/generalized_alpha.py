@@ -9,7 +9,12 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
-from cable_twin.mechanics.solution.bundle.bullwheels import correct_bullwheels, end_bullwheels, move_bullwheels
+from cable_twin.mechanics.solution.bundle.bullwheels import (
+    correct_bullwheels,
+    end_bullwheels,
+    move_bullwheels,
+    wheels_gone_back,
+)
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, follow_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
@@ -155,7 +160,7 @@ def copy_ropes(bundle, source, target, state):
 
 @kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Take `steps` whole steps, as `generalized_alpha.advance` does.
+    """Take `steps` whole steps, as `generalized_alpha.advance` does, or those until a lift has rolled back.
 
     Returns:
         The fields of `Outcome`.
@@ -163,6 +168,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     solver, clock = system.solver, record_at(bundle.records[0, STATE], state).clock
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
+    taken, gone_back = 0, wheels_gone_back(moving.sheaves)
     for done in range(steps):
         copy_ropes(bundle, STATE, GOOD, state)
         copy_record(moving, moving_good)
@@ -199,7 +205,10 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             return False, done, iterations, halvings, worst_gap, increment, element, lost, moved
         for rope in range(bundle.records.shape[0]):
             record_at(bundle.records[rope, STATE], state).clock[0] += 1
+        taken = done + 1
+        if wheels_gone_back(moving.sheaves) > gone_back:
+            break
     for rope in range(bundle.records.shape[0]):
         own = record_at(bundle.records[rope, SYSTEM], system)
         report_forces(own, record_at(bundle.records[rope, STATE], state))
-    return True, steps, iterations, halvings, worst_gap, increment, 0, lost, moved
+    return True, taken, iterations, halvings, worst_gap, increment, 0, lost, moved
