@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 from changed_keys import change
+from ruamel.yaml import YAML
 
-from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario import ScenarioError, config_directory, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.twin import EquilibriumError
 
@@ -116,3 +117,36 @@ def test_a_drive_without_force_has_none_while_bearings_hold_the_wheel():
     simulation.advance_to(3.0)
     drive = simulation.snapshot.drives["haul_rope"]
     assert (drive.speed, drive.force) == (0.0, 0.0)
+
+
+def own_lift():
+    """A file of a lift as it is written, not resolved."""
+    return YAML(typ="safe", pure=True).load(config_directory() / "chairlift.yaml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"towers__tower_3__ropes": {"up": {}, "dwn": {}}},
+            "towers.tower_3.ropes.dwn: no such rope; allowed: up, down",
+        ),
+        ({"towers__tower_3__ropes": ["up", "down"]}, "towers.tower_3.ropes: given ['up', 'down']; allowed: a mapping"),
+        ({"towers__tower_3__ropes": {"up": 1.0}}, "towers.tower_3.ropes.up: given 1.0; allowed: a mapping of keys of"),
+        ({"sheaves__drive__drive__name": True}, "sheaves.drive.drive.name: given True; allowed: a text"),
+        ({"sheaves__drive__joins": ["up.end", "dwn.start"]}, "sheaves.drive.joins.1: given 'dwn.start'; allowed: "),
+    ],
+)
+def test_what_a_file_says_wrong_is_its_first_line(changes, said):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(change(own_lift(), changes))
+    assert str(caught.value).splitlines()[0].partition(": ")[2].startswith(said)
+
+
+def test_a_strand_that_is_not_there_is_a_line():
+    data = own_lift()
+    del data["ropes"]["down"]
+    for tower in data["towers"].values():
+        tower["ropes"].pop("down", None)
+    with pytest.raises(ScenarioError, match=r"sheaves.drive.joins.1: given 'down.start'; allowed: up.start"):
+        load_scenario(data)

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
+from ruamel.yaml import YAML
 
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import config_directory, load_scenario, reference, scenario_names
@@ -46,6 +48,26 @@ def test_scenarios_name_the_json_schema():
         first = file.read_text(encoding="utf-8").splitlines()[0]
         schema = first.removeprefix("# yaml-language-server: $schema=")
         assert (file.parent / schema).resolve() == DOCS / reference.JSON_SCHEMA
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_the_json_schema_takes_what_is_shipped_as_it_stands_in_the_file(name):
+    """Keys, too, that only a file has: drives of bullwheels, towers of several ropes."""
+    written = YAML(typ="safe", pure=True).load(config_directory() / f"{name}.yaml")
+    faults = Draft202012Validator(reference.json_schema()).iter_errors(written)
+    assert [f"{fault.json_path}: {fault.message}" for fault in faults] == []
+
+
+@pytest.mark.parametrize(
+    ("key", "known"),
+    [
+        ("sheaves.drive.drive.limits.speed", "sheaves.NAME.drive.limits.speed"),
+        ("sheaves.drive.drive.name", "sheaves.NAME.drive.name"),
+        ("towers.tower_1.ropes", "towers.NAME.ropes.NAME"),
+    ],
+)
+def test_what_a_file_alone_has_is_explained(key, known):
+    assert known in [entry.key for entry in reference.explained(key)]
 
 
 def test_explain_prints_an_entry(capsys):

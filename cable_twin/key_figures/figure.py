@@ -31,19 +31,22 @@ class KeyFigure:
     @property
     def kept(self) -> bool | None:
         """Whether the limit is kept, to a thousandth of it, as a drive keeps its speed; None without a limit."""
-        if self.limit is None:
-            return None
-        beyond = self.value - self.limit if self.bound == "at most" else self.limit - self.value
-        return beyond <= TOLERANCE * abs(self.limit)
+        return None if self.limit is None else self._keeps(self.value)
 
     @property
     def verdict(self) -> str:
         """Whether the limit is kept in words, "not decided" within the uncertainty; nothing without a limit."""
         if self.limit is None:
             return ""
-        if self.uncertainty is not None and abs(self.value - self.limit) <= self.uncertainty:
+        off = self.uncertainty or 0.0
+        if self._keeps(self.value - off) != self._keeps(self.value + off):
             return "not decided"
         return "kept" if self.kept else "exceeded"
+
+    def _keeps(self, value: float) -> bool:
+        assert self.limit is not None
+        beyond = value - self.limit if self.bound == "at most" else self.limit - value
+        return beyond <= TOLERANCE * abs(self.limit)
 
 
 def values_of(figure: KeyFigure) -> dict[str, str]:

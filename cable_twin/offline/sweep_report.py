@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.offline.export import STDOUT, figure_columns
@@ -27,7 +28,7 @@ def print_sweep(console: Console, title: str, runs: Sequence[SweptRun], figures:
     """Print a row for each value with the figures that come nearest to their limits, and where limits are passed."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown = figures[:room]
-    table = Table(title, box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(escape(title), box=box.SIMPLE_HEAD, pad_edge=False)
     scales = []
     for figure in shown:
         unit, scale = _unit_of(figure)
@@ -47,7 +48,7 @@ def print_sweep(console: Console, title: str, runs: Sequence[SweptRun], figures:
     if not passed:
         return
     rising = runs[-1].value >= runs[0].value
-    below = Table("passes its limit", "", title, "limit", "source", box=box.SIMPLE_HEAD, pad_edge=False)
+    below = Table("passes its limit", "", escape(title), "limit", "source", box=box.SIMPLE_HEAD, pad_edge=False)
     for figure, value in sorted(passed, key=lambda item: item[1] if rising else -item[1]):
         unit, scale = _unit_of(figure)
         limit = f"{_bound(figure, scale)} {'' if unit == '-' else unit}".strip()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import pi
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
 from cable_twin.scenario.drives import Brake
+from cable_twin.scenario.fault import Fault, KeyPath, show
 from cable_twin.scenario.quantities import FromList, Place, Section, Vector, quantity
 
 EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
+FILE_SECTIONS = "sheaves", "towers", "ropes"
+ROPES_EXAMPLE = "{up: {}, down: {}}"
 Joined = Annotated[tuple[str, str], FromList]
 
 
@@ -112,6 +115,8 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
         loop: list[tuple[str, float, str]] = []
         rope, place = first, 0.0
         while rope not in found and f"{rope}.end" in onto and rope not in [name for name, _, _ in loop]:
+            if rope not in lengths:
+                break  # a fault of its own
             sheave = onto[f"{rope}.end"]
             loop.append((rope, place, sheave))
             place += lengths[rope] + sheaves[sheave].wrapped
@@ -121,6 +126,28 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
             for (name, offset, after), before in zip(loop, befores, strict=False):
                 found[name] = Strand(place, offset, before, after)
     return found
+
+
+def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
+    """What a file says wrong of what `expand_bullwheels` writes otherwise."""
+    sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
+    for name, sheave in sheaves.items():
+        drive = sheave.get("drive") if isinstance(sheave, dict) else None
+        if isinstance(drive, dict) and not isinstance(drive.get("name", name), str):
+            yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text")
+    for name, tower in towers.items():
+        own = tower.get("ropes") if isinstance(tower, dict) else None
+        path: KeyPath = ("towers", name, "ropes")
+        if own is not None and not isinstance(own, dict):
+            yield Fault(
+                path, f"given {show(own)}; allowed: a mapping of ropes to what is another there: {ROPES_EXAMPLE}"
+            )
+            continue
+        for rope, differs in (own or {}).items():
+            if rope not in ropes:
+                yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
+            elif differs is not None and not isinstance(differs, dict):
+                yield Fault((*path, rope), f"given {show(differs)}; allowed: a mapping of keys of a tower, or null")
 
 
 def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:

@@ -63,13 +63,24 @@ class Drive(Section):
     )
 
 
-class RopeDrive(Section):
-    """What moves the cable along itself, through its held ends; commands name it."""
+class DriveOfRope(Section):
+    """What every drive of a rope has."""
 
-    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
-    sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
     speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; its force is held by friction")
     travel: Vector | None = quantity(
         "m", "rope gone by since the start, least and most, before which the drive of a bullwheel stops", None
     )
+
+
+class RopeDrive(DriveOfRope):
+    """What moves the cable along itself, through its held ends; commands name it."""
+
+    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
+    sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
+
+
+class BullwheelDrive(DriveOfRope):
+    """The drive of a bullwheel, as a file has it below that."""
+
+    name: str | None = Field(default=None, description="what commands call it; null: as the bullwheel")

@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
-from cable_twin.scenario.bullwheels import expand_bullwheels
+from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
 from cable_twin.scenario.fault import Fault, show
 from cable_twin.scenario.find_faults import find_faults, inner_model, unknown_key
 from cable_twin.scenario.schema import Scenario
@@ -71,6 +71,8 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
         overrides = {own: value for key, value in overrides.items() for own in _expanded(data, key)}
+        if in_file := list(faults_in_file(data)):
+            raise ScenarioError(*(_line(label, fault, overrides) for fault in [*faults, *in_file]))
         data = expand_bullwheels(data)
         for key, value in overrides.items():
             if str(key).partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):

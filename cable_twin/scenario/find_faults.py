@@ -42,6 +42,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
     faults = list(_implausible(scenario)) or ([] if scenario.ropes else list(rest_faults(scenario)))
+    faults.sort(key=lambda fault: "joins" not in fault.path)  # what is joined wrongly has faults elsewhere
     return (None if faults else scenario), faults
 
 

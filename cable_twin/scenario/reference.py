@@ -17,8 +17,10 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from cable_twin.scenario.bullwheels import Sheave
+from cable_twin.scenario.drives import BullwheelDrive
 from cable_twin.scenario.find_faults import allowed
-from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.schema import Scenario, Tower
 
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list
@@ -55,6 +57,15 @@ class Table(NamedTuple):
     places: tuple[str, ...]  # dotted keys of the sections of this kind, "" for the whole file
     meaning: str
     entries: tuple[Entry, ...]  # keys within the section
+
+
+TOWER_OF_ROPES = Entry(
+    f"ropes.{NAME}",
+    "",
+    "null",
+    "null, or a mapping of keys of a tower",
+    "for each rope that runs over it what is another there; each becomes a tower, called as both",
+)
 
 
 def tables() -> list[Table]:
@@ -111,7 +122,19 @@ def page() -> str:
 
 def json_schema() -> dict[str, Any]:
     """The JSON schema of a scenario file."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    schema = Scenario.model_json_schema()
+    definitions, drive = schema["$defs"], BullwheelDrive.model_json_schema(ref_template="#/$defs/{model}")
+    definitions |= drive.pop("$defs", {}) | {"BullwheelDrive": drive}
+    definitions["Sheave"]["properties"]["drive"] = _or_null("BullwheelDrive")
+    definitions["Tower"]["properties"]["ropes"] = {"type": "object", "additionalProperties": _or_null("Tower")}
+    definitions["Tower"].pop("required", None)  # what it needs may stand below its `ropes`
+    schema.pop("required", None)
+    schema["anyOf"] = [{"required": ["cable"]}, {"required": ["ropes"]}]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _or_null(definition: str) -> dict[str, Any]:
+    return {"anyOf": [{"$ref": f"#/$defs/{definition}"}, {"type": "null"}]}
 
 
 def write(directory: Path) -> list[Path]:
@@ -125,6 +148,8 @@ def write(directory: Path) -> list[Path]:
 def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
     """The model at a key and those below it."""
     yield place, model
+    if model is Sheave:  # in a file alone, as what `TOWER_OF_ROPES` says: `expand_bullwheels` writes both otherwise
+        yield from _sections(_join(place, "drive"), BullwheelDrive)
     for name, field in model.model_fields.items():
         for below, inner in _models(field.annotation):
             yield from _sections(_join(place, name) + below, inner)
@@ -152,6 +177,8 @@ def _entries(model: type[BaseModel]) -> Iterator[Entry]:
         unit = field.json_schema_extra.get("unit", "") if isinstance(field.json_schema_extra, dict) else ""
         meaning = (field.description or "").removesuffix(f" ({unit})")
         yield Entry(name, str(unit), _default(field), allowed(field, unit=False), meaning)
+    if model is Tower:
+        yield TOWER_OF_ROPES
 
 
 def _default(field: FieldInfo) -> str:

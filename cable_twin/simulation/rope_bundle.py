@@ -24,6 +24,7 @@ from cable_twin.mechanics.solution.bundle.records import (
 )
 from cable_twin.mechanics.solution.bundle.rest import relax_bundle, settle_bundle
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
+from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, relax, without_friction
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
 from cable_twin.records import Command, Energy
@@ -102,11 +103,14 @@ class RopeBundle:
         Raises:
             EquilibriumError: there is none.
         """
-        for part, work in zip(self.parts, self._works, strict=True):
+        for name, part, work in zip(self._scenario.ropes, self.parts, self._works, strict=True):
             if part.is_taut:
                 lay_taut(part.system, part.state)
-            else:
+                continue
+            try:
                 part.lay(work)
+            except EquilibriumError as error:
+                raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
