@@ -255,6 +255,14 @@ def test_a_rope_that_there_is_not_is_named():
             ask(places, "haul")
 
 
+@pytest.mark.parametrize("beyond", [-5.0, 1e4, float("nan")])
+def test_a_place_that_is_not_on_the_rope_is_named(beyond):
+    simulation = two_bodies()
+    for ask in (simulation.cable_positions, simulation.cable_tension):
+        with pytest.raises(ValueError, match=rf"arc length {beyond:.9g} m given; allowed: 0 to [\d.]+ m, on the rope"):
+            ask(np.array([0.0, beyond]))
+
+
 def test_a_snapshot_cannot_be_written():
     snapshot = two_bodies().snapshot
     for numbers in (snapshot.numbers, snapshot.columns.speed, snapshot.cable.positions, snapshot.bodies.position):

@@ -21,6 +21,7 @@ from cable_twin.signals import SIGNALS
 from cable_twin.snapshot import Snapshot
 
 STDOUT = "-"
+OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"}  # of other files
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
 FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band")
 
@@ -162,8 +163,12 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def export_fault(options: argparse.Namespace) -> str | None:
     """What is wrong with them, in a line."""
-    both = options.csv == options.json == STDOUT
-    return "--csv - and --json - are given; the output has room for one" if both else None
+    if options.csv == options.json == STDOUT:
+        return "--csv - and --json - are given; the output has room for one"
+    for key, path in (("csv", options.csv), ("json", options.json)):
+        if path not in (None, STDOUT) and Path(path).suffix.lower() in OTHERS - {f".{key}"}:
+            return f"--{key} {path}: {key.upper()} is written; allowed: a name that ends in .{key}, or {STDOUT}"
+    return None
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:

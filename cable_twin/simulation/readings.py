@@ -20,6 +20,7 @@ from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.snapshot import Snapshot
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
+LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
 class Readings:
@@ -44,10 +45,9 @@ class Readings:
         """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
 
         Raises:
-            ValueError: when there is no rope of that name.
+            ValueError: when there is no rope of that name, or no such place on it.
         """
-        part = self._part(rope)
-        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")  # a copy: kernels want what may be written
+        part, arc_lengths = self._places(rope, arc_lengths)
         positions = np.empty((arc_lengths.size, 3))
         sample_positions(part.system.cable, part.state, arc_lengths, positions)
         return positions
@@ -56,10 +56,9 @@ class Readings:
         """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m: linear between the means of the elements.
 
         Raises:
-            ValueError: when there is no rope of that name.
+            ValueError: when there is no rope of that name, or no such place on it.
         """
-        part = self._part(rope)
-        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
+        part, arc_lengths = self._places(rope, arc_lengths)
         tensions = np.empty(arc_lengths.size)
         means = np.empty(groups(part.system.cable))
         sample_tensions(part.system.cable, part.state, arc_lengths, tensions, means)
@@ -144,6 +143,19 @@ class Readings:
         """The ground below each rope, and in space what is around it, made when somebody asks for the clearance."""
         look = surroundings_of if self._ropeway.scenario.dim == 3 else ground_of
         return {name: look(part.scenario) for name, part in zip(self._observer.layout.ropes, self._parts, strict=True)}
+
+    def _places(self, rope: str | None, arc_lengths: FloatArray) -> tuple[Ropeway, FloatArray]:
+        """A rope and places on it, copied, as kernels want what may be written.
+
+        Raises:
+            ValueError: there is no such rope, or it has no such place.
+        """
+        part, places = self._part(rope), np.array(arc_lengths, dtype=np.float64, order="C")
+        length = part.system.cable.unstrained_length
+        off = places[~((places >= -LEAST * length) & (places <= (1.0 + LEAST) * length))]
+        if off.size:
+            raise ValueError(f"arc length {off.flat[0]:.9g} m given; allowed: 0 to {length:.9g} m, on the rope")
+        return part, places
 
     def _part(self, rope: str | None) -> Ropeway:
         """A rope with what is on it, by name; the first one without.

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from cable_twin.mechanics.language.addresses import record_at
-from cable_twin.mechanics.language.compilation import brief_kernel
+from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_record
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
@@ -21,7 +21,7 @@ CLOSED = 1e-6  # m, gap of a clamp
 LONGEST_WAY = 0.2  # m, that a point goes in an iteration
 
 
-@brief_kernel
+@kernel
 def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_relaxations, tolerance):
     """Pseudo-transient continuation of all ropes together, as `equilibrium.relax`.
 
