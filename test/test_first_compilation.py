@@ -81,10 +81,7 @@ for kernel, arguments in chosen.items():
 ONE, SEVERAL = "solve", "solve_bundle"  # one rope, several
 
 
-@pytest.mark.parametrize(
-    ("name", "last_of_rest"),
-    [("seed_example", ONE), ("windy_tramway", ONE), ("pantograph", SEVERAL), ("jig_back", SEVERAL)],
-)
+@pytest.mark.parametrize(("name", "last_of_rest"), [("seed_example", ONE), ("jig_back", SEVERAL)])
 def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     """Each is asked for with the types that it is compiled for; a few are asked for by callers of other arguments."""
     result = subprocess.run(
