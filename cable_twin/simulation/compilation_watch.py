@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from typing import Any, NamedTuple, cast
@@ -35,12 +36,13 @@ class Moment(NamedTuple):
         return self.elapsed * (1.0 - self.share) / self.share if 0.08 < self.share < 1.0 - 1e-9 else None
 
 
-def called_at_start(engine: Engine) -> list[Kernel]:
+def called_at_start(engine: Engine) -> tuple[Kernel, ...]:
     """Kernels that Python calls in a start."""
-    return [*engine.at_rest, cast(Kernel, observe), engine.integrator]
+    return *engine.at_rest, cast(Kernel, observe), engine.integrator
 
 
-def work_ahead(called: Sequence[Kernel]) -> dict[tuple[str, str], float]:
+@functools.cache  # asked for some times a second, for which what compiles has to wait
+def work_ahead(called: tuple[Kernel, ...]) -> dict[tuple[str, str], float]:
     """What a first start compiles, by kind and name of the kernel, in bytes of Python's code.
 
     Args:
@@ -93,7 +95,7 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
 
 def _share(watch: _Watch, since: float) -> float:
     """Share of the work that is done: by this process or the one beside it, or before."""
-    called = [*_expected]
+    called = tuple(_expected)
     ahead = work_ahead(called)
     there = [kernel.kinds_loaded for kernel in (*called, *kernels_below(*called))]
     done = set(watch.done).union(kept_kernels(since), *there)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import gc
 import inspect
 import os
@@ -74,7 +75,8 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def kernels_below(*callers: Kernel) -> list[Kernel]:
+@functools.cache
+def kernels_below(*callers: Kernel) -> tuple[Kernel, ...]:
     """All that kernels call, and what those call, each once: in the order of the code, callers before callees."""
     found: dict[Kernel, None] = {}
 
@@ -87,7 +89,7 @@ def kernels_below(*callers: Kernel) -> list[Kernel]:
 
     for caller in callers:
         visit(caller)
-    return list(found)
+    return tuple(found)
 
 
 def begin_with(engine: Engine) -> dict[Kernel, tuple[Any, ...]]:
