@@ -10,7 +10,6 @@ import shutil
 import signal
 import sys
 import threading
-from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,7 +87,9 @@ def _compiles(frame: FrameType | None) -> bool:
 
 
 def _interrupt_later() -> None:
-    timer = threading.Timer(RETRY, interrupt_main)
+    main = threading.main_thread().ident or 0
+    # a true signal, to that thread: it ends what waits there, which a note to the interpreter alone would not
+    timer = threading.Timer(RETRY, signal.pthread_kill, (main, signal.SIGINT))
     timer.daemon = True
     timer.start()
 
