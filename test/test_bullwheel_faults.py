@@ -143,6 +143,14 @@ def test_what_a_file_says_wrong_is_its_first_line(changes, said):
     assert str(caught.value).splitlines()[0].partition(": ")[2].startswith(said)
 
 
+@pytest.mark.parametrize("given", [{}, {"name": None}])
+def test_a_drive_without_a_name_is_called_as_its_bullwheel(given):
+    data = own_lift()
+    drive = {key: value for key, value in data["sheaves"]["drive"]["drive"].items() if key != "name"}
+    data["sheaves"]["drive"]["drive"] = drive | given
+    assert list(load_scenario(data).drives) == ["drive"]
+
+
 def test_a_strand_that_is_not_there_is_a_line():
     data = own_lift()
     del data["ropes"]["down"]

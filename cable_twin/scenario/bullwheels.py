@@ -133,7 +133,7 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
     sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
     for name, sheave in sheaves.items():
         drive = sheave.get("drive") if isinstance(sheave, dict) else None
-        if isinstance(drive, dict) and not isinstance(drive.get("name", name), str):
+        if isinstance(drive, dict) and not isinstance(drive.get("name"), str | None):
             yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text")
     for name, tower in towers.items():
         own = tower.get("ropes") if isinstance(tower, dict) else None
@@ -160,7 +160,7 @@ def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:
             if isinstance(sheave, dict) and isinstance(sheave.get("drive"), dict):
                 plain[name] = {key: value for key, value in sheave.items() if key != "drive"}
                 given = dict(sheave["drive"])
-                called = given.pop("name", name)
+                called = given.pop("name", None) or name
                 drives[called] = {"kind": "moving_cable", "sheave": name, **given}
         data = {**data, "sheaves": plain} | ({"drives": drives} if drives else {})
     towers = data.get("towers")
