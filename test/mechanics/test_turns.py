@@ -21,7 +21,6 @@ from cable_twin.mechanics.language.turns import (
     moment,
     moment_by_turn,
 )
-from cable_twin.mechanics.language.vectors import formula
 
 SPACE = (0.0, 0.0, -9.81)
 TENSOR = np.array([[0.5, 0.03, -0.02], [0.03, 0.4, 0.01], [-0.02, 0.01, 0.3]])
@@ -107,9 +106,3 @@ def test_the_turn_between_two_orientations(turn, sign):
     turn_row(last, turn)
     last[3:] *= sign
     np.testing.assert_allclose(turn_between(first, last, SPACE), turn, atol=1e-15)
-
-
-def test_each_formula_has_a_name_of_its_own():
-    """Compiled code is kept by name, types and instructions; those that differ in numbers alone would be one."""
-    names = {formula("a, b", [f"a[{i}] * b[0]", "a[0]"]).__qualname__ for i in range(3)}
-    assert len(names) == 3

@@ -7,7 +7,6 @@ lanes are arrays of numpy.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -77,30 +76,6 @@ for _plain, _in_place, _instruction in (
 ):
     _define(_plain, _instruction)
     _define(_in_place, _instruction)
-
-
-@_intrinsic
-def _root(typingctx, value):
-    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
-        function = ir.FunctionType(_VECTOR, [_VECTOR])
-        return builder.call(cgutils.get_or_insert_function(builder.module, function, f"llvm.sqrt.v{WIDTH}f64"), values)
-
-    return LANES(LANES), generate
-
-
-def square_root(value: Any) -> Any:
-    """Square root of a float, or of each lane."""
-    return np.sqrt(value)
-
-
-@overload(square_root, jit_options=OVERLOAD)
-def _square_root(value):
-    function = _root if isinstance(value, LanesType) else math.sqrt
-
-    def root(value):
-        return function(value)
-
-    return root
 
 
 @_intrinsic

@@ -12,6 +12,7 @@ import numpy as np
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.turns import Turn
 from cable_twin.mechanics.language.vectors import (
     OPTIONS,
@@ -33,7 +34,7 @@ def orientation(row: Any, like: Vector) -> Matrix:
     return _of_quaternion(row[3], row[4], row[5], row[6])
 
 
-@kernel
+@formula
 def _of_quaternion(x, y, z, w):
     """Rotation matrix (9,) of a quaternion of any length but 0."""
     f = 2.0 / (x * x + y * y + z * z + w * w)
@@ -75,7 +76,7 @@ def turn_row(row, turn):
     row[3], row[4], row[5], row[6] = p / length, q / length, r / length, s / length
 
 
-@kernel
+@formula
 def quaternion_rate(row, spin):
     """Rate (4,) in 1/s of the quaternion of a body in space at a spin (3,) about the axes of the world: ω q / 2."""
     a, b, c = 0.5 * spin[0], 0.5 * spin[1], 0.5 * spin[2]

@@ -6,11 +6,8 @@ belongs to it in the coordinates of a body is the pitch in a plane, and a unit q
 
 from __future__ import annotations
 
-from numba.extending import overload
-
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     Matrix,
     Vector,
     add_scaled,
@@ -22,16 +19,13 @@ from cable_twin.mechanics.language.vectors import (
 Turn = tuple[float, ...]
 
 
+@formula
 def no_turn(like: Vector) -> Turn:
     """The turn that is none, of the space of the vector `like`."""
     return (0.0,) if len(like) == 2 else (0.0, 0.0, 0.0)
 
 
-@overload(no_turn, jit_options=OPTIONS)
-def _no_turn(like):
-    return {2: lambda like: (0.0,), 3: lambda like: (0.0, 0.0, 0.0)}[like.count]
-
-
+@formula
 def cross(turn: Turn, arm: Vector) -> Vector:
     """What a turn (or spin) does to an arm (dim,), θ x a."""
     if len(arm) == 2:
@@ -43,18 +37,7 @@ def cross(turn: Turn, arm: Vector) -> Vector:
     )
 
 
-@overload(cross, jit_options=OPTIONS)
-def _cross(turn, arm):
-    return {
-        2: lambda turn, arm: (turn[0] * arm[1], -turn[0] * arm[0]),
-        3: lambda turn, arm: (
-            turn[1] * arm[2] - turn[2] * arm[1],
-            turn[2] * arm[0] - turn[0] * arm[2],
-            turn[0] * arm[1] - turn[1] * arm[0],
-        ),
-    }[arm.count]
-
-
+@formula
 def moment(arm: Vector, force: Vector) -> Turn:
     """Moment a x F of a force (dim,) at an arm (dim,)."""
     if len(arm) == 2:
@@ -62,18 +45,7 @@ def moment(arm: Vector, force: Vector) -> Turn:
     return cross(arm, force)
 
 
-@overload(moment, jit_options=OPTIONS)
-def _moment(arm, force):
-    return {
-        2: lambda arm, force: (arm[1] * force[0] - arm[0] * force[1],),
-        3: lambda arm, force: (
-            arm[1] * force[2] - arm[2] * force[1],
-            arm[2] * force[0] - arm[0] * force[2],
-            arm[0] * force[1] - arm[1] * force[0],
-        ),
-    }[arm.count]
-
-
+@formula
 def by_turn(arm: Vector) -> Matrix:
     """Matrix (dim x turns) of θ x a by the turn θ; its transpose is that of a x F by F."""
     if len(arm) == 2:
@@ -81,14 +53,7 @@ def by_turn(arm: Vector) -> Matrix:
     return 0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0
 
 
-@overload(by_turn, jit_options=OPTIONS)
-def _by_turn(arm):
-    return {
-        2: lambda arm: (arm[1], -arm[0]),
-        3: lambda arm: (0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0),
-    }[arm.count]
-
-
+@formula
 def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
     """Matrix (turns x turns) of the moment (θ x a) x F by the turn θ of the arm: a Fᵀ - (a·F) 1."""
     along = sum(x * f for x, f in zip(arm, force, strict=True))
@@ -97,24 +62,7 @@ def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
     return tuple(arm[i] * force[j] - (along if i == j else 0.0) for i in range(3) for j in range(3))
 
 
-@overload(moment_by_turn, jit_options=OPTIONS)
-def _moment_by_turn(arm, force):
-    return {
-        2: lambda arm, force: (-(arm[0] * force[0] + arm[1] * force[1]),),
-        3: lambda arm, force: (
-            -arm[1] * force[1] - arm[2] * force[2],
-            arm[0] * force[1],
-            arm[0] * force[2],
-            arm[1] * force[0],
-            -arm[0] * force[0] - arm[2] * force[2],
-            arm[1] * force[2],
-            arm[2] * force[0],
-            arm[2] * force[1],
-            -arm[0] * force[0] - arm[1] * force[1],
-        ),
-    }[arm.count]
-
-
+@formula
 def gyration(
     inertia: Matrix,
     spin: Turn,
@@ -140,18 +88,7 @@ def gyration(
     return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor)
 
 
-@overload(gyration, jit_options=OPTIONS)
-def _gyration(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
-    def planar(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
-        return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
-
-    def spatial(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
-        return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor)
-
-    return planar if spin.count == 1 else spatial
-
-
-@inlined_kernel
+@formula
 def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
     """The same with three angles.
 
@@ -175,6 +112,7 @@ def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_fa
     return total, add_scaled(stiffness_factor, static, product(by_increment, inverse, spin))
 
 
+@formula
 def inverse_of(a: Matrix) -> Matrix:
     """Inverse of a matrix of turns, of one entry or nine."""
     if len(a) == 1:
@@ -182,15 +120,7 @@ def inverse_of(a: Matrix) -> Matrix:
     return _inverse_in_space(a)
 
 
-@overload(inverse_of, jit_options=OPTIONS)
-def _inverse_of(a):
-    def spatial(a):
-        return _inverse_in_space(a)
-
-    return {1: lambda a: (1.0 / a[0],), 9: spatial}[a.count]
-
-
-@kernel
+@formula
 def _inverse_in_space(a):
     """Inverse of a full matrix (9,)."""
     c = a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6]
@@ -208,21 +138,13 @@ def _inverse_in_space(a):
     )
 
 
+@formula
 def turn_in_space(turn: Turn) -> Turn:
     """A turn, spin or moment as one of three angles."""
     return (0.0, turn[0], 0.0) if len(turn) == 1 else turn
 
 
-@overload(turn_in_space, jit_options=OPTIONS)
-def _turn_in_space(turn):
-    return {1: lambda turn: (0.0, turn[0], 0.0), 3: lambda turn: turn}[turn.count]
-
-
+@formula
 def along_track(like: Vector) -> Vector:
     """Unit vector along the track, in the space of the vector `like`."""
     return (1.0, 0.0) if len(like) == 2 else (1.0, 0.0, 0.0)
-
-
-@overload(along_track, jit_options=OPTIONS)
-def _along_track(like):
-    return {2: lambda like: (1.0, 0.0), 3: lambda like: (1.0, 0.0, 0.0)}[like.count]

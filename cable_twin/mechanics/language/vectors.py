@@ -2,147 +2,89 @@
 
 So kernels are written once for every dimension, yet their loops over it are unrolled and live in registers. A
 vector has `dim` entries (2 or 3), a matrix dim² row by row, a symmetric one its upper half, dim (dim + 1) / 2; what is
-asked for a length takes any. Each function is plain Python, used as it stands when the JIT is off; `overload` gives
-numba the same as one expression.
+asked for a length takes any.
 """
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable
 from typing import Any
 
-from numba.extending import overload
-
-from cable_twin.mechanics.language.compilation import OVERLOAD, inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import OVERLOAD
+from cable_twin.mechanics.language.formulas import formula
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
 OPTIONS: Any = OVERLOAD  # of what `overload` gives to numba
 
 
-def formula(arguments: str, entries: list[str]) -> Callable[..., Any]:
-    """The function that gives a tuple of these expressions: what numba compiles for one length of vectors."""
-    source = f"lambda {arguments}: ({', '.join(entries)},)"
-    function = eval(source)
-    # a name of its own: what is compiled is kept by name and types, and the numbers in a formula count for neither
-    name = f"formula_{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    function.__code__ = function.__code__.replace(co_name=name)
-    function.__name__ = function.__qualname__ = name
-    return function
-
-
-@inlined_kernel
-def dot(a, b):
+@formula
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product of two vectors."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
+    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-@inlined_kernel
-def store(a, row):
+@formula
+def store(a: Vector, row: Any) -> None:
     """Write the entries of `a` into the array `row`."""
     for i in range(len(a)):
         row[i] = a[i]
 
 
-@inlined_kernel
-def accumulate(a, row):
+@formula
+def accumulate(a: Vector, row: Any) -> None:
     """Add the entries of `a` to the array `row`."""
     for i in range(len(a)):
         row[i] += a[i]
 
 
+@formula
 def load(row: Any, like: Vector) -> Vector:
     """First entries of the array `row` as a tuple of the length of `like`."""
-    return tuple(float(value) for value in row[: len(like)])
+    return tuple(row[i] for i in range(len(like)))
 
 
-@overload(load, jit_options=OPTIONS)
-def _load(row, like):
-    return formula("row, like", [f"row[{i}]" for i in range(like.count)])
-
-
+@formula
 def scale(c: float, a: Vector) -> Vector:
     """Product c a."""
-    return tuple(c * value for value in a)
+    return tuple(c * x for x in a)
 
 
-@overload(scale, jit_options=OPTIONS)
-def _scale(c, a):
-    return formula("c, a", [f"c * a[{i}]" for i in range(a.count)])
-
-
+@formula
 def subtract(a: Vector, b: Vector) -> Vector:
-    """Difference a - b."""
+    """Difference a - b, of vectors or of matrices."""
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-@overload(subtract, jit_options=OPTIONS)
-def _subtract(a, b):
-    return formula("a, b", [f"a[{i}] - b[{i}]" for i in range(a.count)])
-
-
+@formula
 def add_scaled(c: float, a: Vector, b: Vector) -> Vector:
     """Sum c a + b, of vectors or of symmetric matrices."""
     return tuple(c * x + y for x, y in zip(a, b, strict=True))
 
 
-@overload(add_scaled, jit_options=OPTIONS)
-def _add_scaled(c, a, b):
-    return formula("c, a, b", [f"c * a[{i}] + b[{i}]" for i in range(a.count)])
-
-
+@formula
 def symmetric(c: float, d: float, a: Vector) -> Matrix:
     """Symmetric matrix c I + d a aᵀ."""
     dim = len(a)
-    return tuple(c * (i == j) + d * a[i] * a[j] for i in range(dim) for j in range(i, dim))
+    upper = [(i, j) for i in range(dim) for j in range(i, dim)]
+    return tuple(c + d * a[i] * a[j] if i == j else d * a[i] * a[j] for i, j in upper)
 
 
-@overload(symmetric, jit_options=OPTIONS)
-def _symmetric(c, d, a):
-    upper = [(i, j) for i in range(a.count) for j in range(i, a.count)]
-    return formula("c, d, a", [f"{'c + ' if i == j else ''}d * a[{i}] * a[{j}]" for i, j in upper])
-
-
+@formula
 def full(c: float, a: Matrix, d: float) -> Matrix:
     """Full matrix c a + d I of a symmetric matrix `a`."""
     if len(a) == 3:
-        return (c * a[0] + d, c * a[1], c * a[1], c * a[2] + d)
+        return c * a[0] + d, c * a[1], c * a[1], c * a[2] + d
     x, y, z = c * a[1], c * a[2], c * a[4]
-    return (c * a[0] + d, x, y, x, c * a[3] + d, z, y, z, c * a[5] + d)
+    return c * a[0] + d, x, y, x, c * a[3] + d, z, y, z, c * a[5] + d
 
 
-@overload(full, jit_options=OPTIONS)
-def _full(c, a, d):
-    return {
-        3: lambda c, a, d: (c * a[0] + d, c * a[1], c * a[1], c * a[2] + d),
-        6: lambda c, a, d: (
-            c * a[0] + d,
-            c * a[1],
-            c * a[2],
-            c * a[1],
-            c * a[3] + d,
-            c * a[4],
-            c * a[2],
-            c * a[4],
-            c * a[5] + d,
-        ),
-    }[a.count]
-
-
+@formula
 def outer(c: float, a: Vector, b: Vector) -> Matrix:
     """Matrix c a bᵀ."""
     return tuple(c * x * y for x in a for y in b)
 
 
-@overload(outer, jit_options=OPTIONS)
-def _outer(c, a, b):
-    return formula("c, a, b", [f"c * a[{i}] * b[{j}]" for i in range(a.count) for j in range(b.count)])
-
-
+@formula
 def product(a: Matrix, b: Matrix, inner: Vector) -> Matrix:
     """Product of two matrices of any shapes, row by row; a row of `a` is as long as `inner`."""
     count = len(inner)
@@ -152,59 +94,37 @@ def product(a: Matrix, b: Matrix, inner: Vector) -> Matrix:
     )
 
 
-@overload(product, jit_options=OPTIONS)
-def _product(a, b, inner):
-    count = inner.count
-    rows, columns = a.count // count, b.count // count
-    entries = [
-        " + ".join(f"a[{i * count + k}] * b[{k * columns + j}]" for k in range(count))
-        for i in range(rows)
-        for j in range(columns)
-    ]
-    return formula("a, b, inner", entries)
-
-
-@inlined_kernel
-def apply(a, v):
+@formula
+def apply(a: Matrix, v: Vector) -> Vector:
     """Product a v of a full matrix and a vector."""
     return product(a, v, v)
 
 
+@formula
 def multiply(a: Matrix, b: Matrix) -> Matrix:
     """Product a b of two full matrices."""
     return product(a, b, a[: 2 if len(a) == 4 else 3])
 
 
-@overload(multiply, jit_options=OPTIONS)
-def _multiply(a, b):
-    return {
-        4: lambda a, b: product(a, b, (a[0], a[1])),
-        9: lambda a, b: product(a, b, (a[0], a[1], a[2])),
-    }[a.count]
-
-
+@formula
 def minus(a: Matrix, b: Matrix) -> Matrix:
     """Difference a - b of two matrices of one shape."""
-    return tuple(x - y for x, y in zip(a, b, strict=True))
+    return subtract(a, b)
 
 
-@overload(minus, jit_options=OPTIONS)
-def _minus(a, b):
-    return formula("a, b", [f"a[{i}] - b[{i}]" for i in range(a.count)])
-
-
-@kernel
-def determinant(a):
+@formula
+def determinant(a: Matrix) -> float:
     """Determinant of a full matrix."""
     if len(a) == 4:
         return a[0] * a[3] - a[1] * a[2]
     return a[0] * (a[4] * a[8] - a[5] * a[7]) - a[1] * (a[3] * a[8] - a[5] * a[6]) + a[2] * (a[3] * a[7] - a[4] * a[6])
 
 
+@formula
 def adjugate(c: float, a: Matrix) -> Matrix:
     """Adjugate of a full matrix times c: its inverse when c is 1 / determinant."""
     if len(a) == 4:
-        return (c * a[3], -c * a[1], -c * a[2], c * a[0])
+        return c * a[3], -c * a[1], -c * a[2], c * a[0]
     return (
         c * (a[4] * a[8] - a[5] * a[7]),
         c * (a[2] * a[7] - a[1] * a[8]),
@@ -218,71 +138,35 @@ def adjugate(c: float, a: Matrix) -> Matrix:
     )
 
 
-@overload(adjugate, jit_options=OPTIONS)
-def _adjugate(c, a):
-    return {
-        4: lambda c, a: (c * a[3], -c * a[1], -c * a[2], c * a[0]),
-        9: lambda c, a: (
-            c * (a[4] * a[8] - a[5] * a[7]),
-            c * (a[2] * a[7] - a[1] * a[8]),
-            c * (a[1] * a[5] - a[2] * a[4]),
-            c * (a[5] * a[6] - a[3] * a[8]),
-            c * (a[0] * a[8] - a[2] * a[6]),
-            c * (a[2] * a[3] - a[0] * a[5]),
-            c * (a[3] * a[7] - a[4] * a[6]),
-            c * (a[1] * a[6] - a[0] * a[7]),
-            c * (a[0] * a[4] - a[1] * a[3]),
-        ),
-    }[a.count]
-
-
+@formula
 def transpose(a: Matrix) -> Matrix:
     """Transpose of a full matrix."""
     return flipped(a, a[: 2 if len(a) == 4 else 3])
 
 
-@overload(transpose, jit_options=OPTIONS)
-def _transpose(a):
-    return {4: lambda a: (a[0], a[2], a[1], a[3]), 9: lambda a: flipped(a, (a[0], a[1], a[2]))}[a.count]
-
-
+@formula
 def flipped(a: Matrix, row: Vector) -> Matrix:
     """Transpose of a matrix of any shape whose rows are as long as `row`."""
     columns = len(row)
     return tuple(a[i * columns + j] for j in range(columns) for i in range(len(a) // columns))
 
 
-@overload(flipped, jit_options=OPTIONS)
-def _flipped(a, row):
-    columns = row.count
-    return formula("a, row", [f"a[{i * columns + j}]" for j in range(columns) for i in range(a.count // columns)])
-
-
-@kernel
-def symmetric_pair(c, a, b):
+@formula
+def symmetric_pair(c: float, a: Vector, b: Vector) -> Matrix:
     """Symmetric matrix c (a bᵀ + b aᵀ)."""
     both = symmetric(0.0, c, add_scaled(1.0, a, b))
     return add_scaled(-1.0, symmetric(0.0, c, a), add_scaled(-1.0, symmetric(0.0, c, b), both))
 
 
+@formula
 def block(c: float, a: Matrix, d: float) -> Matrix:
     """Matrix c a + d I of a full matrix `a`."""
     step = 3 if len(a) == 4 else 4
-    return tuple(c * value + (d if k % step == 0 else 0.0) for k, value in enumerate(a))
+    return tuple(c * x + d if k % step == 0 else c * x for k, x in enumerate(a))
 
 
-@overload(block, jit_options=OPTIONS)
-def _block(c, a, d):
-    step = 3 if a.count == 4 else 4
-    return formula("c, a, d", [f"c * a[{k}]{' + d' if k % step == 0 else ''}" for k in range(a.count)])
-
-
+@formula
 def unit_matrix(row: Vector) -> Matrix:
     """The unit matrix whose rows are as long as `row`."""
     count = len(row)
     return tuple(1.0 if i == j else 0.0 for i in range(count) for j in range(count))
-
-
-@overload(unit_matrix, jit_options=OPTIONS)
-def _unit_matrix(row):
-    return formula("row", ["1.0" if i == j else "0.0" for i in range(row.count) for j in range(row.count)])

@@ -5,9 +5,10 @@ Towers have the same law over the way of the rope (`mobilise`). What else a law 
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp
 
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.formulas import formula, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
 from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE
@@ -55,10 +56,10 @@ def settle_friction(carriages, state, carriage):
     state.friction_origin[carriage] = state.joints.position[carriage]
 
 
-@inlined_kernel
+@formula
 def along_and_across(force, r_x):
     """Length of r_x (-); of a force (dim,) its part (N) along it, what is left of it (dim,), and the size of that."""
-    norm = sqrt(dot(r_x, r_x))
+    norm = square_root(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
     normal_force = add_scaled(-tangential / norm, r_x, force)
-    return norm, tangential, normal_force, sqrt(dot(normal_force, normal_force))
+    return norm, tangential, normal_force, square_root(dot(normal_force, normal_force))

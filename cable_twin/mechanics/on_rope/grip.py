@@ -14,6 +14,7 @@ from typing import Any
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.turns import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.vectors import (
     OPTIONS,
@@ -50,26 +51,19 @@ def _tangent_orientation(r_x):
     return {2: lambda r_x: (tangent_pitch(r_x),), 3: lambda r_x: scale(1.0 / sqrt(dot(r_x, r_x)), r_x)}[r_x.count]
 
 
-@inlined_kernel
+@formula
 def turn_by_slope(r_x):
     """G (turns x dim): the turn of the tangent, in a plane its pitch α, by r_x."""
     return scale(1.0 / dot(r_x, r_x), flipped(by_turn(r_x), no_turn(r_x)))
 
 
+@formula
 def by_arm(turn: Vector, like: Vector) -> Matrix:
     """Matrix (dim²) of m x a by the arm a."""
     return (0.0, turn[0], -turn[0], 0.0) if len(like) == 2 else scale(-1.0, by_turn(turn))
 
 
-@overload(by_arm, jit_options=OPTIONS)
-def _by_arm(turn, like):
-    return {
-        2: lambda turn, like: (0.0, turn[0], -turn[0], 0.0),
-        3: lambda turn, like: scale(-1.0, by_turn(turn)),
-    }[like.count]
-
-
-@inlined_kernel
+@formula
 def moment_by_slope(turn, r_x):
     """Derivative (dim²) of Gᵀ m = m x r_x / |r_x|² by r_x, for a moment m (turns,)."""
     per_square = 1.0 / dot(r_x, r_x)
@@ -77,7 +71,7 @@ def moment_by_slope(turn, r_x):
     return add_scaled(per_square, by_arm(turn, r_x), turned)
 
 
-@inlined_kernel
+@formula
 def spin_by_slope(turning, r_x):
     """Derivative (turns x dim) of the spin G w by r_x, for a rate w (dim,) of the slope."""
     per_square = 1.0 / dot(r_x, r_x)

@@ -14,6 +14,7 @@ from typing import Any
 from numba.extending import overload
 
 from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.formulas import formula, square_root
 from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import OPTIONS, Vector, add_scaled, dot, outer, scale
 from cable_twin.mechanics.parameters import IN_GROOVE
@@ -72,17 +73,17 @@ def _with_groove(force, stiffness, friction, r_x, normal, apart, moving):
     return planar if force.count == 2 else spatial
 
 
-@inlined_kernel
+@formula
 def side_force(stiffness, friction, aside, speed):
     """Force (N) of a groove on a rope that is `aside` (m) and moves sideways at `speed` (m/s)."""
-    return -stiffness * aside - friction * speed / sqrt(speed * speed + CREEP * CREEP)
+    return -stiffness * aside - friction * speed / square_root(speed * speed + CREEP * CREEP)
 
 
-@inlined_kernel
+@formula
 def sideways(r_x, normal):
     """Unit vector (3,) across the rope and the normal of a contact."""
     across = cross(r_x, normal)
-    return scale(1.0 / sqrt(dot(across, across)), across)
+    return scale(1.0 / square_root(dot(across, across)), across)
 
 
 @inlined_kernel

@@ -7,7 +7,7 @@ vectors in m that describe the shape without its place. With u = x / l, rho = dr
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import square_root
+from cable_twin.mechanics.language.formulas import formula, square_root
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,
@@ -43,13 +43,13 @@ def chord_and_slopes(coordinates, element, cable):
     return chord, slope_a, slope_b
 
 
-@kernel
+@formula
 def combine(c, d, a, b):
     """Linear combination c_0 d + c_1 a + c_2 b of three vectors."""
     return add_scaled(c[0], d, add_scaled(c[1], a, scale(c[2], b)))
 
 
-@inlined_kernel
+@formula
 def add_products(c, matrix, k):
     """Add c cᵀ times a symmetric matrix to the six tangents dd, da, db, aa, ab, bb of d, a, b."""
     return (
@@ -244,13 +244,13 @@ def element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
     )
 
 
-@kernel
+@formula
 def across_of(i, vector):
     """Part of a vector normal to the unit vector i."""
     return add_scaled(-dot(vector, i), i, vector)
 
 
-@kernel
+@formula
 def turned_block(c, i, y, z):
     """Tangent of d against a slope that comes from the turning of i: c (P y iᵀ + z P), with P y given."""
     return minus(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))

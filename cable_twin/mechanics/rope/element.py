@@ -6,6 +6,7 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, gather_vectors, spread
 from cable_twin.mechanics.language.memory import clear_array
 from cable_twin.mechanics.language.vectors import (
@@ -78,7 +79,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
             add_element(group, lane, first + lane, like, work)
 
 
-@inlined_kernel
+@formula
 def rates_of_strain(taken_in, shape, shape_rates):
     """Rates of chord and slopes as the rope has them, of which the share `taken_in` (1/s) is new there."""
     return (

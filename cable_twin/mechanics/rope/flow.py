@@ -7,6 +7,7 @@ The description is arbitrary Lagrangian-Eulerian, as `strand` has it: per arc le
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.lanes import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
@@ -67,7 +68,7 @@ def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor,
                 add_spread((stiff,), group, block_row(i, j, like) + axis * (len(like) + 1))
 
 
-@inlined_kernel
+@formula
 def flow_forces(length, shape, shape_rates, factors):
     """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
     d, a, b = shape
@@ -132,7 +133,7 @@ def flow_integrals(cable, state):
     return mass * by_velocity, mass * squared, mass * by_acceleration, mass * by_rate
 
 
-@inlined_kernel
+@formula
 def nodal_vectors(coordinates, element, like):
     """r_A, slope A, r_B, slope B (dim,) of an element, or their rates."""
     return (
@@ -143,7 +144,7 @@ def nodal_vectors(coordinates, element, like):
     )
 
 
-@inlined_kernel
+@formula
 def flow_products(length, place, rate, acceleration):
     """The integrals of `flow_integrals` over elements, without ρA, from their nodal vectors and the rates of those."""
     d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])

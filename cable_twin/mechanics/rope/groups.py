@@ -5,16 +5,16 @@ First the vectors of the four nodal coordinates, then the sixteen blocks of coor
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.formulas import formula
 
 
-@inlined_kernel
+@formula
 def vector_row(i, like):
     """First row of the vector (dim,) of coordinate i."""
     return i * len(like)
 
 
-@inlined_kernel
+@formula
 def block_row(i, j, like):
     """First row of the block (dim²) of coordinate i against j."""
     dim = len(like)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, load, scale
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 
@@ -48,7 +49,7 @@ def point_at(cable, arc_length):
     return point_on(cable, element_at(cable, arc_length), arc_length)
 
 
-@kernel
+@formula
 def interpolate(coordinates, element, weights, like):
     """Weighted sum (dim,) of the four nodal vectors of an element."""
     return add_scaled(
@@ -90,13 +91,13 @@ def position_on_cable(cable, state, arc_length):
     return value(state.nodes.position, point_at(cable, arc_length), cable.gravity)
 
 
-@inlined_kernel
+@formula
 def coordinate(array, element, i, like):
     """Coordinate `i` (dim,) of an element in an `array` (nodes, 2, dim)."""
     return load(array[element + i // 2, i % 2], like)
 
 
-@inlined_kernel
+@formula
 def add_to(vector, array, element, i):
     """Add a vector (dim,) to coordinate `i` of an element in an `array` (nodes, 2, dim)."""
     accumulate(vector, array[element + i // 2, i % 2])

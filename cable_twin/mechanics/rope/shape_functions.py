@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.parameters import FloatArray
 
 AXIAL_POINTS = 4  # Gauss points of the axial energy
@@ -71,14 +71,14 @@ FLOW_OF_CHORD = tuple((row[2], row[1], row[3]) for row in FLOW)
 SLOPE_OF_CHORD = tuple((row[2], row[1], row[3]) for row in SLOPE)
 
 
-@kernel
+@formula
 def shape_functions(x, length):
     """S_1..S_4 (eq. 2) at x (m) of an element of `length` (m)."""
     u = x / length
     return 1 - u * u * (3 - 2 * u), x * (1 - u) * (1 - u), u * u * (3 - 2 * u), x * u * (u - 1)
 
 
-@kernel
+@formula
 def shape_functions_x(x, length):
     """First derivatives along the cable, 1/m for positions, - for slopes."""
     u = x / length
@@ -86,7 +86,7 @@ def shape_functions_x(x, length):
     return -s, 1 - u * (4 - 3 * u), s, u * (3 * u - 2)
 
 
-@kernel
+@formula
 def shape_functions_xx(x, length):
     """Second derivatives along the cable, 1/m² for positions, 1/m for slopes."""
     u = x / length
@@ -94,7 +94,7 @@ def shape_functions_xx(x, length):
     return -s, (6 * u - 4) / length, s, (6 * u - 2) / length
 
 
-@kernel
+@formula
 def shape_functions_xxx(length):
     """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; the same all over an element."""
     s = 12 / (length * length * length)

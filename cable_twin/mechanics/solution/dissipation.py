@@ -12,7 +12,8 @@ part. What is left out is the error of the trapezoidal rule on forces that chang
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.orientations import inertia_of, orientation, turn_between
 from cable_twin.mechanics.language.turns import gyration, no_turn
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
@@ -72,7 +73,7 @@ def turning(carriages, bodies, body, like):
     return moment, 0.5 * dot(spin, times(inertia, spin, spin))
 
 
-@inlined_kernel
+@formula
 def between(weight, start, end, element, length, like):
     """The four coordinates (dim,) of an element at the end plus `weight` times those at the start, slopes times l."""
     return (
@@ -83,7 +84,7 @@ def between(weight, start, end, element, length, like):
     )
 
 
-@inlined_kernel
+@formula
 def product(one, other):
     """Four coordinates times the mass matrix of eq. 5 times four others."""
     total = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
@@ -20,20 +21,20 @@ from cable_twin.mechanics.language.vectors import (
 )
 
 
-@inlined_kernel
+@formula
 def no_node(like):
     """A block of zeros."""
     zero = outer(0.0, like, like)
     return zero, zero, zero, zero
 
 
-@inlined_kernel
+@formula
 def load_node(array, square):
     """The four matrices of an array (2, 2, dim²)."""
     return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
 
 
-@inlined_kernel
+@formula
 def store_node(matrices, array):
     """Write the four matrices."""
     store(matrices[0], array[0, 0])
@@ -42,7 +43,7 @@ def store_node(matrices, array):
     store(matrices[3], array[1, 1])
 
 
-@inlined_kernel
+@formula
 def multiply_nodes(a, b):
     """Product a b."""
     return (
@@ -53,13 +54,13 @@ def multiply_nodes(a, b):
     )
 
 
-@inlined_kernel
+@formula
 def minus_nodes(a, b):
     """Difference a - b."""
     return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2]), minus(a[3], b[3])
 
 
-@inlined_kernel
+@formula
 def apply_node(a, x):
     """Product of a block and the two vectors of a node."""
     return (
@@ -68,20 +69,20 @@ def apply_node(a, x):
     )
 
 
-@inlined_kernel
+@formula
 def load_pair(array, like):
     """The two vectors of an array (2, dim)."""
     return load(array[0], like), load(array[1], like)
 
 
-@inlined_kernel
+@formula
 def store_pair(pair, array):
     """Write the two vectors."""
     store(pair[0], array[0])
     store(pair[1], array[1])
 
 
-@inlined_kernel
+@formula
 def subtract_pair(a, b):
     """Difference a - b of two pairs."""
     return subtract(a[0], b[0]), subtract(a[1], b[1])

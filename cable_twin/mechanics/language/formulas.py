@@ -1,0 +1,210 @@
+"""Formulas of few numbers, written once in Python: where a kernel names one, its instructions are put in place.
+
+numba runs the Python of a formula while it compiles a kernel, with stand-ins for the numbers that note what is done
+with them. So a formula may be of any Python that does not ask for the value of a number: loops and conditions on
+lengths of tuples are gone by then, as the dimension is. To compile a formula as a kernel of its own, for each of its
+types, took a tenth of a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import lower_builtin
+from numba.np.arrayobj import make_array
+
+from cable_twin.mechanics.language.lanes import LANES, WIDTH
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_RANKS = types.int64, types.float64, LANES  # what one of them and another one make is the later of both
+_INSTRUCTIONS = {  # of integers and of all others; division of integers is of what is not negative
+    "add": ("add", "fadd"),
+    "sub": ("sub", "fsub"),
+    "mul": ("mul", "fmul"),
+    "truediv": ("", "fdiv"),
+    "floordiv": ("sdiv", ""),
+    "mod": ("srem", ""),
+}
+
+
+def formula(function: _Function) -> _Function:
+    """`function` of numbers, lanes, arrays, and tuples of them: plain Python, and known to kernels as well.
+
+    It takes its arguments by their places, reads and writes entries of arrays by indices that are not negative, and
+    gives numbers and tuples of them.
+    """
+
+    class _Typing(AbstractTemplate):
+        key = function
+
+        def generic(self, arguments: Any, keywords: Any) -> Any:
+            if keywords:
+                return None
+            outcome = function(*(_stand_in(kind, None, None) for kind in arguments))
+            return signature(_kind_of(outcome), *arguments)
+
+    infer_global(function, types.Function(_Typing))
+
+    @lower_builtin(function, types.VarArg(types.Any))
+    def _lower(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        place = context, builder
+        outcome = function(*(_stand_in(*pair, place) for pair in zip(kinds.args, values, strict=True)))
+        return _value_of(outcome, kinds.return_type, place)
+
+    return function
+
+
+class _Number:
+    """A number of which the kind is known; with a place where instructions go, its value in the compiled code."""
+
+    __slots__ = ("kind", "place", "value")
+
+    def __init__(self, kind: types.Type, value: ir.Value | None, place: Any) -> None:
+        self.kind, self.value, self.place = kind, value, place
+
+    def cast(self, kind: types.Type) -> ir.Value | None:
+        """Its value as one of another kind."""
+        if self.place is None:
+            return None
+        context, builder = self.place
+        return context.cast(builder, self.value, self.kind, kind)
+
+    def _with(self, name: str, other: Any, turned: bool = False) -> Any:
+        if not isinstance(other, _Number):
+            other = _constant(other, self.place)
+        kind = max(self.kind, other.kind, key=_RANKS.index)
+        if name == "truediv" and kind == types.int64:
+            kind = types.float64
+        if self.place is None:
+            return _Number(kind, None, None)
+        instruction = getattr(self.place[1], _INSTRUCTIONS[name][kind != types.int64])
+        operands = (other, self) if turned else (self, other)
+        return _Number(kind, instruction(*(operand.cast(kind) for operand in operands)), self.place)
+
+    def __add__(self, other: Any) -> Any:
+        return self._with("add", other)
+
+    def __radd__(self, other: Any) -> Any:
+        return self if type(other) is int and other == 0 else self._with("add", other, turned=True)  # as `sum` begins
+
+    def __sub__(self, other: Any) -> Any:
+        return self._with("sub", other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._with("sub", other, turned=True)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._with("mul", other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._with("mul", other, turned=True)
+
+    def __floordiv__(self, other: Any) -> Any:
+        return self._with("floordiv", other)
+
+    def __mod__(self, other: Any) -> Any:
+        return self._with("mod", other)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._with("truediv", other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._with("truediv", other, turned=True)
+
+    def square_root(self) -> Any:
+        """Its square root, or that of each lane."""
+        if self.place is None:
+            return self
+        context, builder = self.place
+        kind, name = context.get_value_type(self.kind), f"v{WIDTH}f64" if self.kind == LANES else "f64"
+        root = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), f"llvm.sqrt.{name}")
+        return _Number(self.kind, builder.call(root, [self.value]), self.place)
+
+    def __neg__(self) -> Any:
+        if self.place is None:
+            return self
+        negated = self.place[1].neg if self.kind == types.int64 else self.place[1].fneg
+        return _Number(self.kind, negated(self.value), self.place)
+
+
+class _Array:
+    """An array, or what some indices leave of it."""
+
+    __slots__ = ("indices", "kind", "place", "value")
+
+    def __init__(self, kind: types.Array, value: ir.Value | None, place: Any, indices: tuple[Any, ...] = ()) -> None:
+        self.kind, self.value, self.place, self.indices = kind, value, place, indices
+
+    def _at(self, index: Any) -> _Array:
+        indices = index if isinstance(index, tuple) else (index,)
+        return _Array(self.kind, self.value, self.place, self.indices + indices)
+
+    def _pointer(self) -> ir.Value:
+        context, builder = self.place
+        array = make_array(self.kind)(context, builder, self.value)
+        indices = [_as_number(index, self.place).cast(types.intp) for index in self.indices]
+        return cgutils.get_item_pointer(context, builder, self.kind, array, indices)
+
+    def __getitem__(self, index: Any) -> Any:
+        entry = self._at(index)
+        if len(entry.indices) < self.kind.ndim:
+            return entry
+        value = None if self.place is None else self.place[1].load(entry._pointer())
+        return _Number(self.kind.dtype, value, self.place)
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        if self.place is not None:
+            self.place[1].store(_as_number(value, self.place).cast(self.kind.dtype), self._at(index)._pointer())
+
+
+def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
+    """What a formula gets for an argument."""
+    if isinstance(kind, types.BaseTuple):
+        parts = [None] * len(kind) if place is None else cgutils.unpack_tuple(place[1], value, len(kind))
+        return tuple(_stand_in(*pair, place) for pair in zip(list(kind), parts, strict=True))
+    if isinstance(kind, types.Array):
+        return _Array(kind, value, place)
+    plain = types.unliteral(kind)
+    if plain not in _RANKS:
+        raise TypeError(f"a formula takes numbers, lanes, arrays and tuples of them, not {kind}")
+    return _Number(plain, value, place)
+
+
+def _constant(value: float, place: Any) -> _Number:
+    kind = types.int64 if isinstance(value, int) else types.float64
+    return _Number(kind, None if place is None else place[0].get_constant(kind, value), place)
+
+
+def _as_number(value: Any, place: Any) -> _Number:
+    return value if isinstance(value, _Number) else _constant(value, place)
+
+
+def _kind_of(outcome: Any) -> types.Type:
+    """Type that numba has for what a formula gives."""
+    if outcome is None:
+        return types.none
+    if isinstance(outcome, tuple):
+        return types.BaseTuple.from_types([_kind_of(part) for part in outcome])
+    return _as_number(outcome, None).kind
+
+
+def _value_of(outcome: Any, kind: Any, place: Any) -> ir.Value:
+    """The same in the compiled code."""
+    context, builder = place
+    if outcome is None:
+        return context.get_dummy_value()
+    if isinstance(outcome, tuple):
+        parts = [_value_of(*pair, place) for pair in zip(outcome, list(kind), strict=True)]
+        return context.make_tuple(builder, kind, parts)
+    return _as_number(outcome, place).value
+
+
+@formula
+def square_root(value: Any) -> Any:
+    """Square root of a float, or of each lane."""
+    return value.square_root() if isinstance(value, _Number) else np.sqrt(value)

@@ -1,0 +1,74 @@
+"""Formulas that kernels take in: what they give is what their Python gives, to the last bit."""
+
+import numba
+import numpy as np
+import pytest
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.formulas import formula, square_root
+
+compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+
+@formula
+def arithmetic(x, y, n, pair, like):
+    """Every operation, with numbers on both sides, in the order that it is written in."""
+    total = sum(a * b for a, b in zip(pair, (x, 2), strict=True))
+    if len(like) == 2:
+        total = total - 3
+    quotient = (1.0 - x) / (y / 4), 7 / n, n / 2 - x, 2.5 / x
+    return total, quotient, (-x, -n, 1 + n * 3 - 1, n // 2, (n + 1) % 2), 0.5, square_root(x * x + y * y)
+
+
+@formula
+def swap(array, i, row):
+    """Entries by numbers that are known and by those that are not, and by one index after the other."""
+    first, last = array[i + 1, 0], array[i][1]
+    array[i, 1], array[i + 1][0] = first, last
+    row[0] += first
+    row[1] = i
+    return last
+
+
+@kernel
+def compiled_arithmetic(x, y, n, pair, like):
+    """The same as a kernel has it."""
+    return arithmetic(x, y, n, pair, like)
+
+
+@kernel
+def compiled_swap(array, i, row):
+    """The same as a kernel has it."""
+    return swap(array, i, row)
+
+
+def flat(values):
+    """All numbers in their order, floats of numpy as those of Python."""
+    whole = [number for value in values for number in (flat(value) if isinstance(value, tuple) else [value])]
+    return [float(number) if isinstance(number, float) else number for number in whole]
+
+
+@pytest.mark.parametrize("like", [(0.0, 0.0), (0.0, 0.0, 0.0)], ids=["plane", "space"])
+@pytest.mark.parametrize(("x", "y", "n"), [(0.3, -1.7, 3), (-2.25, 1e-9, 8), (1e300, 1e-300, 1)])
+def test_arithmetic_is_that_of_python(x, y, n, like):
+    here = arithmetic(x, y, n, (x, y), like)
+    there = compiled_arithmetic(x, y, n, (x, y), like)
+    assert flat(there) == flat(here)
+    assert list(map(type, flat(there))) == list(map(type, flat(here)))
+
+
+def test_entries_of_an_array_are_read_and_written_in_their_order():
+    """Rows of any stride."""
+    outcomes = []
+    for function in (swap, compiled_swap):
+        whole = np.arange(24.0).reshape(4, 3, 2)
+        array, row = whole[:, 1, :], np.zeros(4)[::2]
+        outcomes.append((function(array, 2, row), whole, row))
+    for here, there in zip(*outcomes, strict=True):
+        np.testing.assert_array_equal(there, here)
+
+
+@compiled
+def test_what_is_no_number_is_refused():
+    with pytest.raises(Exception, match=r"a formula takes numbers, lanes, arrays and tuples of them, not unicode_type"):
+        compiled_arithmetic("x", 1.0, 1, (1.0, 1.0), (0.0, 0.0))
