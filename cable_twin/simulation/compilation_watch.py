@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import functools
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from numba.core import event
 
 from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, Kernel, kept_kernels, title_of
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.simulation.engines import Engine
-from cable_twin.simulation.first_compilation import kernels_below
+from cable_twin.simulation.first_compilation import called_at_start, kernels_below
 
 NAMELESS = "impl", "formula_"
 PERIOD = 0.25  # s between two looks
@@ -36,33 +35,23 @@ class Moment(NamedTuple):
         return self.elapsed * (1.0 - self.share) / self.share if 0.08 < self.share < 1.0 - 1e-9 else None
 
 
-def called_at_start(engine: Engine) -> tuple[Kernel, ...]:
-    """Kernels that Python calls in a start."""
-    return *engine.at_rest, cast(Kernel, observe), engine.integrator
-
-
-@functools.cache  # asked for some times a second, for which what compiles has to wait
-def work_ahead(called: tuple[Kernel, ...]) -> dict[tuple[str, str], float]:
-    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code.
-
-    Args:
-        called: by Python.
-    """
+def work_ahead(engine: Engine) -> dict[tuple[str, str], float]:
+    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code."""
     ahead: dict[tuple[str, str], float] = {}
-    for caller in called:
-        kernels = [kernel for kernel in kernels_below(caller) if not kernel.is_inlined]
+    for caller in called_at_start(engine):
+        kernels = [kernel for kernel in kernels_below(engine, caller) if not kernel.is_inlined]
         sizes = {(FROM_KERNELS, kernel.title): OVERHEAD + len(kernel.py_func.__code__.co_code) for kernel in kernels}
         ahead |= sizes
         ahead[FROM_PYTHON, caller.title] = LAST * sum(sizes.values())
     return ahead
 
 
-_expected: list[Kernel] = []  # what is compiled is this process's, as numba's events are
+_expected: list[Engine] = []  # what is compiled is this process's, as numba's events are
 
 
 def expect_kernels(engine: Engine) -> None:
     """Say what is about to start, and with it what a first start compiles: for whoever watches it."""
-    _expected[:] = called_at_start(engine)
+    _expected[:] = [engine]
 
 
 @contextmanager
@@ -81,7 +70,7 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
     def look() -> None:
         while not ended.wait(PERIOD):
             if watch.begun is not None:
-                shown(Moment(_share(watch, since), watch.kernel, monotonic() - watch.begun))
+                shown(Moment(watch.share(since), watch.kernel, monotonic() - watch.begun))
 
     thread = threading.Thread(target=look, name="compilation watch", daemon=True)
     with event.install_listener("numba:compile", watch):
@@ -93,15 +82,6 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
             thread.join()
 
 
-def _share(watch: _Watch, since: float) -> float:
-    """Share of the work that is done: by this process or the one beside it, or before."""
-    called = tuple(_expected)
-    ahead = work_ahead(called)
-    there = [kernel.kinds_loaded for kernel in (*called, *kernels_below(*called))]
-    done = set(watch.done).union(kept_kernels(since), *there)
-    return sum(size for kernel, size in ahead.items() if kernel in done) / (sum(ahead.values()) or 1.0)
-
-
 class _Watch(event.Listener):
     """Notes what numba compiles in this process."""
 
@@ -109,6 +89,18 @@ class _Watch(event.Listener):
         self.begun: float | None = None
         self.done: set[tuple[str, str]] = set()
         self._under_way: list[str] = []  # callers before callees
+        self._ahead: dict[tuple[str, str], float] = {}
+        self._kernels: list[Kernel] = []
+
+    def share(self, since: float) -> float:
+        """Share of the work that is done: by this process or the one beside it, or before."""
+        if _expected and not self._ahead:  # once: asked for some times a second, for which what compiles has to wait
+            (engine,) = _expected
+            called = called_at_start(engine)
+            self._ahead, self._kernels = work_ahead(engine), [*called, *kernels_below(engine, *called)]
+        done = self.done.union(kept_kernels(since), *(kernel.kinds_loaded for kernel in self._kernels))
+        whole = sum(self._ahead.values())
+        return sum(size for kernel, size in self._ahead.items() if kernel in done) / (whole or 1.0)
 
     @property
     def kernel(self) -> str:
@@ -129,4 +121,4 @@ class _Watch(event.Listener):
         self._under_way = self._under_way[:-1]
 
 
-__all__ = ["Moment", "called_at_start", "expect_kernels", "watching_compilation", "work_ahead"]
+__all__ = ["Moment", "expect_kernels", "watching_compilation", "work_ahead"]

@@ -6,16 +6,17 @@ from typing import Any, Protocol, cast
 
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import FloatArray, System, leave_out_absent
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrators import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import Command, Energy
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, build_system
 from cable_twin.scenario.build_bundle import (
     build_ropes,
 )
+from cable_twin.simulation.meeting import with_buffers
 from cable_twin.simulation.rope_bundle import RopeBundle
 from cable_twin.simulation.ropeway import Ropeway, restore_ropes
 from cable_twin.simulation.snapshot_file import FullState
@@ -127,9 +128,15 @@ class SingleRope:
 def engine_of(scenario: Scenario) -> Engine:
     """What takes the steps of a scenario."""
     if not scenario.ropes:
-        return SingleRope(scenario, Ropeway(scenario))
+        return SingleRope(scenario, *_ropeways([scenario], [build_system(scenario)]))
     systems = build_ropes(scenario)
-    return RopeBundle(scenario, [Ropeway(scenario.of_rope(name), system) for name, system in systems.items()])
+    return RopeBundle(scenario, _ropeways([scenario.of_rope(name) for name in systems], list(systems.values())))
+
+
+def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:
+    """One a rope, from the scenario and the system of each."""
+    whole = leave_out_absent([with_buffers(*pair) for pair in zip(systems, scenarios, strict=True)])
+    return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
 
 
 __all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of"]

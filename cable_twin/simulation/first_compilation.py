@@ -1,14 +1,13 @@
-"""The first start on a machine: compile the integrator in a second process while this one compiles the static start.
+"""The first start on a machine: two processes compile it, as numba compiles one kernel at a time in each.
 
-numba compiles one kernel at a time in a process. What both processes need is compiled twice, yet a start that took
-both cores' time one after the other takes the longer of the two.
+Both take parts, from those that call no others on, and find those of the other one in the cache. Then one of them puts
+the integrator together, and the other one what finds the rest and what reads the state.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
-import functools
 import gc
 import inspect
 import os
@@ -18,11 +17,14 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numba
+from numba.core.errors import NumbaError
 
 from cable_twin.mechanics.language.compilation import Kernel, keeps_kernels
+from cable_twin.mechanics.language.known import known_fields, names_left
+from cable_twin.mechanics.readout.columns import observe
 from cable_twin.scenario import Scenario, parse_scenario
 from cable_twin.simulation.engines import Engine, engine_of
 
@@ -31,9 +33,9 @@ PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 @contextlib.contextmanager
 def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
-    """Have the integrator of a scenario compiled elsewhere meanwhile, where it is not yet and there is a second core.
+    """Compile what a scenario needs, and have its integrator compiled elsewhere, where there is a second core for it.
 
-    On leaving, it is in the cache; if the other process failed, it will be compiled on its first call as ever.
+    On leaving, that is in the cache; if the other process failed, it will be compiled on its first call as ever.
     """
     integrator = engine.integrator
     cores = len(os.sched_getaffinity(0))
@@ -47,19 +49,21 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
         return
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as given:  # a pipe would fill up before the other one reads
-        given.write(scenario.to_yaml())
-        given.seek(0)
+    with tempfile.TemporaryDirectory() as directory:
+        board, given = Path(directory, "board"), Path(directory, "scenario.yaml")
+        board.mkdir()
+        given.write_text(scenario.to_yaml(), encoding="utf-8")
         with (
             _without_collector(),
             subprocess.Popen(
-                [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid())],
+                [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid()), given, board],
                 env={**os.environ, "PYTHONPATH": path},
-                stdin=given,
+                stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             ),
         ):
+            compile_parts(engine, board)
             yield
 
 
@@ -75,40 +79,80 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-@functools.cache
-def kernels_below(*callers: Kernel) -> tuple[Kernel, ...]:
-    """All that kernels call, and what those call, each once: in the order of the code, callers before callees."""
-    found: dict[Kernel, None] = {}
+def called_at_start(engine: Engine) -> tuple[Kernel, ...]:
+    """Kernels that Python calls in a start, the integrator first: compiling that takes longest."""
+    return engine.integrator, *engine.at_rest, cast(Kernel, observe)
+
+
+def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel, ...]]:
+    """All that kernels of an engine call, and what those call, each with its own callees: callers before callees.
+
+    What its scenario has none of is left out.
+    """
+    known = {name: numba.typeof(value) for name, value in engine.typical().items()}
+    found: dict[Kernel, tuple[Kernel, ...]] = {}
+
+    def callees(caller: Kernel) -> tuple[Kernel, ...]:
+        names = set(caller.py_func.__code__.co_names)
+        kinds = tuple(known.get(name, numba.types.unknown) for name in inspect.signature(caller.py_func).parameters)
+        if not names.isdisjoint(known_fields(kinds)):
+            names = names_left(caller.py_func, kinds)
+        named = (caller.py_func.__globals__.get(name) for name in caller.py_func.__code__.co_names if name in names)
+        return tuple(callee for callee in named if isinstance(callee, Kernel))
 
     def visit(caller: Kernel) -> None:
-        for name in caller.py_func.__code__.co_names:
-            callee = caller.py_func.__globals__.get(name)
-            if isinstance(callee, Kernel) and callee not in found:
-                found[callee] = None
+        found[caller] = callees(caller)
+        for callee in found[caller]:
+            if callee not in found:
                 visit(callee)
 
     for caller in callers:
         visit(caller)
-    return tuple(found)
+    return {kernel: below for kernel, below in found.items() if kernel not in callers}
 
 
-def begin_with(engine: Engine) -> dict[Kernel, tuple[Any, ...]]:
-    """Kernels below an integrator, with arguments of the types they get, to compile while the other process starts.
+def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel, ...]]]:
+    """Kernels of a start that others call, with the types of their arguments and what they call of these.
 
-    That needs much of the same, and goes from its begin on: so here the second half of that comes first, from its end
-    on, then what a step alone has. The first half is there by then, and is not compiled twice. Arguments go by their
-    names; a kernel that has others comes with its caller.
+    Those of the integrator come first, and callees before callers. Arguments go by their names; a kernel that has
+    others is compiled with its caller.
     """
     known = engine.typical()
-    chosen = {}
-    in_step = kernels_below(engine.integrator)
-    shared = [kernel for kernel in kernels_below(*engine.at_rest) if kernel in in_step]
-    own = [kernel for kernel in in_step if kernel not in shared]
-    for kernel in (*reversed(shared[len(shared) // 2 :]), *reversed(own)):
+    order: dict[Kernel, tuple[Kernel, ...]] = {}
+    for caller in called_at_start(engine):
+        below = kernels_below(engine, caller)
+        order |= {kernel: below[kernel] for kernel in reversed(below) if kernel not in order}
+    parts = {}
+    for kernel in order:
         names = list(inspect.signature(kernel.py_func).parameters)
         if not kernel.is_inlined and known.keys() >= set(names):
-            chosen[kernel] = tuple(known[name] for name in names)
-    return chosen
+            parts[kernel] = tuple(numba.typeof(known[name]) for name in names)
+    return {kernel: (types, tuple(one for one in order[kernel] if one in parts)) for kernel, types in parts.items()}
+
+
+def compile_parts(engine: Engine, board: Path) -> None:
+    """Compile what another process at the same board has not begun with, each after its callees where that can be.
+
+    Args:
+        engine: of the scenario that starts.
+        board: a directory, in which each process says what it begins with and what is done.
+    """
+    parts = parts_of(engine)
+    numbers = {kernel: str(number) for number, kernel in enumerate(parts)}
+    while True:
+        said = set(os.listdir(board))
+        left = [kernel for kernel in parts if numbers[kernel] not in said]
+        if not left:
+            return
+        ready = (kernel for kernel in left if all(f"{numbers[one]} done" in said for one in parts[kernel][1]))
+        kernel = next(ready, left[0])
+        try:
+            (board / numbers[kernel]).touch(exist_ok=False)
+        except FileExistsError:  # the other one was faster
+            continue
+        with contextlib.suppress(NumbaError):  # of types that are none of its; it comes with its caller then
+            numba.typeof(kernel).dispatcher.compile(parts[kernel][0])  # as other kernels call it
+            (board / f"{numbers[kernel]} done").touch()
 
 
 def _end_with_parent(parent: int) -> None:
@@ -119,13 +163,12 @@ def _end_with_parent(parent: int) -> None:
 
 
 def main() -> None:
-    """Compile the integrator of the scenario that comes in."""
-    (parent,) = sys.argv[1:]
+    """Compile the integrator of a scenario for a process that starts it, and what parts that leaves."""
+    parent, scenario, board = sys.argv[1:]
     _end_with_parent(int(parent))
     gc.disable()
-    engine = engine_of(parse_scenario(sys.stdin.read()))
-    for kernel, arguments in begin_with(engine).items():
-        numba.typeof(kernel).dispatcher.compile(tuple(map(numba.typeof, arguments)))  # as other kernels call it
+    engine = engine_of(parse_scenario(Path(scenario).read_text(encoding="utf-8")))
+    compile_parts(engine, Path(board))
     engine.integrator(*engine.arguments(0))
 
 

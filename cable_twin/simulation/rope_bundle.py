@@ -155,10 +155,10 @@ class RopeBundle:
     def typical(self) -> dict[str, Any]:
         """Arguments that kernels below the integrator get, by their names there; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
-        whole = {"bundle": bundle, "moving": moving, "scratch": self._scratch, "like": first.system.cable.gravity}
-        return (
-            first.typical(self._works[0]) | whole | {"sheaves": bundle.sheaves, "motion": moving.sheaves, "sheave": 0}
-        )
+        whole = {"bundle": bundle, "moving": moving, "scratch": self._scratch}
+        inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves}
+        counts = dict.fromkeys(("sheave", "clamp", "connector", "member", "event"), 0)
+        return first.typical(self._works[0]) | whole | inner | counts
 
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps, or fewer: until a lift has rolled back; the fields of `Outcome`."""

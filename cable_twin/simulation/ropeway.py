@@ -16,11 +16,11 @@ from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payl
 from cable_twin.mechanics.readout.columns import groups, sample_tensions
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
+from cable_twin.mechanics.solution.generalized_alpha import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
-from cable_twin.scenario import Scenario, build_payloads, build_system
+from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
-from cable_twin.simulation.meeting import with_buffers
 from cable_twin.simulation.snapshot_file import FullState
 
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
@@ -42,11 +42,11 @@ class Ropeway:
         rooms: what carriers carry from either station, by name.
     """
 
-    def __init__(self, scenario: Scenario, system: System | None = None) -> None:
-        """Lay it out: vehicles at their places, with their payloads; `system` is that of the scenario."""
+    def __init__(self, scenario: Scenario, system: System) -> None:
+        """Lay it out: vehicles at their places, with their payloads; `system` is that of the scenario without those."""
         self.scenario = scenario
         self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
-        self._empty: System = with_buffers(build_system(scenario) if system is None else system, scenario)
+        self._empty = system
         self._payloads: Payloads = build_payloads(scenario)
         self.state = self.start = allocate_state(self._empty)
         self.stopped = False
@@ -147,10 +147,16 @@ class Ropeway:
         """Arguments that kernels get for one rope, by the names that they have there; only their types count."""
         system, state = self.system, self.state
         whole = {"system": system, "state": state, "before": state, "work": work}
-        numbers: dict[str, Any] = dict.fromkeys(("carriage", "contact", "tower", "end", "body"), 0)
-        numbers |= dict.fromkeys(("mass_factor", "rate_factor", "stiffness_factor", "duration", "h"), 1.0)
-        vectors = {"gravity": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
-        return whole | system._asdict() | numbers | vectors
+        inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
+        inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
+        inner |= {name: getattr(state, name) for name in ("drive_mode", "sheave_mode")}
+        counts = "carriage", "contact", "tower", "end", "body", "element", "brake", "mode", "station"
+        sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
+        numbers: dict[str, Any] = dict.fromkeys(counts, 0)
+        numbers |= dict.fromkeys((*sizes, "rope_drag", "s", "s_dot", "travel"), 1.0)
+        vectors = {"gravity": system.cable.gravity, "like": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
+        method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0)}
+        return whole | system._asdict() | inner | numbers | vectors | method
 
     def mean_tension(self) -> float:
         """Mean tension (N) of the rope."""

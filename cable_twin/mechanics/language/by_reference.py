@@ -26,6 +26,26 @@ from numba.extending import NativeValue, lower_getattr_generic, models, register
 _WORD = ir.IntType(32)
 
 
+class Known(int):
+    """A whole number, or a condition, that is part of the type of the record that it is in: see `known`."""
+
+
+class KnownType(types.Type):
+    """Type that numba has for one value."""
+
+    def __init__(self, value: int) -> None:
+        self.value = value
+        super().__init__(name=f"known {value}")
+
+
+register_model(KnownType)(models.OpaqueModel)
+
+
+@typeof_impl.register(Known)
+def _typeof_known(value: Known, context: Any) -> KnownType:
+    return KnownType(int(value))
+
+
 class RecordType(types.Type):
     """numba's type of a named tuple that is passed by reference."""
 
@@ -152,6 +172,8 @@ def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
         return "P", (field.address,)
     if isinstance(kind, types.UniTuple) and kind.dtype == types.float64:
         return f"{len(field)}d", tuple(field)
+    if isinstance(kind, KnownType):
+        return "P", (0,)  # nobody reads it
     if kind in _FORMS:
         return _FORMS[kind], (field,)
     raise TypeError

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
@@ -45,7 +46,10 @@ def formula(function: _Function) -> _Function:
         def generic(self, arguments: Any, keywords: Any) -> Any:
             if keywords:
                 return None
-            outcome = function(*(_stand_in(kind, None, None) for kind in arguments))
+            try:
+                outcome = function(*(_stand_in(kind, None, None) for kind in arguments))
+            except (TypeError, ValueError, IndexError) as error:
+                raise TypingError(f"{function.__name__}{arguments}: {error}") from None
             return signature(_kind_of(outcome), *arguments)
 
     infer_global(function, types.Function(_Typing))
@@ -165,8 +169,9 @@ class _Array:
 def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
     """What a formula gets for an argument."""
     if isinstance(kind, types.BaseTuple):
+        kinds: Any = kind
         parts = [None] * len(kind) if place is None else cgutils.unpack_tuple(place[1], value, len(kind))
-        return tuple(_stand_in(*pair, place) for pair in zip(list(kind), parts, strict=True))
+        return tuple(_stand_in(*pair, place) for pair in zip(kinds, parts, strict=True))
     if isinstance(kind, types.Array):
         return _Array(kind, value, place)
     plain = types.unliteral(kind)
@@ -199,7 +204,7 @@ def _value_of(outcome: Any, kind: Any, place: Any) -> ir.Value:
     if outcome is None:
         return context.get_dummy_value()
     if isinstance(outcome, tuple):
-        parts = [_value_of(*pair, place) for pair in zip(outcome, list(kind), strict=True)]
+        parts = [_value_of(*pair, place) for pair in zip(outcome, kind, strict=True)]
         return context.make_tuple(builder, kind, parts)
     return _as_number(outcome, place).value
 

@@ -34,6 +34,7 @@ from numba.core.untyped_passes import (
 )
 
 from cable_twin.mechanics.language.content import content_of
+from cable_twin.mechanics.language.known import PutKnown
 
 PASSES = (
     TranslateByteCode,
@@ -43,6 +44,7 @@ PASSES = (
     DeadBranchPrune,  # so that what is for another dimension goes
     GenericRewrites,
     InlineInlinables,
+    PutKnown,
     ReconstructSSA,
     NopythonTypeInference,
     PreLowerStripPhis,

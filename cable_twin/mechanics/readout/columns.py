@@ -105,10 +105,10 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     observe_vehicles(system, state, columns)
     observe_bodies(system, state, columns)
     observe_supports(system, state, rest_loads, columns)
-    store_in_space(load(state.wind, cable.gravity), columns.wind)
-    for drive in range(columns.drive_position.size):
-        columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
-        columns.moving_cable_force[drive] = moving_rope_force(system, state)
+    if system.moving_cable.moving:
+        for drive in range(columns.drive_position.size):
+            columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
+            columns.moving_cable_force[drive] = moving_rope_force(system, state)
     wind = load(state.wind, cable.gravity)
     store_in_space(wind, columns.wind)
 

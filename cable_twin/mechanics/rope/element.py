@@ -69,7 +69,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         elastic = elastic_force(cable, stretch * length, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
-        if flowing:
+        if system.moving_cable.moving and flowing:
             factors = flow_factors(cable, state, gather_numbers(cable.node_arc_length, first) + 0.5 * length)
             add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group)
         if system.air.present:

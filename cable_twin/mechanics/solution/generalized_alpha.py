@@ -53,10 +53,10 @@ def factors(c, h):
 
 
 @kernel
-def predict(c, h, motion):
+def predict(c, h, kind):
     """Start of the iteration for one kind of coordinates: the acceleration of the step before goes on."""
-    x, v = flat(motion.position), flat(motion.velocity)
-    q_ddot, a = flat(motion.acceleration), flat(motion.algorithmic)
+    x, v = flat(kind.position), flat(kind.velocity)
+    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     for i in range(x.size):
         after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
         x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
@@ -65,20 +65,20 @@ def predict(c, h, motion):
 
 
 @inlined_kernel
-def predict_massless(c, h, motion):
+def predict_massless(c, h, kind):
     """The same for coordinates without inertia, which have no acceleration to go on with: the algorithmic one stays."""
-    for i in range(motion.position.size):
-        a = motion.algorithmic[i]
-        motion.position[i] += h * (motion.velocity[i] + 0.5 * h * a)
-        motion.velocity[i] += h * a
-        motion.acceleration[i] = (a - c.alpha_f * motion.acceleration[i]) / (1.0 - c.alpha_f)
+    for i in range(kind.position.size):
+        a = kind.algorithmic[i]
+        kind.position[i] += h * (kind.velocity[i] + 0.5 * h * a)
+        kind.velocity[i] += h * a
+        kind.acceleration[i] = (a - c.alpha_f * kind.acceleration[i]) / (1.0 - c.alpha_f)
 
 
 @kernel
-def correct(c, h, increments, motion):
+def correct(c, h, increments, kind):
     """Apply Newton increments (m, rad) to one kind of coordinates."""
-    x, v = flat(motion.position), flat(motion.velocity)
-    q_ddot, a = flat(motion.acceleration), flat(motion.algorithmic)
+    x, v = flat(kind.position), flat(kind.velocity)
+    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     delta = flat(increments)
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
@@ -90,29 +90,29 @@ def correct(c, h, increments, motion):
         q_ddot[i] += by_acceleration * delta[i]
 
 
-def predict_bodies(c: Coefficients, h: float, motion: Any, turned: Any, like: Vector) -> None:
+def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
     """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
     if len(like) == 2:
-        predict(c, h, motion)
+        predict(c, h, kind)
     else:
-        _predict_in_space(c, h, motion, turned)
+        _predict_in_space(c, h, kind, turned)
 
 
 @overload(predict_bodies, jit_options=OPTIONS)
-def _predict_bodies(c, h, motion, turned, like):
-    def planar(c, h, motion, turned, like):
-        predict(c, h, motion)
+def _predict_bodies(c, h, kind, turned, like):
+    def planar(c, h, kind, turned, like):
+        predict(c, h, kind)
 
-    def spatial(c, h, motion, turned, like):
-        _predict_in_space(c, h, motion, turned)
+    def spatial(c, h, kind, turned, like):
+        _predict_in_space(c, h, kind, turned)
 
     return planar if like.count == 2 else spatial
 
 
 @kernel
-def _predict_in_space(c, h, motion, turned):
+def _predict_in_space(c, h, kind, turned):
     """The same with turns: the orientation goes on by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
-    x, v, q_ddot, a = motion.position, motion.velocity, motion.acceleration, motion.algorithmic
+    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
     for body in range(v.shape[0]):
         for axis in range(6):
             after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
@@ -126,29 +126,29 @@ def _predict_in_space(c, h, motion, turned):
         turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
 
 
-def correct_bodies(c: Coefficients, h: float, increments: Any, motion: Any, turned: Any, like: Vector) -> None:
+def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned: Any, like: Vector) -> None:
     """Apply Newton increments (m, rad) to bodies."""
     if len(like) == 2:
-        correct(c, h, increments, motion)
+        correct(c, h, increments, kind)
     else:
-        _correct_in_space(c, h, increments, motion, turned)
+        _correct_in_space(c, h, increments, kind, turned)
 
 
 @overload(correct_bodies, jit_options=OPTIONS)
-def _correct_bodies(c, h, increments, motion, turned, like):
-    def planar(c, h, increments, motion, turned, like):
-        correct(c, h, increments, motion)
+def _correct_bodies(c, h, increments, kind, turned, like):
+    def planar(c, h, increments, kind, turned, like):
+        correct(c, h, increments, kind)
 
-    def spatial(c, h, increments, motion, turned, like):
-        _correct_in_space(c, h, increments, motion, turned)
+    def spatial(c, h, increments, kind, turned, like):
+        _correct_in_space(c, h, increments, kind, turned)
 
     return planar if like.count == 2 else spatial
 
 
 @kernel
-def _correct_in_space(c, h, increments, motion, turned):
+def _correct_in_space(c, h, increments, kind, turned):
     """The same with turns: the rates go by what the rotation vector of the step grows by."""
-    x, v, q_ddot, a = motion.position, motion.velocity, motion.acceleration, motion.algorithmic
+    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
     by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)

@@ -1,0 +1,105 @@
+"""Fields that are known as a kernel is compiled: what they rule out is not compiled, and what is left is the same."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import pytest
+
+from cable_twin.mechanics.language.by_reference import Known, by_reference, pack
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
+from cable_twin.mechanics.language.known import known_fields, names_left
+from cable_twin.mechanics.parameters import CONTINUUM, leave_out_absent
+from cable_twin.scenario import build_system, load_scenario
+from cable_twin.simulation.meeting import with_buffers
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+
+@by_reference
+class Extra(NamedTuple):
+    """What may be absent."""
+
+    present: Any
+    size: float
+
+
+@by_reference
+class Whole(NamedTuple):
+    """What it is part of."""
+
+    extra: Extra
+    model: Any
+    weight: float
+
+
+@kernel
+def cannot_be_compiled(whole):
+    """Nothing that numba knows."""
+    return whole.no_such_field
+
+
+@inlined_kernel
+def heavier(whole):
+    """In a kernel that is put in place."""
+    if whole.extra.present:
+        return cannot_be_compiled(whole)
+    return 2.0 * whole.weight
+
+
+@kernel_part
+def by_model(whole):
+    """In one that is typed with its caller."""
+    if whole.model == 1:
+        return cannot_be_compiled(whole)
+    return heavier(whole)
+
+
+@kernel
+def outcome(whole):
+    """Where the condition is beside another one, and by a name of its own."""
+    total = by_model(whole)
+    absent = whole.extra
+    for _ in range(3):
+        if total > 0.0 and absent.present:
+            total += cannot_be_compiled(whole)
+    return total
+
+
+def test_what_is_known_to_be_absent_is_not_compiled():
+    whole = Whole(Extra(Known(False), 1.0), Known(0), 3.0)
+    assert outcome(whole) == 6.0
+    assert outcome(whole._replace(weight=4.0)) == 8.0  # of the same type
+
+
+def test_what_may_be_there_is():
+    with pytest.raises(numba.errors.TypingError, match="no_such_field"):
+        outcome(Whole(Extra(False, 1.0), Known(0), 3.0))
+
+
+def test_names_of_what_is_left():
+    kinds = (numba.typeof(pack(Whole(Extra(Known(False), 1.0), Known(0), 3.0))),)
+    assert known_fields(kinds) == {"present", "model"}
+    assert names_left(heavier.py_func, kinds) == set()
+    kinds = (numba.typeof(pack(Whole(Extra(True, 1.0), 0, 3.0))),)
+    assert known_fields(kinds) == set()
+    assert names_left(heavier.py_func, kinds) == {"cannot_be_compiled"}
+
+
+def test_ropes_of_one_scenario_are_of_one_type():
+    """What one of them has, the kernels of all have: they are the same ones."""
+    scenario = load_scenario("single_span")
+    system = with_buffers(build_system(scenario), scenario)
+    paper = system._replace(cable=system.cable._replace(elastic_model=1))
+    moving = system._replace(moving_cable=system.moving_cable._replace(moving=True))
+    for systems, fields in (
+        ([system], {"elastic_model", "moving", "present"}),
+        ([system, paper], {"moving", "present"}),
+        ([system, moving], {"elastic_model"}),
+        ([paper, moving], set()),
+    ):
+        kinds = {numba.typeof(pack(one)) for one in leave_out_absent(systems)}
+        assert len(kinds) == 1
+        assert known_fields(tuple(kinds)) == fields
+    assert leave_out_absent([system])[0].cable.elastic_model == CONTINUUM
