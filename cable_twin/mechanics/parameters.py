@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.mechanics.language.by_reference import Known, by_reference
+from cable_twin.mechanics.language.by_reference import by_reference
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -278,25 +278,3 @@ class System(NamedTuple):
     solver: Solver
     moving_cable: MovingCable = STANDING
     buffers: VehicleBuffers = NO_BUFFERS
-
-
-def leave_out_absent(systems: list[System]) -> list[System]:
-    """The same systems, all of one type, for kernels that are compiled without what none of them has.
-
-    There are four such types at most: what is compiled for one of them is of no use to another one.
-    """
-    whole = all(system.cable.elastic_model == CONTINUUM for system in systems)
-    alone = not any(system.moving_cable.moving or system.buffers.present for system in systems)
-    if whole:
-        known = Known(CONTINUUM)
-        systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]
-    if alone:
-        absent: Any = Known(False)
-        systems = [
-            system._replace(
-                moving_cable=system.moving_cable._replace(moving=absent),
-                buffers=system.buffers._replace(present=absent),
-            )
-            for system in systems
-        ]
-    return systems

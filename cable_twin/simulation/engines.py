@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol, cast
 
-from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.parameters import FloatArray, System, leave_out_absent
+from cable_twin.mechanics.parameters import CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrators import integrator_named
@@ -139,4 +139,20 @@ def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]
     return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
 
 
-__all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of"]
+def leave_out_absent(systems: list[System]) -> list[System]:
+    """The same systems, all of one type, for kernels that are compiled without what none of them has.
+
+    There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
+    may be left out, and with a rope by itself also what lets it go by, and vehicles meet.
+    """
+    if all(system.cable.elastic_model == CONTINUUM for system in systems):
+        known = Known(CONTINUUM)
+        systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]
+    if len(systems) == 1 and not systems[0].moving_cable.moving and not systems[0].buffers.present:
+        system, absent = systems[0], cast(bool, Known(False))
+        still, apart = system.moving_cable._replace(moving=absent), system.buffers._replace(present=absent)
+        systems = [system._replace(moving_cable=still, buffers=apart)]
+    return systems
+
+
+__all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of", "leave_out_absent"]

@@ -150,7 +150,7 @@ class Ropeway:
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
         inner |= {name: getattr(state, name) for name in ("drive_mode", "sheave_mode")}
-        counts = "carriage", "contact", "tower", "end", "body", "element", "brake", "mode", "station"
+        counts = "carriage", "contact", "tower", "end", "body", "element", "station"
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys(counts, 0)
         numbers |= dict.fromkeys((*sizes, "rope_drag", "s", "s_dot", "travel"), 1.0)

@@ -10,8 +10,9 @@ import pytest
 from cable_twin.mechanics.language.by_reference import Known, by_reference, pack
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.known import known_fields, names_left
-from cable_twin.mechanics.parameters import CONTINUUM, leave_out_absent
+from cable_twin.mechanics.parameters import CONTINUUM
 from cable_twin.scenario import build_system, load_scenario
+from cable_twin.simulation.engines import leave_out_absent
 from cable_twin.simulation.meeting import with_buffers
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -67,6 +68,14 @@ def outcome(whole):
     return total
 
 
+@kernel
+def counted(whole, times):
+    """Known fields as numbers and conditions."""
+    records = whole, whole
+    one = records[times]
+    return one.weight + one.model + (one.extra.present if times > 5 else times)
+
+
 def test_what_is_known_to_be_absent_is_not_compiled():
     whole = Whole(Extra(Known(False), 1.0), Known(0), 3.0)
     assert outcome(whole) == 6.0
@@ -78,13 +87,18 @@ def test_what_may_be_there_is():
         outcome(Whole(Extra(False, 1.0), Known(0), 3.0))
 
 
+def test_a_known_value_is_one_where_nobody_looks_for_it():
+    """Of a record that is found while the kernel runs."""
+    assert counted(Whole(Extra(Known(True), 1.0), Known(3), 3.0), 1) == 7.0
+
+
 def test_names_of_what_is_left():
     kinds = (numba.typeof(pack(Whole(Extra(Known(False), 1.0), Known(0), 3.0))),)
     assert known_fields(kinds) == {"present", "model"}
-    assert names_left(heavier.py_func, kinds) == set()
+    assert names_left(heavier.py_func, kinds) == {"bool"}  # of the condition itself
     kinds = (numba.typeof(pack(Whole(Extra(True, 1.0), 0, 3.0))),)
     assert known_fields(kinds) == set()
-    assert names_left(heavier.py_func, kinds) == {"cannot_be_compiled"}
+    assert names_left(heavier.py_func, kinds) == {"bool", "cannot_be_compiled"}
 
 
 def test_ropes_of_one_scenario_are_of_one_type():
@@ -95,9 +109,10 @@ def test_ropes_of_one_scenario_are_of_one_type():
     moving = system._replace(moving_cable=system.moving_cable._replace(moving=True))
     for systems, fields in (
         ([system], {"elastic_model", "moving", "present"}),
-        ([system, paper], {"moving", "present"}),
+        ([paper], {"moving", "present"}),
+        ([moving], {"elastic_model"}),
         ([system, moving], {"elastic_model"}),
-        ([paper, moving], set()),
+        ([system, paper], set()),
     ):
         kinds = {numba.typeof(pack(one)) for one in leave_out_absent(systems)}
         assert len(kinds) == 1

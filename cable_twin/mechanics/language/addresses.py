@@ -29,8 +29,15 @@ class Addresses:
         self.table: NDArray[np.int64] = np.array([[_address(one) for one in row] for row in self._packed], np.int64)
 
     def write(self, row: int, column: int, record: Any) -> None:
-        """Put another record in its place."""
-        self._packed[row][column] = pack(record)
+        """Put another record in its place.
+
+        Raises:
+            TypeError: it is of another type: kernels would read it as what it is not.
+        """
+        packed, before = pack(record), self._packed[row][column]
+        if getattr(packed, "_numba_type_", None) != getattr(before, "_numba_type_", None):
+            raise TypeError(f"{type(record).__name__}: of another type than the one that was there")
+        self._packed[row][column] = packed
         self.table[row, column] = _address(self._packed[row][column])
 
 

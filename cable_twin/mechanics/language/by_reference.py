@@ -85,12 +85,16 @@ class _Fields(AttributeTemplate):
     key = RecordType
 
     def generic_resolve(self, record: Any, name: str) -> Any:  # type: ignore[override]
-        return record.kinds[record.names.index(name)] if name in record.names else None
+        kind = record.kinds[record.names.index(name)] if name in record.names else None
+        return types.literal(kind.value) if isinstance(kind, KnownType) else kind
 
 
 @lower_getattr_generic(RecordType)
 def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer: ir.Value, name: str) -> ir.Value:
     """Call a function of its own for each field: it is written once in a module, and LLVM puts it in place."""
+    known = record.kinds[record.names.index(name)]
+    if isinstance(known, KnownType):
+        return context.get_constant(types.int64, known.value)
     kind = context.get_value_type(record.kinds[record.names.index(name)])
     function = ir.FunctionType(kind, [pointer.type])
     reader = cgutils.get_or_insert_function(builder.module, function, f"read {name} of {record}")
