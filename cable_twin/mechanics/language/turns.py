@@ -56,10 +56,11 @@ def by_turn(arm: Vector) -> Matrix:
 @formula
 def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
     """Matrix (turns x turns) of the moment (θ x a) x F by the turn θ of the arm: a Fᵀ - (a·F) 1."""
-    along = sum(x * f for x, f in zip(arm, force, strict=True))
+    along = [x * f for x, f in zip(arm, force, strict=True)]
     if len(arm) == 2:
-        return (-along,)
-    return tuple(arm[i] * force[j] - (along if i == j else 0.0) for i in range(3) for j in range(3))
+        return (-sum(along),)
+    beside = [-(along[1] + along[2]), -(along[0] + along[2]), -(along[0] + along[1])]  # without what would cancel
+    return tuple(beside[i] if i == j else arm[i] * force[j] for i in range(3) for j in range(3))
 
 
 @formula
