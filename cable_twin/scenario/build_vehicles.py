@@ -77,14 +77,11 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
     stops = floats([end_stop(scenario, carriage) for carriage in carriages], 3)
     brakes = floats([_brakes(carriage.drive) for carriage in carriages]).reshape(-1, len(BRAKES), 2)
     return parameters.Carriages(
+        **_body_numbers(bodies),
         body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
-        mass=floats([body.mass for body in bodies]),
         inertia=_inertias(scenario, bodies),
         upper_pivot=floats([scenario.vector(body.upper_pivot) for body in bodies], scenario.dim),
         lower_pivot=floats([scenario.vector(body.lower_pivot or (0.0, 0.0)) for body in bodies], scenario.dim),
-        hinge_stiffness=floats([body.stiffness for body in bodies]),
-        hinge_damping=floats([body.damping for body in bodies]),
-        roll_damping=floats([body.roll_damping for body in bodies]),
         held=np.array(_held(scenario), dtype=np.int64),
         centre_offset=np.zeros((len(bodies), scenario.dim)),
         fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
@@ -107,6 +104,13 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
         stop_stiffness=stops[:, 1].copy(),
         stop_damping=stops[:, 2].copy(),
     )
+
+
+def _body_numbers(bodies: list[Body]) -> dict[str, FloatArray]:
+    """Constants (bodies,) that bodies have under their own name, or under that of a hinge."""
+    keys = [key for key, field in Body.model_fields.items() if field.annotation is float and key != "inertia"]
+    names = {key: key if key in parameters.Carriages._fields else f"hinge_{key}" for key in keys}
+    return {name: floats([getattr(body, key) for body in bodies]) for key, name in names.items()}
 
 
 def _inertias(scenario: Scenario, bodies: list[Body]) -> FloatArray:
