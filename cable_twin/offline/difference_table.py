@@ -11,7 +11,7 @@ from rich.table import Table
 
 from cable_twin.offline.figure_table import shown_unit
 from cable_twin.offline.reading import Reading
-from cable_twin.offline.signal_series import Comparison, Difference, unit_of
+from cable_twin.offline.thinned_series import Comparison, Difference, unit_of
 from cable_twin.scenario.carriers import Carriers
 
 

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from cable_twin.offline.signal_series import Signals
+from cable_twin.offline.thinned_series import Signals
 from cable_twin.signals import PLOTS, SIGNALS, Signal
 from cable_twin.snapshot import ENDS
 

@@ -28,7 +28,7 @@ from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
-from cable_twin.offline.signal_series import Comparison, compare
+from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, LogError, read_log
 
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names

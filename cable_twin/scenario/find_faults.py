@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.cable_conflicts import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.line_conflicts import cable_faults
 from cable_twin.scenario.rope_conflicts import rope_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sensor_conflicts import sensor_faults

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from cable_twin.scenario.bullwheel_conflicts import bullwheel_faults
-from cable_twin.scenario.cable_conflicts import cable_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.line_conflicts import cable_faults
+from cable_twin.scenario.riding_conflicts import track_faults
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.track_conflicts import track_faults
 from cable_twin.scenario.vehicle_conflicts import vehicle_faults
 
 NAMES_SHOWN = 8

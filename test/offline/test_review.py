@@ -21,7 +21,7 @@ from cable_twin.offline import simulate
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.review import main
-from cable_twin.offline.signal_series import POINTS, Series, compare
+from cable_twin.offline.thinned_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.snapshot import Snapshot
