@@ -1,7 +1,8 @@
-"""Fields of a record whose values are part of its type: kernels are compiled without what those rule out.
+"""What is part of the types of a kernel's arguments: it is compiled without what that rules out.
 
-A field that is `Known` is one value to all kernels that take the record. Where that says that something is absent,
-nothing of it is compiled, nor run: half of what the mechanics can do is in no single scenario.
+A field of a record that is `Known` is one value to all kernels that take the record. Where that says that something is
+absent, nothing of it is compiled, nor run: half of what the mechanics can do is in no single scenario. So it is with
+lengths of tuples, wherever they come from: in a plane nothing of what is for space is compiled.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ class PutKnown(FunctionPass):
         found = False
         for block in state.func_ir.blocks.values():
             for assign in block.find_insts(ir.Assign):
-                kind = _kind_of(assign.value, state)
-                if isinstance(kind, KnownType):
-                    assign.value = ir.Const(kind.value, assign.loc)
+                value = _known_value(assign.value, state)
+                if value is not None:
+                    assign.value = ir.Const(value, assign.loc)
                     found = True
         if found:
             state.func_ir._definitions = build_definitions(state.func_ir.blocks)
@@ -42,16 +43,30 @@ class PutKnown(FunctionPass):
         return found
 
 
+def _known_value(value: Any, state: Any) -> int | None:
+    """Of a known field, or the length of a tuple; None where only the running kernel knows."""
+    if isinstance(value, ir.Expr) and value.op == "call" and len(value.args) == 1:
+        called = guard(get_definition, state.func_ir, value.func)
+        kind = _kind_of(value.args[0], state)
+        if isinstance(called, ir.Global) and called.value is len and isinstance(kind, types.BaseTuple):
+            return len(kind)
+    kind = _kind_of(value, state)
+    return kind.value if isinstance(kind, KnownType) else None
+
+
 def _kind_of(value: Any, state: Any) -> types.Type | None:
-    """Type of a field of what the function is given, or of a record in it."""
+    """Type of a field of what the function is given, or of a record or a tuple in it."""
     if isinstance(value, ir.Var):
         value = guard(get_definition, state.func_ir, value)
     if isinstance(value, ir.Arg):
         return state.args[value.index]  # type: ignore[no-any-return]
     if isinstance(value, ir.Expr) and value.op == "getattr":
-        owner = _kind_of(value.value, state)
+        owner: Any = _kind_of(value.value, state)
         if isinstance(owner, RecordType) and value.attr in owner.names:
-            return owner.kinds[owner.names.index(value.attr)]
+            return owner.kinds[owner.names.index(value.attr)]  # type: ignore[no-any-return]
+        fields = getattr(owner, "fields", ()) if isinstance(owner, types.BaseNamedTuple) else ()
+        if value.attr in fields:
+            return owner[fields.index(value.attr)]  # type: ignore[no-any-return]
     return None
 
 

@@ -8,14 +8,10 @@ from __future__ import annotations
 from math import atan2, cos, sin, sqrt
 from typing import Any
 
-import numpy as np
-from numba.extending import overload
-
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.turns import Turn
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     Matrix,
     Vector,
     flipped,
@@ -26,6 +22,7 @@ from cable_twin.mechanics.language.vectors import (
 SMALL = 1e-4  # rad: below, series of sines are taken that are exact to rounding
 
 
+@kernel
 def orientation(row: Any, like: Vector) -> Matrix:
     """Rotation matrix A (dim²) of a body from its coordinates: a vector u of the body is A u in the world."""
     if len(like) == 2:
@@ -51,18 +48,6 @@ def _of_quaternion(x, y, z, w):
     )
 
 
-@overload(orientation, jit_options=OPTIONS)
-def _orientation(row, like):
-    def planar(row, like):
-        c, s = cos(row[2]), sin(row[2])
-        return c, s, -s, c
-
-    def spatial(row, like):
-        return _of_quaternion(row[3], row[4], row[5], row[6])
-
-    return planar if like.count == 2 else spatial
-
-
 @kernel
 def turn_row(row, turn):
     """Turn the coordinates of a body in space by a rotation vector (3,) about the axes of the world."""
@@ -84,6 +69,7 @@ def quaternion_rate(row, spin):
     return a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x, -a * x - b * y - c * z
 
 
+@kernel
 def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
     """Inertia (turns²) in kg m² of a body about the axes of the world; `axes` is its rotation matrix.
 
@@ -91,20 +77,10 @@ def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
     """
     if len(like) == 2:
         return (inertia[body],)
-    return product(product(axes, tuple(inertia[body]), like), flipped(axes, like), like)
+    return product(product(axes, load(inertia[body], axes), like), flipped(axes, like), like)
 
 
-@overload(inertia_of, jit_options=OPTIONS)
-def _inertia_of(inertia, body, axes, like):
-    def planar(inertia, body, axes, like):
-        return (inertia[body],)
-
-    def spatial(inertia, body, axes, like):
-        return product(product(axes, load(inertia[body], axes), like), flipped(axes, like), like)
-
-    return planar if like.count == 2 else spatial
-
-
+@kernel
 def set_upright(row: Any, along: Vector) -> None:
     """Put the coordinates of a body upright: its axes are those of the world, in space with its x along the cable.
 
@@ -114,19 +90,7 @@ def set_upright(row: Any, along: Vector) -> None:
         row[2] = 0.0
     else:
         half = _half_heading(along)
-        row[3:] = 0.0, 0.0, sin(half), cos(half)
-
-
-@overload(set_upright, jit_options=OPTIONS)
-def _set_upright(row, along):
-    def planar(row, along):
-        row[2] = 0.0
-
-    def spatial(row, along):
-        half = _half_heading(along)
         row[3], row[4], row[5], row[6] = 0.0, 0.0, sin(half), cos(half)
-
-    return planar if along.count == 2 else spatial
 
 
 @kernel
@@ -136,48 +100,22 @@ def _half_heading(along):
     return 0.5 * atan2(sign * along[1], sign * along[0]) if along[0] != 0.0 or along[1] != 0.0 else 0.0
 
 
+@kernel
 def move_bodies(positions: Any, increments: Any, like: Vector) -> None:
     """Add increments (bodies, dim + turns) in m and rad to the coordinates of bodies."""
-    if len(like) == 2:
-        positions += increments
-        return
-    positions[:, :3] += increments[:, :3]
-    for row, turn in zip(positions, increments[:, 3:], strict=True):
-        turn_row(row, turn)
-
-
-@overload(move_bodies, jit_options=OPTIONS)
-def _move_bodies(positions, increments, like):
-    def planar(positions, increments, like):
-        for body in range(positions.shape[0]):
-            for axis in range(3):
-                positions[body, axis] += increments[body, axis]
-
-    def spatial(positions, increments, like):
-        for body in range(positions.shape[0]):
-            for axis in range(3):
-                positions[body, axis] += increments[body, axis]
+    for body in range(positions.shape[0]):
+        for axis in range(3):
+            positions[body, axis] += increments[body, axis]
+        if len(like) == 3:
             turn_row(positions[body], load(increments[body, 3:], like))
 
-    return planar if like.count == 2 else spatial
 
-
+@kernel
 def make_unit(positions: Any, like: Vector) -> None:
     """Make the quaternions of bodies in space unit ones again."""
     if len(like) == 3:
-        positions[:, 3:] /= np.linalg.norm(positions[:, 3:], axis=1, keepdims=True)
-
-
-@overload(make_unit, jit_options=OPTIONS)
-def _make_unit(positions, like):
-    def planar(positions, like):
-        return None
-
-    def spatial(positions, like):
         for body in range(positions.shape[0]):
             turn_row(positions[body], (0.0, 0.0, 0.0))
-
-    return planar if like.count == 2 else spatial
 
 
 @kernel
@@ -207,6 +145,7 @@ def _quaternion(turn):
     return half * turn[0], half * turn[1], half * turn[2], cos(0.5 * angle)
 
 
+@kernel
 def orientation_in_space(row: Any, like: Vector) -> tuple[Vector, Vector]:
     """Unit quaternion x, y, z, w of a body from its coordinates, and its angles of roll, pitch and yaw in rad.
 
@@ -214,18 +153,7 @@ def orientation_in_space(row: Any, like: Vector) -> tuple[Vector, Vector]:
     """
     if len(like) == 2:
         return (0.0, sin(0.5 * row[2]), 0.0, cos(0.5 * row[2])), (0.0, row[2], 0.0)
-    return tuple(row[3:7]), _angles(row)
-
-
-@overload(orientation_in_space, jit_options=OPTIONS)
-def _orientation_in_space(row, like):
-    def planar(row, like):
-        return (0.0, sin(0.5 * row[2]), 0.0, cos(0.5 * row[2])), (0.0, row[2], 0.0)
-
-    def spatial(row, like):
-        return (row[3], row[4], row[5], row[6]), _angles(row)
-
-    return planar if like.count == 2 else spatial
+    return (row[3], row[4], row[5], row[6]), _angles(row)
 
 
 @kernel
@@ -235,20 +163,12 @@ def _angles(row):
     return atan2(a[7], a[8]), atan2(-a[6], sqrt(a[7] * a[7] + a[8] * a[8])), atan2(a[3], a[0])
 
 
+@kernel
 def turn_between(first: Any, last: Any, like: Vector) -> Turn:
     """Turn (turns,) in rad that takes the coordinates `first` of a body to `last`, less than half a turn."""
-    return (last[2] - first[2],) if len(like) == 2 else _turn_between(first, last)
-
-
-@overload(turn_between, jit_options=OPTIONS)
-def _overload_turn_between(first, last, like):
-    def planar(first, last, like):
+    if len(like) == 2:
         return (last[2] - first[2],)
-
-    def spatial(first, last, like):
-        return _turn_between(first, last)
-
-    return planar if like.count == 2 else spatial
+    return _turn_between(first, last)
 
 
 @kernel

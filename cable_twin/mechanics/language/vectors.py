@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from cable_twin.mechanics.language.compilation import OVERLOAD
 from cable_twin.mechanics.language.formulas import formula
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]
-OPTIONS: Any = OVERLOAD  # of what `overload` gives to numba
 
 
 @formula

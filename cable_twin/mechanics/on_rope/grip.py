@@ -11,13 +11,10 @@ from __future__ import annotations
 from math import atan2, sqrt
 from typing import Any
 
-from numba.extending import overload
-
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.turns import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     Matrix,
     Vector,
     accumulate,
@@ -41,14 +38,12 @@ def tangent_pitch(r_x):
     return atan2(-z if x >= 0.0 else z, abs(x))
 
 
+@kernel
 def tangent_orientation(r_x: Vector) -> Vector:
     """Pitch (1,) in rad of a cable of the slope r_x, or in space its unit tangent (3,)."""
-    return (tangent_pitch(r_x),) if len(r_x) == 2 else scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
-
-
-@overload(tangent_orientation, jit_options=OPTIONS)
-def _tangent_orientation(r_x):
-    return {2: lambda r_x: (tangent_pitch(r_x),), 3: lambda r_x: scale(1.0 / sqrt(dot(r_x, r_x)), r_x)}[r_x.count]
+    if len(r_x) == 2:
+        return (tangent_pitch(r_x),)
+    return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
 
 
 @formula
@@ -79,27 +74,14 @@ def spin_by_slope(turning, r_x):
     return add_scaled(-per_square, flipped(by_turn(turning), no_turn(r_x)), turned)
 
 
+@kernel
 def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector) -> Vector:
     """What velocities alone make of the rate (turns,) in rad/s² of the spin G w at a joint; in a plane nobody asks.
 
     That is G w_dot - 2 (r_x·w) / |r_x|² G w.
     """
-    return (0.0,) if len(like) == 2 else _turning_left(cable, nodes, point, s_dot, like)
-
-
-@overload(turning_left, jit_options=OPTIONS)
-def _overload_turning_left(cable, nodes, point, s_dot, like):
-    def in_plane(cable, nodes, point, s_dot, like):
+    if len(like) == 2:
         return (0.0,)
-
-    def in_space(cable, nodes, point, s_dot, like):
-        return _turning_left(cable, nodes, point, s_dot, like)
-
-    return in_plane if like.count == 2 else in_space
-
-
-@kernel
-def _turning_left(cable, nodes, point, s_dot, like):
     e, e_dot = nodes.position, nodes.velocity
     r_x = slope(e, point, like)
     r_xxx = interpolate(e, point.element, shape_functions_xxx(cable.element_length[point.element]), like)

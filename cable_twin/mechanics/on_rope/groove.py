@@ -11,18 +11,17 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Any
 
-from numba.extending import overload
-
-from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.formulas import formula, square_root
 from cable_twin.mechanics.language.turns import cross
-from cable_twin.mechanics.language.vectors import OPTIONS, Vector, add_scaled, dot, outer, scale
+from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, outer, scale
 from cable_twin.mechanics.parameters import IN_GROOVE
 from cable_twin.mechanics.rope.point import add_block
 
 CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
 
 
+@kernel
 def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
     """Depth (m) to which a contact feels the rope: not at all where it has left the grooves of its tower."""
     if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
@@ -30,17 +29,7 @@ def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: V
     return -inf
 
 
-@overload(depth_in_groove, jit_options=OPTIONS)
-def _depth_in_groove(towers, state, contact, depth, like):
-    def planar(towers, state, contact, depth, like):
-        return depth
-
-    def spatial(towers, state, contact, depth, like):
-        return depth if state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE else -inf
-
-    return planar if like.count == 2 else spatial
-
-
+@kernel
 def with_groove(
     force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
 ) -> Vector:
@@ -59,18 +48,6 @@ def with_groove(
         return force
     across = sideways(r_x, normal)
     return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
-
-
-@overload(with_groove, jit_options=OPTIONS)
-def _with_groove(force, stiffness, friction, r_x, normal, apart, moving):
-    def planar(force, stiffness, friction, r_x, normal, apart, moving):
-        return force
-
-    def spatial(force, stiffness, friction, r_x, normal, apart, moving):
-        across = sideways(r_x, normal)
-        return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
-
-    return planar if force.count == 2 else spatial
 
 
 @formula
@@ -92,6 +69,7 @@ def to_the_left(r_x, normal):
     return scale(1.0 if normal[2] < 0.0 else -1.0, sideways(r_x, normal))
 
 
+@inlined_kernel
 def add_groove(
     stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector, point: Any, work: Any
 ) -> None:
@@ -99,23 +77,8 @@ def add_groove(
 
     `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
     """
-    if len(r_x) == 3:
-        _add_groove(stiffness, damping, r_x, normal, moving, point, work)
-
-
-@overload(add_groove, jit_options=OPTIONS)
-def _overload_add_groove(stiffness, damping, r_x, normal, moving, point, work):
-    def planar(stiffness, damping, r_x, normal, moving, point, work):
-        return None
-
-    def spatial(stiffness, damping, r_x, normal, moving, point, work):
-        _add_groove(stiffness, damping, r_x, normal, moving, point, work)
-
-    return planar if r_x.count == 2 else spatial
-
-
-@inlined_kernel
-def _add_groove(stiffness, damping, r_x, normal, moving, point, work):
+    if len(r_x) == 2:
+        return
     across = sideways(r_x, normal)
     speed = dot(moving, across)
     squared = speed * speed + CREEP * CREEP

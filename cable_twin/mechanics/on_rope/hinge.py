@@ -16,13 +16,10 @@ from __future__ import annotations
 from math import atan
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.language.turns import by_turn, cross
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     add_scaled,
     dot,
     load,
@@ -71,20 +68,12 @@ def is_hinged(carriages, body):
     return carriages.hinge_stiffness[body] > 0.0 or carriages.hinge_damping[body] > 0.0 or carriages.held[body] > 0
 
 
+@inlined_kernel
 def hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
     """The joint at the upper pivot of a body, `first` of a chain below the cable that is turned as `above`."""
-    implementation = _hinge_in_plane if len(like) == 2 else _hinge_in_space
-    return implementation(carriages, state, body, first, above, stiffness_factor, rate_factor)
-
-
-@overload(hinge, jit_options=OPTIONS)
-def _hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
-    implementation = _hinge_in_plane if like.count == 2 else _hinge_in_space
-
-    def choose(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
-        return implementation(carriages, state, body, first, above, stiffness_factor, rate_factor)
-
-    return choose
+    if len(like) == 2:
+        return _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor)
+    return _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate_factor)
 
 
 @inlined_kernel
@@ -110,29 +99,11 @@ def joint_axes(state, body, first, tangent):
     return (above[1], above[4], above[7]), x, z, atan(-dot(x, up) / dot(x, along))
 
 
+@inlined_kernel
 def hinge_angle(state, body, first, above):
     """Angle of pitch (rad) of a body against what is above it, for its spring."""
-    implementation = _angle_in_plane if len(above.spin) == 1 else _angle_in_space
-    return implementation(state, body, first, above)
-
-
-@overload(hinge_angle, jit_options=OPTIONS)
-def _overload_hinge_angle(state, body, first, above):
-    implementation = _angle_in_plane if above[1].count == 1 else _angle_in_space
-
-    def choose(state, body, first, above):
-        return implementation(state, body, first, above)
-
-    return choose
-
-
-@inlined_kernel
-def _angle_in_plane(state, body, first, above):
-    return state.bodies.position[body, 2] - (above.orientation[0] if first else state.bodies.position[body - 1, 2])
-
-
-@inlined_kernel
-def _angle_in_space(state, body, first, above):
+    if len(above.spin) == 1:
+        return state.bodies.position[body, 2] - (above.orientation[0] if first else state.bodies.position[body - 1, 2])
     return joint_axes(state, body, first, above.orientation)[3]
 
 

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     accumulate,
     add_scaled,
     dot,
@@ -36,52 +34,24 @@ class Held(NamedTuple):
     least: Any
 
 
+@kernel
 def measure_held(carriages, state, body, first, direction, gap):
     """Write Φ = a·c of what a joint holds into `gap` (2,); there is nothing of that in a plane."""
-    if len(direction.spin) == 3:
-        _measure_held(carriages, state, body, first, direction, gap)
-
-
-@overload(measure_held, jit_options=OPTIONS)
-def _overload_measure_held(carriages, state, body, first, direction, gap):
-    def in_plane(carriages, state, body, first, direction, gap):
-        return None
-
-    def in_space(carriages, state, body, first, direction, gap):
-        _measure_held(carriages, state, body, first, direction, gap)
-
-    return in_space if direction[1].count == 3 else in_plane
-
-
-@kernel
-def _measure_held(carriages, state, body, first, direction, gap):
+    if len(direction.spin) == 1:
+        return
     a, c, other, _ = joint_axes(state, body, first, direction.orientation)
     gap[0], gap[1] = dot(a, c), dot(a, other)
 
 
+@kernel
 def accelerate_held(state, body, first, above, turning, feedback, gap):
     """Write what is left of Φ_ddot when all accelerations are zero into `gap` (2,); in a plane there is nothing held.
 
     With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is what velocities alone make of the rate of the
     spin Ω above the first body of a chain; gaps and rates are fed back with `feedback` (1/s) squared and doubled.
     """
-    if len(above.spin) == 3:
-        _accelerate_held(state, body, first, above, turning, feedback, gap)
-
-
-@overload(accelerate_held, jit_options=OPTIONS)
-def _overload_accelerate_held(state, body, first, above, turning, feedback, gap):
-    def in_plane(state, body, first, above, turning, feedback, gap):
-        return None
-
-    def in_space(state, body, first, above, turning, feedback, gap):
-        _accelerate_held(state, body, first, above, turning, feedback, gap)
-
-    return in_space if above[1].count == 3 else in_plane
-
-
-@kernel
-def _accelerate_held(state, body, first, above, turning, feedback, gap):
+    if len(above.spin) == 1:
+        return
     a, c, other, _ = joint_axes(state, body, first, above.orientation)
     spin, over, rate = load(state.bodies.velocity[body, 3:], a), above.spin, turning
     if not first:
@@ -95,6 +65,7 @@ def _accelerate_held(state, body, first, above, turning, feedback, gap):
         gap[number] = left + feedback * (2.0 * dot(axis, relative) + feedback * dot(a, mine))
 
 
+@inlined_kernel
 def hold(joint, inverse, by_place, by_above, least, gap):
     """Turn of a body that its joint holds, from the turn -(by_place p + by_above θ + least) of one that is free.
 
@@ -104,24 +75,8 @@ def hold(joint, inverse, by_place, by_above, least, gap):
     Returns:
         The three coefficients, and those of the moment that holds (`Held`).
     """
-    if len(least) == 1:
-        return by_place, by_above, least, Held(0.0, 0.0, 0.0)
-    return _hold_in_space(joint, inverse, by_place, by_above, least, gap)
-
-
-@overload(hold, jit_options=OPTIONS)
-def _overload_hold(joint, inverse, by_place, by_above, least, gap):
-    def in_plane(joint, inverse, by_place, by_above, least, gap):
-        return by_place, by_above, least, Held(0.0, 0.0, 0.0)
-
-    def in_space(joint, inverse, by_place, by_above, least, gap):
-        return _hold_in_space(joint, inverse, by_place, by_above, least, gap)
-
-    return in_plane if least.count == 1 else in_space
-
-
-@inlined_kernel
-def _hold_in_space(joint, inverse, by_place, by_above, least, gap):
+    if len(joint.moment) == 1:
+        return by_place, by_above, least, Held((), (), ())
     nothing = scale(0.0, by_place)
     on_place, on_above, on = nothing, nothing, scale(0.0, least)
     through = unit_matrix(least)  # what a moment is with those that the axes before it then need
@@ -144,65 +99,25 @@ def _hold_in_space(joint, inverse, by_place, by_above, least, gap):
     return by_place, by_above, least, Held(on_place, on_above, on)
 
 
+@formula
 def add_held(a, held):
     """Sum of a matrix and what a joint that holds has for it; in a plane the matrix."""
-    return add_scaled(1.0, held, a) if isinstance(held, tuple) else a
-
-
-@overload(add_held, jit_options=OPTIONS)
-def _overload_add_held(a, held):
-    def in_plane(a, held):
-        return a
-
-    def in_space(a, held):
-        return add_scaled(1.0, held, a)
-
-    return in_space if hasattr(held, "count") else in_plane
-
-
-def keep_held(held, body, work):
-    """Keep what `recover_held` needs."""
-    if isinstance(held.least, tuple):
-        _keep_held(held, body, work)
-
-
-@overload(keep_held, jit_options=OPTIONS)
-def _overload_keep_held(held, body, work):
-    def in_plane(held, body, work):
-        return None
-
-    def in_space(held, body, work):
-        _keep_held(held, body, work)
-
-    return in_space if hasattr(held[2], "count") else in_plane
+    return add_scaled(1.0, held, a) if held else a
 
 
 @inlined_kernel
-def _keep_held(held, body, work):
+def keep_held(held, body, work):
+    """Keep what `recover_held` needs."""
     store(held.by_place, work.held_by_place[body])
     store(held.by_above, work.held_by_above[body])
     store(held.least, work.held_right[body])
 
 
+@kernel
 def recover_held(state, body, moved, turned, work):
     """Bring the moment that holds up to date, for the increments of the pivot and of the turn above."""
-    if len(turned) == 3:
-        _recover_held(state, body, moved, turned, work)
-
-
-@overload(recover_held, jit_options=OPTIONS)
-def _overload_recover_held(state, body, moved, turned, work):
-    def in_plane(state, body, moved, turned, work):
-        return None
-
-    def in_space(state, body, moved, turned, work):
-        _recover_held(state, body, moved, turned, work)
-
-    return in_space if turned.count == 3 else in_plane
-
-
-@kernel
-def _recover_held(state, body, moved, turned, work):
+    if len(turned) == 1:
+        return
     square = outer(0.0, moved, moved)
     change = product(load(work.held_by_place[body], square), moved, moved)
     change = add_scaled(1.0, product(load(work.held_by_above[body], square), turned, turned), change)

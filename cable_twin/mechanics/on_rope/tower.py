@@ -19,11 +19,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Any
 
-from numba.extending import overload
-
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import (
-    OPTIONS,
     Vector,
     add_scaled,
     block,
@@ -196,25 +193,11 @@ def settle_towers(cable, towers, state):
         settle_groove(cable, towers, state, tower, cable.gravity)
 
 
+@kernel
 def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector) -> None:
     """Keep what the groove of a tower bears sideways, and how near that has come to what it can; none in a plane."""
-    if len(like) == 3:
-        _settle_groove(cable, towers, state, tower)
-
-
-@overload(settle_groove, jit_options=OPTIONS)
-def _overload_settle_groove(cable, towers, state, tower, like):
-    def planar(cable, towers, state, tower, like):
-        return None
-
-    def spatial(cable, towers, state, tower, like):
-        _settle_groove(cable, towers, state, tower)
-
-    return planar if like.count == 2 else spatial
-
-
-@kernel
-def _settle_groove(cable, towers, state, tower):
+    if len(like) == 2:
+        return
     lateral, load_here = 0.0, state.tower_load[tower, 0]
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
@@ -227,25 +210,11 @@ def _settle_groove(cable, towers, state, tower):
         state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], abs(lateral) / load_here)
 
 
+@kernel
 def derail(cable: Any, towers: Any, state: Any, like: Vector) -> None:
     """End a step: let the rope out of each groove that holds it no longer, for good; in a plane it stays."""
-    if len(like) == 3:
-        _derail(cable, towers, state)
-
-
-@overload(derail, jit_options=OPTIONS)
-def _overload_derail(cable, towers, state, like):
-    def planar(cable, towers, state, like):
-        return None
-
-    def spatial(cable, towers, state, like):
-        _derail(cable, towers, state)
-
-    return planar if like.count == 2 else spatial
-
-
-@kernel
-def _derail(cable, towers, state):
+    if len(like) == 2:
+        return
     for tower in range(towers.top.shape[0]):
         if state.derailment[tower, 0] != IN_GROOVE:
             continue

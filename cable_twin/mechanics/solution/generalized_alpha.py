@@ -9,14 +9,12 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
 from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.orientations import grow_turn, turn_row
-from cable_twin.mechanics.language.vectors import OPTIONS, Vector
+from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
@@ -90,23 +88,13 @@ def correct(c, h, increments, kind):
         q_ddot[i] += by_acceleration * delta[i]
 
 
+@kernel
 def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
     """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
     if len(like) == 2:
         predict(c, h, kind)
     else:
         _predict_in_space(c, h, kind, turned)
-
-
-@overload(predict_bodies, jit_options=OPTIONS)
-def _predict_bodies(c, h, kind, turned, like):
-    def planar(c, h, kind, turned, like):
-        predict(c, h, kind)
-
-    def spatial(c, h, kind, turned, like):
-        _predict_in_space(c, h, kind, turned)
-
-    return planar if like.count == 2 else spatial
 
 
 @kernel
@@ -126,23 +114,13 @@ def _predict_in_space(c, h, kind, turned):
         turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
 
 
+@kernel
 def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned: Any, like: Vector) -> None:
     """Apply Newton increments (m, rad) to bodies."""
     if len(like) == 2:
         correct(c, h, increments, kind)
     else:
         _correct_in_space(c, h, increments, kind, turned)
-
-
-@overload(correct_bodies, jit_options=OPTIONS)
-def _correct_bodies(c, h, increments, kind, turned, like):
-    def planar(c, h, increments, kind, turned, like):
-        correct(c, h, increments, kind)
-
-    def spatial(c, h, increments, kind, turned, like):
-        _correct_in_space(c, h, increments, kind, turned)
-
-    return planar if like.count == 2 else spatial
 
 
 @kernel

@@ -11,14 +11,13 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.drives.motion import prescribe, report_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.orientations import make_unit, quaternion_rate
-from cable_twin.mechanics.language.vectors import OPTIONS, Vector
+from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
@@ -78,23 +77,13 @@ def add_rates(weight, rates, start, target):
     combine_arrays(start.velocity, weight, rates.acceleration, target.velocity)
 
 
+@kernel
 def add_body_rates(weight: float, rates: Any, start: Any, target: Any, like: Vector) -> None:
     """The same for bodies, in space with the rates of their quaternions, which leaves these a little too long."""
     if len(like) == 2:
         add_rates(weight, rates, start, target)
     else:
         _add_rates_in_space(weight, rates, start, target)
-
-
-@overload(add_body_rates, jit_options=OPTIONS)
-def _add_body_rates(weight, rates, start, target, like):
-    def planar(weight, rates, start, target, like):
-        add_rates(weight, rates, start, target)
-
-    def spatial(weight, rates, start, target, like):
-        _add_rates_in_space(weight, rates, start, target)
-
-    return planar if like.count == 2 else spatial
 
 
 @kernel
