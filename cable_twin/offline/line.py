@@ -40,7 +40,8 @@ exit codes: 0 done, 1 there is no rest at a place or a file cannot be written, 2
 
 examples:
   line aerial_tramway
-  line aerial_tramway --places 100 --set carriages.cabin.payload.mass=0 --plot empty.png
+  line aerial_tramway --places 100 --plot empty.png \\
+       --set carriages.cabin.payload.mass=0
   line gondola --csv gondola.csv
 """
 

@@ -40,7 +40,8 @@ examples:
   review                                 the newest run in cable_twin_logs
   review cable_twin_logs/2026-01-31_09-30-00 --rerun web
   review run.mcap --no-viewer --plots pictures
-  review cable_twin_logs/2026-01-31_09-30-00 cable_twin_logs/2026-01-31_09-45-00 --plots pictures
+  review cable_twin_logs/2026-01-31_09-30-00 \\
+         cable_twin_logs/2026-01-31_09-45-00 --plots pictures
 """
 
 

@@ -46,14 +46,23 @@ examples:
   drive --snapshot
   drive --load gondola                   the same twin with another scenario; also the path of a YAML file
   drive --list                           the twins of this domain
-  drive cabin --speed 5 --ros-args -r __ns:=/b -r /b/cable_twin/joint_commands:=/b/desk
+  drive cabin --speed 5 --ros-args -r __ns:=/b \\
+        -r /b/cable_twin/joint_commands:=/b/desk
 """
+USAGE = """\
+drive [-h] [--node NODE] [--wait S] ... and one of
+       drive NAME (--speed M/S | --force N) [--ramp S] [--duration S]
+       drive NAME (--payload KG | --to PLACE [--at-most M/S])
+       drive --wind M/S [M/S ...]
+       drive (--emergency-stop | --release | --reset | --pause | --resume)
+       drive (--step N | --snapshot | --load SCENARIO | --list)"""
 
 
 def parser() -> OneLineParser:
     """Options of `drive`: one for each kind of command, and for what else a twin does."""
     result = OneLineParser("drive", "Tell a running twin what to do, from the terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
+    result.usage = USAGE  # argparse breaks so long a choice within a word
     what = result.add_mutually_exclusive_group(required=True)
     for kind in TOLD.values():
         option, unit = _option(kind), kind.unit.upper()

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections import deque
+from collections.abc import Sequence
 
 from rich.text import Text
 
@@ -47,19 +49,18 @@ class Status:
     def text(self, width: int) -> Text:
         """The line in at most so many characters; what matters most comes first, and what has no room is left out."""
         simulated = self._loop.simulated_time
-        parts = [(self._simulation.scenario.name, "bold"), (f"{simulated:.1f} s", ""), self._pace(simulated)]
+        parts = [(f"{simulated:.1f} s", ""), self._pace(simulated)]
         if self._simulation.emergency_stopped:
             parts.append(("EMERGENCY STOP", "bold red"))
+        told = len(parts)
         parts += [*self._driven(), *self._slipping(), self._tension(), self._recording()]
-        line = Text()
-        for text, style in parts:
-            part = Text("  " if line else "").append(text, style)
-            if line and len(line) + len(part) > width:  # half a number would be another one
-                return line
-            line.append_text(part)
         if not self._diagnostics.counts["commands_applied"]:
-            line.append("  ").append(f"from another terminal: {self.hint}", "cyan")
-        return line
+            parts.append((f"from another terminal: {self.hint}", "cyan"))
+            short = f"drive it: {self.hint}"
+            if len(_joined(parts)) > width >= len(_joined([*parts[:told], (short, "")])):
+                parts = [*parts[:told], (short, "cyan"), *parts[told:-1]]  # nobody has found out yet
+        named = _joined([(self._simulation.scenario.name, "bold"), *parts])
+        return named if len(named) <= width else _joined(parts, width)  # the log above has the name, too
 
     def _pace(self, simulated: float) -> tuple[str, str]:
         """Real-time factor and lateness, or that time stands still."""
@@ -111,6 +112,16 @@ class Status:
         if judged is not None:
             return ("log fails", "bold red") if judged[0] == 2 else ("log falls behind", "yellow")
         return ("recording", "green") if self._output.run is not None else ("not recorded", "dim")
+
+
+def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
+    """Texts with their styles beside each other, without those that have no room: half a number would be another one."""
+    line = Text()
+    for text, style in parts:
+        part = Text("  " if line else "").append(text, style)
+        if not line or len(line) + len(part) <= width:
+            line.append_text(part)
+    return line
 
 
 def live_hint(run: Run) -> str:
