@@ -115,7 +115,7 @@ class Status:
 
 
 def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
-    """Texts with their styles beside each other, without those that have no room: half a number would be another one."""
+    """Texts with styles beside each other, without those that have no room: half a number would be another one."""
     line = Text()
     for text, style in parts:
         part = Text("  " if line else "").append(text, style)
