@@ -7,7 +7,6 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 
 from rich.console import Console
@@ -29,6 +28,7 @@ from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
 from cable_twin.offline.signal_series import Comparison, compare
+from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.recording.log_reader import Log, LogError, read_log
 
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
@@ -86,9 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     if len(options.bags) > len(LABELS):
         arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
-    if options.plots is not None and find_spec("matplotlib") is None:
-        arguments.error("--plots needs matplotlib, which this Python does not have: pip install matplotlib")
-    if fault := export_fault(options):
+    if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
         arguments.error(fault)
     console = Console(stderr=True)
     try:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, typed
 from cable_twin.offline.export import add_export
 from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.rates import EVERY_FRAME, LOGGED
@@ -163,6 +164,13 @@ def parser() -> OneLineParser:
     )
     add_export(result)
     return result
+
+
+def plots_fault(option: str) -> str:
+    """What an option that draws lacks, in a line; nothing where it is there."""
+    if find_spec("matplotlib") is not None:
+        return ""
+    return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
 
 
 def assignment(text: str) -> tuple[str, Any]:

@@ -10,12 +10,16 @@ from collections import Counter
 
 import pytest
 from bags import NO_BAGS, bag
+from small_tramway import TRAMWAY
 from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
 from cable_twin.offline import replay, review
+from cable_twin.offline.run_report import report
+from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
 
 SCRIPT = """\
 - {time: 0, name: cabin, speed: 6.0}
@@ -52,7 +56,7 @@ def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     assert re.fullmatch(r"quick: 10\.00 s in [\d.]+ s, [\d.]+ times real time; 5 commands", first)
     run = the_run(directory / "cable_twin_logs")
     assert log == f"log: cable_twin_logs/{run.name}"
-    assert hint == f"look at it: review cable_twin_logs/{run.name}"
+    assert re.fullmatch(rf"look at it: \S*review cable_twin_logs/{run.name}", hint)
     assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}_0.rrd", "metadata.yaml"}
 
 
@@ -275,3 +279,26 @@ def test_help_has_an_example_and_the_exit_codes(capsys):
     text = capsys.readouterr().out
     assert "simulate aerial_tramway --script trip.yaml --duration 300" in text
     assert "exit codes: 0 done, 1 the run failed" in text
+
+
+def report_of(scenario, outcome, capsys):
+    assert not report(scenario, 0.0, outcome, [], None, [])
+    printed = capsys.readouterr()
+    return printed.out.splitlines()[-1], printed.err
+
+
+def test_a_run_in_which_nothing_was_driven_says_what_drives_it(capsys):
+    scenario = load_scenario(TRAMWAY)
+    said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0), capsys)
+    assert said.endswith(" 5.0 times real time; 0 commands: nothing is driven without --script FILE")
+    said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0, applied=1), capsys)
+    assert said.endswith("; 1 command")
+    said, _ = report_of(load_scenario("seed_example"), Outcome(time=5.0, wall_time=1.0), capsys)  # moves by itself
+    assert said.endswith("; 0 commands")
+
+
+@pytest.mark.parametrize(("step", "wall_time", "told"), [(0.001, 9.0, True), (0.001, 1.0, False), (0.005, 9.0, False)])
+def test_a_slow_run_with_the_default_step_says_that_it_may_be_longer(step, wall_time, told, capsys):
+    scenario = load_scenario(TRAMWAY, {"solver.step": step})
+    _, said = report_of(scenario, Outcome(time=5.0, wall_time=wall_time), capsys)
+    assert ("slower than real time with solver.step at its default of 0.001 s" in said) == told
