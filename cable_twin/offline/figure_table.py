@@ -30,7 +30,8 @@ def print_figures(
 ) -> None:
     """Print one table with a column for each run; when and where only for a single one.
 
-    `at` and `unit_at` are what the time of a figure is, and its unit. On a narrow terminal all but name, value, unit and verdict goes to a line below.
+    `at` and `unit_at` are what the time of a figure is, and its unit. On a narrow terminal all but name, value, unit
+    and verdict goes to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.name: figure for figure in run} for run in figures]
