@@ -231,7 +231,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         ),
         (["--script", "none.yaml"], "none.yaml: No such file or directory"),
         (["--script", "a.yaml", "--from-bag", "b"], "not allowed with argument"),
-        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage 'gondola'; known: cabin"),
+        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage or drive 'gondola'; known: cabin"),
         (["--script", "fast.yaml"], "fast.yaml:1: speed of 'cabin' is 60 m/s; allowed are -10 to 10 m/s"),
         (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
     ],
