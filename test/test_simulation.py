@@ -83,7 +83,7 @@ def test_same_commands_at_the_same_times_give_the_same_bits_whatever_the_pacing(
 def test_time_goes_to_the_nearest_step_and_never_back():
     simulation = simulate()
     assert simulation.advance_to(0.0104).time == 0.01
-    with pytest.raises(ValueError, match="advance_to: 0.005 s given; allowed: a finite time, from 0.01 s on"):
+    with pytest.raises(ValueError, match=r"advance_to: 0\.005 s given; allowed: a finite time, from 0\.01 s on"):
         simulation.advance_to(0.005)
     assert simulation.advance_to(0.0099).time == 0.01  # the same step
     snapshot = simulation.advance_to(0.0101)
