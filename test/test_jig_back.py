@@ -183,7 +183,7 @@ def test_a_way_of_the_drive_has_the_start_in_it(travel):
 )
 def test_a_way_of_the_drive_ends_before_the_end_stops(travel, cabin):
     said = f"given {travel} m, with which '{cabin}' would run into an end stop of its track; allowed: -11 to 1025 m"
-    with pytest.raises(ScenarioError, match=re.escape(f"drives.haul_rope.travel: {said}")) as caught:
+    with pytest.raises(ScenarioError, match=re.escape(f"sheaves.drive.drive.travel: {said}")) as caught:
         load_scenario("jig_back", {"sheaves.drive.drive.travel": travel})
     assert len(caught.value.faults) == 1
 
