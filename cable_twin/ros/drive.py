@@ -189,9 +189,9 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
     )
     with _waiting(f"looking for {options.node}"):
         fault = driver.find_twin()
-    if fault is None and not ending.is_set():
-        fault = driver.run()
-    return fault or ""
+    if fault is None and ending.is_set():
+        raise KeyboardInterrupt
+    return fault or driver.run() or ""
 
 
 def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:

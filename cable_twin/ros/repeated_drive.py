@@ -162,13 +162,13 @@ class Driver:
     def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
         name = self._options.name
         arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
-        line = (
-            f"{elapsed:6.1f} s  commanded {commanded}  {name}: "
-            f"{speed:+.2f} m/s at {arc_length:.2f} m{self._note()}, drive {force / 1e3:+.2f} kN"
-        )
+        line = f"{elapsed:6.1f} s  commanded {commanded}  {name}: {speed:+.2f} m/s at {arc_length:.2f} m{self._note()}"
+        pull = f", drive {force / 1e3:+.2f} kN"
         if terminal:
             width = shutil.get_terminal_size().columns - 3  # a line that wraps is not written over, nor one before ^C
-            line = f"\r{line[:width]:<{width}}"
+            line = f"\r{(line + pull if len(line + pull) <= width else line)[:width]:<{width}}"
+        else:
+            line += pull
         print(line, end="" if terminal else "\n", flush=True)
 
     def _spin(self, seconds: float) -> None:
