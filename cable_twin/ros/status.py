@@ -55,10 +55,9 @@ class Status:
         told = len(parts)
         parts += [*self._driven(), *self._slipping(), self._tension(), self._recording()]
         if not self._diagnostics.counts["commands_applied"]:
-            parts.append((f"from another terminal: {self.hint}", "cyan"))
-            short = f"drive it: {self.hint}"
-            if len(_joined(parts)) > width >= len(_joined([*parts[:told], (short, "")])):
-                parts = [*parts[:told], (short, "cyan"), *parts[told:-1]]  # nobody has found out yet
+            hint = (f"from another terminal: {self.hint}", "cyan")
+            wide = len(_joined([*parts, hint])) <= width
+            parts.insert(len(parts) if wide else told, hint)  # what nobody has found out yet comes before how it is
         named = _joined([(self._simulation.scenario.name, "bold"), *parts])
         return named if len(named) <= width else _joined(parts, width)  # the log above has the name, too
 
