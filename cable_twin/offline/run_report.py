@@ -55,8 +55,9 @@ def report(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
         + _count(outcome.applied)
         + (f", {len(outcome.refused)} refused" if outcome.refused else "")
-        + (": nothing is driven without --script FILE" if _idle(scenario, outcome) else "")
     )
+    if _idle(scenario, outcome):
+        print("nothing was driven: commands come from a file, --script FILE")
     if run is not None:
         print(f"log: {run.directory}\nlook at it: {typed('review')} {shlex.quote(str(run.directory))}")
     return bool(faults or outcome.refused)
