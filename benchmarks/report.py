@@ -35,6 +35,7 @@ The ratios to [Exudyn](https://github.com/jgerstmayr/EXUDYN) are what lasts: in 
 both programs took half the time (6.9 µs and 139 µs on 24 elements).
 """
 BOUNDLESS = 10_000  # characters
+HEADING = 20  # characters of one beside its numbers
 PICTURES = "pictures"  # directory beside the page
 
 
@@ -108,7 +109,7 @@ def _beside(table: Table) -> RichTable:
 def _below(table: Table, rows: list[dict[str, Value]]) -> RichTable:
     """A column each row, for a terminal that is narrower than the table."""
     shown = RichTable(title=escape(table.title), title_justify="left", show_header=False)
-    shown.add_column()
+    shown.add_column(min_width=HEADING)
     for row in rows:
         shown.add_column(justify="right", no_wrap=True, min_width=max(len(text(cell)) for cell in row.values()))
     for key in rows[0]:
