@@ -164,8 +164,8 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
             if not recordings:
                 try:
                     made = MadeRecording(readings)
-                except OSError as error:
-                    print(f"review: no rerun recording: {error}", file=sys.stderr)
+                except (OSError, ImportError) as error:  # rerun may be left out of an installation
+                    print(f"review: no rerun recording: {error}; --rerun off makes none", file=sys.stderr)
                     code = NOT_WRITTEN
         try:
             comparisons = compare(*(reading.values() for reading in readings))

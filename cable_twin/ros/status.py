@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections import deque
@@ -127,7 +128,10 @@ def live_hint(run: Run) -> str:
     """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
     if run.web is not None:
         return f"; live view, for a browser: {run.web.link}"
-    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
+    if not run.live_url:
+        return ""
+    shown = "" if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") else "; no display here: --rerun web"
+    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}{shown}"
 
 
 def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:

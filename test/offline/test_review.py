@@ -134,6 +134,17 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monk
     assert len(paths[0]) > 8
 
 
+def test_without_rerun_it_shows_the_rest_and_says_so_in_a_line(runs, tmp_path, monkeypatch, capsys):
+    directory = tmp_path / "alone"
+    directory.mkdir()
+    shutil.copy(bag(runs[0]), directory)
+    monkeypatch.setitem(sys.modules, "cable_twin.offline.comparison_view", None)  # as if its import failed
+    assert main([str(directory)]) == 1
+    printed = capsys.readouterr()
+    assert "cabin: stopping distance" in printed.out
+    assert re.fullmatch(r"review: no rerun recording: .*; --rerun off makes none\n", printed.err)
+
+
 def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

@@ -28,7 +28,7 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.figure_watch import FigureWatch
-from cable_twin.ros.status import Status
+from cable_twin.ros.status import Status, live_hint
 
 ROWS, COLUMNS = 24, 150
 # the row, as it is drawn: the cursor is kept, and comes back to where the log goes on
@@ -215,3 +215,12 @@ def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
     assert unnamed == whole.removeprefix(f"{scenario.name}  ")
     assert status.text(len(unnamed) - 1).plain.endswith(f"  {shown}")
     assert shown not in status.text(unnamed.index(shown) + len(shown) - 1).plain
+
+
+def test_a_live_view_names_the_browser_where_no_window_can_open(monkeypatch):
+    run = SimpleNamespace(web=None, live_url="rerun+http://127.0.0.1:9876/proxy")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert live_hint(run).endswith(f" --bind 127.0.0.1 --connect {run.live_url}")
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert live_hint(run).endswith(f" --connect {run.live_url}; no display here: --rerun web")
