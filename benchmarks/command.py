@@ -27,6 +27,7 @@ from benchmarks import (
 )
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, read, write
+from cable_twin.command_line import Filled
 from cable_twin.scenario import ScenarioError
 
 FILE_WIDTH = 120  # columns where the output is no terminal
@@ -53,6 +54,7 @@ examples:
   python -m benchmarks live --minutes 10 --output docs
 
 With --output, DIR/benchmarks.json keeps the parts that were not run as they were, and DIR/benchmarks.md shows them all.
+
 exit codes: 0 measured, and all is as it has to be; 1 a limit was missed, two programs moved apart, or something could
 not be measured or written; 2 wrong arguments
 """
@@ -91,7 +93,7 @@ def main() -> int:
         prog="python -m benchmarks",
         description=f"Measure the solver on one thread, medians of interleaved repetitions.\n\nparts:\n{described}",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=Filled,
     )
     parser.add_argument("parts", nargs="*", type=part_name, metavar="PART", help="which parts; default: all but live")
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes: fewer and shorter cases")

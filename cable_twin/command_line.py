@@ -9,6 +9,7 @@ import shlex
 import shutil
 import signal
 import sys
+import textwrap
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from typing import Any, NoReturn
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 COMPILER = ("numba", "llvmlite")
+NARROWEST = 24  # characters in which a text is still filled
 RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
@@ -121,7 +123,7 @@ class OneLineParser(argparse.ArgumentParser):
             prog=prog,
             description=description,
             epilog=epilog,
-            formatter_class=_Filled,
+            formatter_class=Filled,
             allow_abbrev=False,
         )
         self._failure = failure
@@ -152,14 +154,27 @@ class OneLineParser(argparse.ArgumentParser):
         return plain if named is None else named
 
 
-class _Filled(argparse.HelpFormatter):
-    """Paragraphs in the width of the terminal, examples as they stand, to be copied."""
+class Filled(argparse.HelpFormatter):
+    """Paragraphs and lists in the width of the terminal, examples as they stand, to be copied."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return "\n\n".join(
-            paragraph if "\n " in paragraph else super(_Filled, self)._fill_text(paragraph, width, indent)
+            "\n".join(listed(line, width) for line in paragraph.splitlines())
+            if re.search("^ ", paragraph, re.MULTILINE)
+            else super(Filled, self)._fill_text(paragraph, width, indent)
             for paragraph in text.strip("\n").split("\n\n")
         )
+
+
+def listed(line: str, width: int) -> str:
+    """A line of a list in so many characters: an entry stays whole, what is said of it is filled beside or below it."""
+    gap = re.search(r"(?<=\S) {2,}(?=\S)", line)
+    if len(line) <= width or gap is None:
+        return line
+    beside = width - gap.end() >= NARROWEST
+    below = " " * (gap.end() if beside else len(line) - len(line.lstrip()) + 4)
+    first = line[: gap.end()] if beside else f"{line[: gap.start()]}\n{below}"
+    return first + f"\n{below}".join(textwrap.wrap(line[gap.end() :], width - len(below)))
 
 
 class _PrintLines(argparse.Action):
@@ -171,5 +186,6 @@ class _PrintLines(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print them."""
-        print("\n".join(self._lines()))
+        width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+        print("\n".join(listed(line, width) for line in self._lines()))
         parser.exit()

@@ -176,6 +176,8 @@ def main() -> int:
     options = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # an exception, so that the viewer is ended, too
     try:
+        if sys.stderr.isatty():
+            print(f"drawing {options.recording.name} without a screen: some ten seconds", file=sys.stderr)
         for picture in render(options.recording, options.time, options.output, options.size):
             print(picture)
     except RenderError as error:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
+from io import StringIO
 from math import isfinite
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from benchmarks.command import main
+from benchmarks.report import Part, Table, print_part
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -226,3 +230,16 @@ def test_lockstep(tmp_path, monkeypatch, domain):
     (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["lockstep"]["tables"]
     for what in ("API alone", "API with messages", "one call"):
         assert numbers(table["rows"], what)[0] > 200.0
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_tables_have_every_number_on_a_narrow_terminal(width):
+    """Of the widest part, and as many columns of text."""
+    columns = range(14)
+    rows = [{"process": f"twin {row}", **{f"{key} ms": 1000 * row + key for key in columns}} for row in range(9)]
+    console = Console(width=width, file=StringIO())
+    print_part(Part("Live", [Table("lateness", rows)], []), console)
+    printed = console.file.getvalue()
+    assert "…" not in printed
+    assert max(map(len, printed.splitlines())) <= width
+    assert all(re.search(rf"\b{number}\b", printed) for row in rows for number in row.values())

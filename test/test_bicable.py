@@ -138,6 +138,8 @@ def test_what_carriers_carry_is_no_command():
         CommandError, match=r"'cabin_1' is a carrier, loaded in stations as carriers\.payload says; known"
     ):
         simulation.payload("cabin_1", 0.0)
+    with pytest.raises(CommandError, match="'motor' is a drive and carries nothing; known: none in this scenario"):
+        simulation.payload("motor", 0.0)
     with pytest.raises(CommandError, match="unknown carriage 'cabin_99'; known: none in this scenario"):
         simulation.payload("cabin_99", 0.0)
 

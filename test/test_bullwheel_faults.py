@@ -43,11 +43,20 @@ WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
         ({"ropes__down__start__support": "free"}, "ropes.down.start.support: given 'free' at a bullwheel"),
         ({"carriers__spacing": 60.0}, "carriers.count: given 28 every 60 m, 1680 m; allowed: at most the loop of"),
         ({"sheaves__return__counterweight": {**WEIGHT, "travel": [4.0, -4.0]}}, "travel: given [4.0, -4.0]; allowed"),
+        (
+            {"sheaves__return__counterweight": {**WEIGHT, "direction": [0.98, 0.197]}},
+            "sheaves.return.counterweight.direction: given [0.98, 0.197], which does not pull against its strands; "
+            "allowed: away from their other ends, about [-0.976, -0.22]",
+        ),
         ({"sheaves__return__rollback": 0.5}, "sheaves.return.rollback: given 0.5 m, but no drive turns it"),
         ({"drives__haul_rope__sheave": "middle"}, "drives.haul_rope.sheave: given 'middle'; allowed: drive, return"),
         (
             {"carriers__payload__leaving": {"middle": 300.0}},
             "carriers.payload.leaving.middle: no such bullwheel; allowed: drive, return",
+        ),
+        (
+            {"carriers__payload__leaving": {"return": 500.0}},
+            "carriers.payload.leaving.return: given 500.0; allowed: 0 to 300 kg",
         ),
     ],
 )
@@ -55,6 +64,7 @@ def test_a_loop_that_cannot_be_is_told_in_a_line(changes, said):
     with pytest.raises(ScenarioError) as caught:
         load_scenario(lift(**changes))
     assert sum(said in fault for fault in caught.value.faults) == 1, caught.value.faults
+    assert not any("from_start" in fault or "from_end" in fault for fault in caught.value.faults)
     assert all("\n" not in fault for fault in caught.value.faults)
 
 
@@ -82,12 +92,21 @@ def test_a_rope_that_no_vehicle_can_reach_is_told():
         (
             {"sheaves__return__counterweight": {**WEIGHT, "travel": [-0.2, 0.2]}},
             "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.3695 m; allowed: limits "
-            "around that, or ropes that are 0.339 m shorter in all",
+            "around that, less pull, or ropes that are 0.339 m shorter in all",
         ),
         (
             {"sheaves__return__counterweight": {**WEIGHT, "travel": [0.5, 4.0]}},
             "sheaves.return.counterweight.travel: given 0.5 to 4 m, but it rests at 0.3695 m; allowed: limits "
-            "around that, or ropes that are 0.261 m longer in all",
+            "around that, more pull, or ropes that are 0.261 m longer in all",
+        ),
+        (
+            {"sheaves__return__counterweight__mass": 100.0},
+            "sheaves.return.counterweight.mass: given 100 kg, which pulls with 981 N: no static equilibrium; "
+            "allowed: about 2.87e+04 kg",
+        ),
+        (
+            {"sheaves__return__counterweight__force": 500.0},
+            "sheaves.return.counterweight.force: given 500 N: no static equilibrium; allowed: about 2.81e+05 N",
         ),
     ],
 )
@@ -133,6 +152,7 @@ def own_lift():
         ),
         ({"towers__tower_3__ropes": ["up", "down"]}, "towers.tower_3.ropes: given ['up', 'down']; allowed: a mapping"),
         ({"towers__tower_3__ropes": {"up": 1.0}}, "towers.tower_3.ropes.up: given 1.0; allowed: a mapping of keys of"),
+        ({"sheaves__drive__drive": 5}, "sheaves.drive.drive: given 5; allowed: a mapping with the keys of a drive"),
         ({"sheaves__drive__drive__name": True}, "sheaves.drive.drive.name: given True; allowed: a text"),
         ({"sheaves__drive__joins": ["up.end", "dwn.start"]}, "sheaves.drive.joins.1: given 'dwn.start'; allowed: "),
     ],

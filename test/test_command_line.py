@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import signal
 import sys
 import threading
@@ -11,19 +12,52 @@ import numba
 import pytest
 from numba.extending import overload
 
-from cable_twin.command_line import OneLineParser, interrupts_kept
+from cable_twin.command_line import OneLineParser, interrupts_kept, listed
+from cable_twin.offline import line, replay, review, simulate_options
+from cable_twin.ros import drive, sim
 
 
 def test_help_fills_paragraphs_and_leaves_examples_as_they_are(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "60")
-    example = f"  drive cabin --speed 5    {'what it does ' * 5}".rstrip()
-    parser = OneLineParser("drive", "Tell a twin.", f"{'many words ' * 20}\nand more\n\nexamples:\n{example}\n")
+    short = "  drive cabin --speed 5    5 m/s"
+    long = f"  drive --ros-args {'-r a:=b ' * 6}".rstrip()
+    parser = OneLineParser("drive", "Tell a twin.", f"{'many words ' * 20}\nand more\n\nexamples:\n{short}\n{long}\n")
     with pytest.raises(SystemExit, match="0"):
         parser.parse_args(["--help"])
     paragraph, examples = capsys.readouterr().out.rpartition("\n\nexamples:\n")[::2]
     assert max(map(len, paragraph.splitlines())) < 60
     assert " ".join(paragraph.split()).endswith("many words and more")
-    assert examples == f"{example}\n"
+    assert examples == f"{short}\n{long}\n"
+
+
+@pytest.mark.parametrize("width", [58, 40])
+def test_what_is_said_of_an_example_has_the_width_that_there_is(width):
+    command, said = "  drive cabin --speed 5", "what it does " * 6
+    lines = listed(f"{command}   {said}".rstrip(), width).splitlines()
+    assert lines[0].startswith(command)
+    assert max(map(len, lines)) <= width
+    assert " ".join(" ".join(lines).split()) == f"{command.strip()} {said.strip()}"
+
+
+HELPS = {
+    "sim": sim.parser,
+    "drive": drive.parser,
+    "simulate": simulate_options.parser,
+    "line": line.parser,
+    "review": review.parser,
+    "replay": replay.parser,
+}
+
+
+@pytest.mark.parametrize("name", HELPS)
+def test_every_help_fits_eighty_columns(name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    text = HELPS[name]().format_help()
+    assert max(map(len, text.splitlines())) < 80
+    usage = text.partition("\n\n")[0]
+    options = {option for action in HELPS[name]()._actions for option in action.option_strings}
+    said = set(re.findall(r"--?[a-z][a-z-]*", usage))
+    assert options - said == {"--help"}
 
 
 WITHIN = 60.0  # s in which an interrupt that is put off comes

@@ -19,6 +19,36 @@ def test_a_drive_is_changed_where_the_file_has_it_and_by_its_name(key):
     assert load_scenario("chairlift", {key: 1.5}).drives["haul_rope"].limits.speed == 1.5
 
 
+def test_what_only_a_file_has_is_changed_whole_or_in_part():
+    drive = {"name": "motor", "limits": {"speed": 1.0}}
+    assert load_scenario("chairlift", {"sheaves.drive.drive": drive}).drives["motor"].limits.speed == 1.0
+    named = load_scenario("chairlift", {"sheaves.drive.drive.name": "motor", "sheaves.drive.drive.limits.speed": 1.5})
+    assert named.drives["motor"].limits.speed == 1.5
+    one = load_scenario("chairlift", {"towers.tower_1.ropes.down.stiffness": 1e6}).towers
+    assert [one[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [3e5, 1e6]
+    lone = load_scenario("chairlift", {"towers.tower_1.ropes": {"up": {}}}).towers
+    assert ("tower_1_up" in lone, "tower_1_down" in lone) == (True, False)
+
+
+def test_a_fault_is_where_the_file_or_the_override_has_it():
+    def faults(*overrides):
+        with pytest.raises(ScenarioError) as refused:
+            load_scenario("chairlift", dict(overrides))
+        return [fault.partition("chairlift.yaml")[2] for fault in refused.value.faults]
+
+    for key in ("sheaves.drive.drive.speed", "drives.haul_rope.speed"):
+        assert faults((key, 3.0)) == [
+            f" (override): {key}: given 3.0; allowed: -2.5 to 2.5 m/s, the limit of the drive"
+        ]
+    for key in ("towers.tower_1.stiffness", "towers.tower_1.ropes.up.stiffness", "towers.tower_1_up.stiffness"):
+        said = f" (override): {key}: given -1.0; allowed: a finite number above 0, in N/m"
+        assert faults((key, -1.0)) == [said]  # once, though it is a tower of each rope
+    (fault,) = faults(("sheaves.drive.drive.limits.sped", 1.0))
+    assert fault == " (override): sheaves.drive.drive.limits.sped: this key does not exist; did you mean 'speed'?"
+    (fault,) = faults(("towers.tower_1.ropes.dwn.stiffness", 1.0))
+    assert fault == ": towers.tower_1.ropes.dwn: no such rope; allowed: up, down"
+
+
 def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
     both = load_scenario("chairlift", {"towers.tower_1.stiffness": 1e6}).towers
     assert [both[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [1e6, 1e6]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from changed_keys import change
 from test_scenario_faults import SEED, faults_of
 
 from cable_twin.scenario import load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation
 
 
 def two_ropes(**changes):
@@ -92,3 +95,23 @@ def test_several_ropes_go_through_yaml_and_back():
     assert "cable" not in scenario.resolved()
     assert load_scenario(scenario.resolved()).resolved() == scenario.resolved()
     assert scenario.cable == scenario.ropes["upper"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            {"connectors__other__to": ["lower", 66.0]},
+            "connectors.other.to: given 66 m on 'lower', which at rest is 6.006 m aside from 60 m on 'upper' before "
+            "the connector of 1 m pulls; allowed: up to 2.998 m",
+        ),
+        (
+            {"ropes__upper__start": {"position": [0.0, 30.0]}, "ropes__upper__end": {"position": [100.0, 30.0]}},
+            "connectors.one.to: given 30 m on 'lower', which at rest is 30 m away from 30 m on 'upper' before the "
+            "connector of 1 m pulls; allowed: up to 10.99 m",
+        ),
+    ],
+)
+def test_a_connector_that_cannot_reach_is_named_before_it_bends_the_ropes(changes, said):
+    with pytest.raises(EquilibriumError, match=f"^{re.escape(said)}$"):
+        Simulation(load_scenario(two_ropes(**changes)), samples=2)

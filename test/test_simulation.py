@@ -83,7 +83,9 @@ def test_same_commands_at_the_same_times_give_the_same_bits_whatever_the_pacing(
 def test_time_goes_to_the_nearest_step_and_never_back():
     simulation = simulate()
     assert simulation.advance_to(0.0104).time == 0.01
-    assert simulation.advance_to(0.005).time == 0.01
+    with pytest.raises(ValueError, match=r"advance_to: 0\.005 s given; allowed: a finite time, from 0\.01 s on"):
+        simulation.advance_to(0.005)
+    assert simulation.advance_to(0.0099).time == 0.01  # the same step
     snapshot = simulation.advance_to(0.0101)
     assert snapshot.time == 0.01
     assert snapshot is simulation.snapshot
@@ -95,7 +97,7 @@ def test_time_goes_to_the_nearest_step_and_never_back():
 @pytest.mark.parametrize("time", [nan, inf, -inf])
 def test_a_time_that_is_none_is_refused(time):
     simulation = simulate()
-    with pytest.raises(ValueError, match="a finite time is needed"):
+    with pytest.raises(ValueError, match="allowed: a finite time, from 0 s on"):
         simulation.advance_to(time)
     assert simulation.time == 0.0
 
@@ -103,7 +105,7 @@ def test_a_time_that_is_none_is_refused(time):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (Command("speed", {"gondola": 1.0}), "unknown carriage 'gondola'; known: carriage"),
+        (Command("speed", {"gondola": 1.0}), "unknown carriage or drive 'gondola'; known: carriage"),
         (Command("speed", {"carriage": 2.5}), "speed of 'carriage' is 2.5 m/s; allowed are -2 to 2 m/s"),
         (Command("speed", {"carriage": -2.5}), "speed of 'carriage' is -2.5 m/s; allowed are -2 to 2 m/s"),
         (Command("force", {"carriage": 51.0}), "force of 'carriage' is 51 N; allowed are -50 to 50 N"),
@@ -147,7 +149,7 @@ def test_a_scenario_without_carriages_names_none():
     scenario = load_scenario("seed_example", {"cable.elements": 4}).resolved()
     simulation = Simulation(load_scenario({**scenario, "carriages": {}}))
     simulation.advance_to(0.01)
-    with pytest.raises(CommandError, match="unknown carriage 'carriage'; known: none in this scenario"):
+    with pytest.raises(CommandError, match="unknown carriage or drive 'carriage'; known: none in this scenario"):
         simulation.command("carriage", speed=0.1)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
+from cable_twin.command_line import Filled
 from verification import MODULES, Case, load_cases
 
 PAGE = Path(__file__).parents[1] / "docs" / "verification.md"
@@ -51,7 +52,7 @@ def main() -> int:
         prog="python -m verification",
         description="Run the cases of docs/verification.md and write the page anew, which takes minutes.",
         epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=Filled,
     )
     sections = parser.add_argument("sections", nargs="*", metavar="SECTION")
     sections.help = f"only the cases of these, printed and not written; of {', '.join(MODULES)}"

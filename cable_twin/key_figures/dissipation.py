@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan, sqrt
+from math import inf, nan, sqrt
 
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.records import SolverReport
@@ -23,6 +23,7 @@ class Dissipation:
 
     def __init__(self, scenario: Scenario) -> None:
         self._cause = cause(scenario)
+        self._allowed = inf if scenario.limits.energy_lost is None else scenario.limits.energy_lost
         self._start = nan  # s, of the window
         self._lost, self._moved = 0.0, 0.0  # J, in it so far
         self._most = 0.0  # J, moved in any
@@ -48,15 +49,14 @@ class Dissipation:
         return worst
 
     def figure(self, time: float) -> KeyFigure:
-        """The share lost in the worst window up to `time` (s), with the cause; NaN where nothing has moved."""
+        """The share lost in the worst window up to `time` (s), and why if too much; NaN where nothing has moved."""
         worst = self._judged(time)
         if worst is None:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
         lost, moved, start, end = worst
         share = max(lost, 0.0) / moved
-        return KeyFigure(
-            ENERGY_LOST, share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on; {self._cause}"
-        )
+        advice = f"; {self._cause}" if share > self._allowed else ""
+        return KeyFigure(ENERGY_LOST, share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on{advice}")
 
 
 def cause(scenario: Scenario) -> str:

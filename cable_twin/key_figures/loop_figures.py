@@ -21,7 +21,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Layout, Snapshot
 
 SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
-BEYOND = "the rope slips above 1"
+BEYOND = "above 1 the rope slips on the wheel, how far says `slip of the rope` from 1 mm on"
 STILL = 1e-3  # m, of slip, below which there was none
 
 

@@ -14,11 +14,17 @@ from cable_twin.offline.reading import Reading
 from cable_twin.offline.thinned_series import Comparison, Difference, unit_of
 from cable_twin.scenario.carriers import Carriers
 
+WIDE = 110  # characters that the whole table needs
+
 
 def print_differences(console: Console, a: Reading, b: Reading, comparison: Comparison, label: str = "b") -> None:
-    """Print what the comparison of two runs found; the second one has this label."""
+    """Print what the comparison of two runs found; the second one has this label.
+
+    On a narrow terminal, when each signal differed most, and its values then, go to a line below.
+    """
+    wide = console.width >= WIDE
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("largest difference", "rms", "unit", "at", "a there", f"{label} there"):
+    for title in ("largest difference", "rms", "unit", *(("at", "a there", f"{label} there") if wide else ())):
         table.add_column(title, justify="left" if title == "unit" else "right", no_wrap=True)
     carriers = a.scenario.carriers
     for name, difference in _worst_of_each(comparison.differences, carriers).items():
@@ -26,7 +32,12 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
             unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
             numbers = [f"{value * scale:.4g}" for value in (difference.largest, difference.rms)]
             there = [f"{value * scale:.6g}" for value in difference.values]
-            table.add_row(name, *numbers, unit, f"{difference.time:.2f} s", *there)
+            when = f"{difference.time:.2f} s"
+            if wide:
+                table.add_row(name, *numbers, unit, when, *there)
+            else:
+                below = f"{when}, a {there[0]}, {label} {there[1]}"
+                table.add_row(f"{name}\n  [dim]{below}[/]", *numbers, unit)
     print(f"differences at {comparison.frames} common frames" + (f" of a and {label}" if label != "b" else ""))
     if comparison.frames:
         console.print(table)

@@ -7,6 +7,7 @@ import string
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from textwrap import fill
 
 from rich import box
 from rich.console import Console
@@ -16,7 +17,7 @@ from cable_twin.key_figures import KeyFigure
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
-NOISE = 1e-7  # in SI; what is less is rounding
+NOISE = 1e-6  # of the unit that is shown; what is less is rounding
 
 
 def table_console() -> Console:
@@ -24,10 +25,13 @@ def table_console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
 
 
-def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "s") -> None:
+def print_figures(
+    console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "at", unit_at: str = "s"
+) -> None:
     """Print one table with a column for each run; when and where only for a single one.
 
-    `at` is the unit of when. On a narrow terminal all but name, value, unit and verdict goes to a line below.
+    `at` and `unit_at` are what the time of a figure is, and its unit. On a narrow terminal all but name, value, unit
+    and verdict goes to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.name: figure for figure in run} for run in figures]
@@ -35,8 +39,8 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, a
     table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("value",) if lone else LABELS[: len(runs)]:
         table.add_column(title, justify="right", no_wrap=True)
-    for title in ("unit", *(("limit",) if wide else ()), "", *(("at", "where") if lone and wide else ())):
-        table.add_column(title, justify="right" if title in ("limit", "at") else "left", no_wrap=title != "where")
+    for title in ("unit", *(("limit",) if wide else ()), "", *((at, "where") if lone and wide else ())):
+        table.add_column(title, justify="right" if title in ("limit", at) else "left", no_wrap=title != "where")
     every = [figure for run in runs for figure in run.values()]
     usual = Counter(figure.band for figure in every).most_common(1)[0][0] if every else ""
     notes = list(dict.fromkeys(figure.source for figure in every if figure.source))
@@ -46,11 +50,13 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, a
         present = [figure for figure in found if figure is not None]
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
-        values = ["" if figure is None else _shown(figure.value, scale) for figure in found]
+        values = ["" if figure is None else shown(figure.value, scale) for figure in found]
         limits = dict.fromkeys(_limit(figure, scale, notes) for figure in present)
         if present[0].band in notes:
             unit = f"{unit} ({notes.index(present[0].band) + 1})"
-        where = [f"{present[0].time:.2f} {at}", present[0].place] if lone else []
+        when = f"{present[0].time:.2f} {unit_at}"
+        when = when if wide or at == "at" else f"{at} {when}"
+        where = [when, present[0].place] if lone else []
         limit = "; ".join(limits)
         if wide:
             table.add_row(name, *values, unit, limit, _verdict(found, scale), *where)
@@ -58,15 +64,18 @@ def print_figures(console: Console, figures: Sequence[Sequence[KeyFigure]], *, a
             below = ", ".join(filter(None, (limit, *where)))
             table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
-    for number, note in enumerate(notes, start=1):
-        console.print(f"  ({number}) {note}", markup=False)
-    if usual:
-        console.print(f"  extremes are of {usual} where no note of the unit says otherwise", markup=False)
+    told = [f"({number}) {note}" for number, note in enumerate(notes, start=1)]
+    told += [f"extremes are of {usual} where no note of the unit says otherwise"] if usual else []
+    for line in told:
+        below = " " * (6 if line.startswith("(") else 2)
+        filled = fill(line, console.width, initial_indent="  ", subsequent_indent=below)
+        console.print(filled, markup=False, soft_wrap=True)
     console.print()
 
 
-def _shown(value: float, scale: float) -> str:
-    return "0" if abs(value) < NOISE else f"{value * scale:.4g}"
+def shown(value: float, scale: float) -> str:
+    """A value in SI in the unit that has this scale; 0 where it is but rounding there."""
+    return "0" if abs(value * scale) < NOISE else f"{value * scale:.4g}"
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
@@ -82,7 +91,7 @@ def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
         word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict
-        return ", ".join(filter(None, (word, f"± {_shown(lone.uncertainty, scale)}")))
+        return ", ".join(filter(None, (word, f"± {shown(lone.uncertainty, scale)}")))
     kept = [figure.kept if figure is not None else None for figure in figures]
     if False not in kept:
         return "kept" if True in kept else ""

@@ -21,7 +21,7 @@ from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.key_figures import values_of
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line_places import Line, calculate, plan_line
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, assignment
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, assignment, plots_fault
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError
 
@@ -40,7 +40,8 @@ exit codes: 0 done, 1 there is no rest at a place or a file cannot be written, 2
 
 examples:
   line aerial_tramway
-  line aerial_tramway --places 100 --set carriages.cabin.payload.mass=0 --plot empty.png
+  line aerial_tramway --places 100 --plot empty.png \\
+       --set carriages.cabin.payload.mass=0
   line gondola --csv gondola.csv
 """
 
@@ -51,6 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if options.plot is not None and options.plot.suffix.lower() not in DRAWN:
         return _fault(f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}", UNUSABLE)
+    if options.plot is not None and (fault := plots_fault("--plot")):
+        return _fault(fault, UNUSABLE)
     console = Console(stderr=True)
     scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
     try:
@@ -67,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         words = Console(stderr=True, width=160, highlight=False)
     what = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
     words.print(f"{line.scenario.name} at rest, {what}", markup=False)
-    print_figures(words, [line.figures], at="m")
+    print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
             if path is not None:
@@ -78,8 +81,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_line_plot(line, options.plot)
     except OSError as error:
         return _fault(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
-    except ModuleNotFoundError:
-        return _fault("--plot needs matplotlib: pip install 'cable_twin[plots]'", FAILED)
     return DONE
 
 

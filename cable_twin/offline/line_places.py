@@ -10,6 +10,7 @@ import numpy as np
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.records import FloatArray
 from cable_twin.scenario import Scenario, build_system, load_scenario
+from cable_twin.scenario.hauled import sense_of, way_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.snapshot import Columns, Snapshot
 
@@ -113,7 +114,7 @@ def at_place(line: Line, place: float) -> Snapshot:
     """The line at rest with its vehicle there."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
-    changes = {f"carriages.{moved}.arc_length": place} if moved else {}
+    changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
     if moved in scenario.drives:
         changes = _hauled_to(scenario, place)
     if carriers is not None and moved == carriers.name:
@@ -129,34 +130,19 @@ def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, floa
     """Least and most of the haul rope (m) that may go by: the travel of its drive, else as far as end stops let all."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
-    strokes = build_system(scenario).carriages.stop_stroke[[list(scenario.vehicles).index(name) for name in hauled]]
-    low, high = -np.inf, np.inf
-    for name, stroke in zip(hauled, strokes.tolist(), strict=True):
-        one = scenario.carriages[name]
-        track = scenario.ropes[one.rope or next(iter(scenario.ropes))]
-        ends = sorted(
-            _sense(scenario, name) * (end - one.arc_length) for end in (stroke, track.unstrained_length - stroke)
-        )
-        low, high = max(low, ends[0]), min(high, ends[1])
-    return float(low), float(high)
+    ways = [way_between_stops(scenario, name) for name in hauled]
+    return max(way.low for way in ways), min(way.high for way in ways)
 
 
-def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float]:
+def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
     """Where all stand that haul ropes pull, when so much of these (m) has gone by."""
-    changes: dict[str, float] = {}
+    # that of a drive is from where they stand at the start
+    changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():
         changes |= {f"carriages.{name}.clamped_to.{rope}": place + passed for rope, place in one.clamped_to.items()}
         if one.clamped_to:
-            changes[f"carriages.{name}.arc_length"] = one.arc_length + _sense(scenario, name) * passed
+            changes[f"carriages.{name}.arc_length"] = one.arc_length + sense_of(scenario, name) * passed
     return changes
-
-
-def _sense(scenario: Scenario, name: str) -> float:
-    """1 where the track rope of a carriage runs the same way as its haul rope, else -1."""
-    one = scenario.carriages[name]
-    track, haul = scenario.ropes[one.rope or next(iter(scenario.ropes))], scenario.ropes[next(iter(one.clamped_to))]
-    ways = [np.subtract(rope.end.position, rope.start.position) for rope in (track, haul)]
-    return 1.0 if ways[0][0] * ways[1][0] >= 0.0 else -1.0
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:

@@ -20,6 +20,7 @@ from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
 SAFETY_FACTOR = "rope safety factor"
+CLEARANCE = "clearance over the terrain [m]"
 HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
 
 
@@ -136,18 +137,18 @@ def tension_limits(line: Line) -> dict[float, str]:
 def _clearance(axes: Axes, line: Line) -> None:
     """Least heights of rope and vehicles above the ground, over the place of the vehicle."""
     limits = line.scenario.limits
+    names = [name for name in line.rows if name.endswith(CLEARANCE)]
     for number, (key, limit) in enumerate((("rope", limits.rope_clearance), ("vehicle", limits.vehicle_clearance))):
-        names = [name for name in line.rows if name.endswith("clearance over the terrain [m]")]
-        own = [name for name in names if ("rope clearance" in name) == (key == "rope")]
-        for name, dashes in zip(own if key == "rope" else own[:1], ("-", "--", ":", "-.") * len(own), strict=False):
-            shown = name.removesuffix(" [m]")
+        own = [name for name in names if name.endswith(f"rope {CLEARANCE}") == (key == "rope")]
+        for name, dashes in zip(own, cycle(("-", "--", ":", "-."))):
+            shown = name.removesuffix(CLEARANCE).rstrip(": ")
             axes.plot(line.places, line.rows[name], color=COLORS[number], linestyle=dashes, label=shown)
         if own and limit is not None:
             axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
     axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
     axes.set_xlabel(_where(line))
-    axes.set_ylabel("clearance [m]")
-    axes.legend(ncols=3, **HEAD)
+    axes.set_ylabel("clearance over\nthe terrain [m]")
+    axes.legend(ncols=4, **HEAD)
 
 
 def _towers(axes: Axes, line: Line) -> None:

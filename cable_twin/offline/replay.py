@@ -94,9 +94,9 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
 
     def advance(time: float) -> Snapshot:
         while waiting and waiting[0].time < time:
-            simulation.advance_to(waiting[0].time)
+            simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
             simulation.apply(waiting.popleft().command, "replay")
-        return simulation.advance_to(time)
+        return simulation.advance_to(max(time, simulation.time))
 
     def stream() -> Iterator[tuple[str, int, bytes]]:
         before: LogFile | None = None

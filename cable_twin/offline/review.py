@@ -7,7 +7,6 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 
 from rich.console import Console
@@ -28,6 +27,7 @@ from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
+from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, LogError, read_log
 
@@ -40,7 +40,8 @@ examples:
   review                                 the newest run in cable_twin_logs
   review cable_twin_logs/2026-01-31_09-30-00 --rerun web
   review run.mcap --no-viewer --plots pictures
-  review cable_twin_logs/2026-01-31_09-30-00 cable_twin_logs/2026-01-31_09-45-00 --plots pictures
+  review cable_twin_logs/2026-01-31_09-30-00 \\
+         cable_twin_logs/2026-01-31_09-45-00 --plots pictures
 """
 
 
@@ -85,9 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     if len(options.bags) > len(LABELS):
         arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
-    if options.plots is not None and find_spec("matplotlib") is None:
-        arguments.error("--plots needs matplotlib, which this Python does not have: pip install matplotlib")
-    if fault := export_fault(options):
+    if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
         arguments.error(fault)
     console = Console(stderr=True)
     try:
@@ -165,8 +164,8 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
             if not recordings:
                 try:
                     made = MadeRecording(readings)
-                except OSError as error:
-                    print(f"review: no rerun recording: {error}", file=sys.stderr)
+                except (OSError, ImportError) as error:  # rerun may be left out of an installation
+                    print(f"review: no rerun recording: {error}; --rerun off makes none", file=sys.stderr)
                     code = NOT_WRITTEN
         try:
             comparisons = compare(*(reading.values() for reading in readings))

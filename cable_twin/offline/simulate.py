@@ -16,14 +16,13 @@ from rich.console import Console
 
 from cable_twin.command_line import left_at_once
 from cable_twin.compilation_bar import compilation_shown
-from cable_twin.figure_messages import describe
-from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure, KeyFigures, compile_figures
+from cable_twin.key_figures import KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
 from cable_twin.offline.export import Export, RunTable, export_fault
-from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.run_progress import run_progress
+from cable_twin.offline.run_report import report
 from cable_twin.offline.script import (
     ScriptedCommand,
     ScriptError,
@@ -39,7 +38,7 @@ from cable_twin.offline.sweep import plot_fault, sweep
 from cable_twin.recording.log_reader import Log, LogError, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
@@ -108,7 +107,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if options.check and not faults:
                 scenario, frames = plan.simulation.scenario, plan.frame_steps
                 shown = checked(shown, scenario, plan.script, duration=plan.duration, frame_steps=frames)
-            code = _report(plan.simulation.scenario, started, outcome, shown, run, faults)
+            code = FAILED if report(plan.simulation.scenario, started, outcome, shown, run, faults) else DONE
         if table is not None:
             table.figures = shown
         return code if export.write("simulate") else FAILED
@@ -258,42 +257,6 @@ def _signals(*, last: bool) -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if last and flag.is_set() else handler)
-
-
-def _report(
-    scenario: Scenario,
-    start: float,
-    outcome: Outcome,
-    figures: Sequence[KeyFigure],
-    run: Run | None,
-    faults: Sequence[str],
-) -> int:
-    """Say what was done and what it showed."""
-    print_figures(table_console(), [figures])
-    warned = [one for one in figures if one.kept is False and one.name.endswith((ENERGY_LOST, DERAILED))]
-    met = [one for one in figures if one.name.endswith(BUFFER_FORCE)]
-    told = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
-    told += [f"refused: {line}" for line in outcome.refused[:5]]
-    told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
-    told += [*faults]
-    told += [f"not given, at or after the end: {_count(outcome.left)}"] if outcome.left else []
-    told += [f"not given: {line}" for line in outcome.not_reached]
-    told += [f"not given, before the snapshot: {_count(outcome.past)}"] if outcome.past else []
-    for line in told:
-        print(f"simulate: {line}", file=sys.stderr)
-    simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
-    factor = simulated / max(outcome.wall_time, 1e-9)
-    print(
-        f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
-        f"{_count(outcome.applied)}" + (f", {len(outcome.refused)} refused" if outcome.refused else "")
-    )
-    if run is not None:
-        print(f"log: {run.directory}\nlook at it: review {run.directory}")
-    return FAILED if faults or outcome.refused else DONE
-
-
-def _count(commands: int) -> str:
-    return f"{commands} command{'' if commands == 1 else 's'}"
 
 
 if __name__ == "__main__":

@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, typed
 from cable_twin.offline.export import add_export
 from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.rates import EVERY_FRAME, LOGGED
@@ -38,20 +39,21 @@ LOG_RATES = {  # group of topics: what they are
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
 
-  - {time: 0, name: cabin, speed: 6.0}           time,name,speed,force,payload,wind,event
-  - {time: 20, wind: 15.0}                       0,cabin,6.0,,,,
-  - {time: 25, wind: 0.0}                        20,,,,,15.0,
-  - {time: 40, event: emergency_stop}            25,,,,,0.0,
-  - {time: 50, event: release}                   40,,,,,,emergency_stop
-  - {time: 51, name: cabin, force: 30000}        50,,,,,,release
-  - {time: 90, name: cabin, payload: 3200}       51,cabin,,30000,,,
+  - {time: 0, name: cabin, speed: 6.0}       time,name,speed,force,wind,event
+  - {time: 20, wind: 15.0}                   0,cabin,6.0,,,
+  - {time: 25, wind: 0.0}                    20,,,,15.0,
+  - {time: 40, event: emergency_stop}        25,,,,0.0,
+  - {time: 50, event: release}               40,,,,,emergency_stop
+  - {time: 51, name: cabin, force: 30000}    50,,,,,release
+  - {time: 90, name: cabin, payload: 3200}   51,cabin,,30000,,
 
 Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
 payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards, wind_y
 to the left in space; gust or operating_gust with _z, _y and _duration (s) alike; events: emergency_stop, release,
 reset. With a place, where it is given, a time says from when on, 0 without one:
 
-  - {at: {name: cabin, position: 1200}, event: emergency_stop}       in CSV: at_name,at_position
+  - {at: {name: cabin, position: 1200}, event: emergency_stop}
+    in CSV in columns at_name,at_position
 
 exit codes: 0 done, 1 the run failed, could not be recorded or refused a command, 2 wrong scenario, script or option,
 130 ended by Ctrl-C before the run
@@ -61,7 +63,8 @@ examples:
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
            --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
-  simulate chairlift --duration 30 --record off --json - | jq '.runs[0].key_figures[] | select(.kept == false)'
+  simulate chairlift --duration 30 --record off --json - \\
+           | jq '.runs[0].key_figures[] | select(.kept == false)'
   simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   at which side wind has it to stop?
   simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
@@ -161,6 +164,13 @@ def parser() -> OneLineParser:
     )
     add_export(result)
     return result
+
+
+def plots_fault(option: str) -> str:
+    """What an option that draws lacks, in a line; nothing where it is there."""
+    if find_spec("matplotlib") is not None:
+        return ""
+    return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
 
 
 def assignment(text: str) -> tuple[str, Any]:

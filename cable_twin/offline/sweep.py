@@ -18,7 +18,7 @@ from cable_twin.key_figures import compile_figures
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.script import ScriptError, check_script, read_script
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, plots_fault
 from cable_twin.offline.sweep_limits import limited_figures, operating_limit
 from cable_twin.offline.sweep_report import limit_line, print_sweep, write_csv, write_json
 from cable_twin.offline.sweep_runs import Job, SweptRun, run_all, swept_scenarios
@@ -72,7 +72,7 @@ def plot_fault(options: argparse.Namespace) -> str:
         return f"--plot {options.plot} without --sweep, of which it is; of one run: review LOG --plots DIR"
     if options.plot.suffix.lower() not in DRAWN:
         return f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}"
-    return ""
+    return plots_fault("--plot")
 
 
 def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.offline.export import STDOUT, figure_columns
-from cable_twin.offline.figure_table import NOISE, shown_unit
+from cable_twin.offline.figure_table import shown, shown_unit
 from cable_twin.offline.sweep_limits import OperatingLimit, SweptFigure
 from cable_twin.offline.sweep_runs import SweptRun
 
@@ -27,16 +27,16 @@ MOST_COLUMNS = 9
 def print_sweep(console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> None:
     """Print a row for each value with the figures that come nearest to their limits, and where limits are passed."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
-    shown = figures[:room]
+    nearest = figures[:room]
     table = Table(escape(title), box=box.SIMPLE_HEAD, pad_edge=False)
     scales = []
-    for figure in shown:
+    for figure in nearest:
         unit, scale = _unit_of(figure)
         scales.append(scale)
         head = f"{figure.name}\n[dim]{_bound(figure, scale)}[/]"
         table.add_column(f"{head} [dim]{'' if unit == '-' else unit}[/]", justify="right", max_width=COLUMN)
     for number, run in enumerate(runs):
-        cells = [_cell(figure, number, scale) for figure, scale in zip(shown, scales, strict=True)]
+        cells = [_cell(figure, number, scale) for figure, scale in zip(nearest, scales, strict=True)]
         table.add_row(f"{run.value:g}", *cells)
     console.print(table)
     passed = [(figure, figure.passed_at) for figure in figures if figure.passed_at is not None]
@@ -69,7 +69,7 @@ def _cell(figure: SweptFigure, number: int, scale: float) -> str:
     one = figure.figures[number]
     if one is None:
         return ""
-    text = "0" if abs(one.value) < NOISE else f"{one.value * scale:.4g}"
+    text = shown(one.value, scale)
     return f"[bold red]{text} *[/]" if one.kept is False else text
 
 
@@ -80,8 +80,8 @@ def limit_line(key: str, unit: str, runs: Sequence[SweptRun], limit: OperatingLi
     if limit is None:
         return f"operating limit of {key}: none from {first:g} to {last:g}{unit}, all limits are kept"
     figure = limit.figure
-    shown, scale = _unit_of(figure)
-    what = f"{figure.name}, {_bound(figure, scale)} {'' if shown == '-' else shown}".rstrip()
+    scaled, scale = _unit_of(figure)
+    what = f"{figure.name}, {_bound(figure, scale)} {'' if scaled == '-' else scaled}".rstrip()
     if limit.value == first:
         return f"operating limit of {key}: below {first:g}{unit}, the first value: {what}"
     return f"operating limit of {key}: {limit.value:.4g}{unit}: {what}"

@@ -8,11 +8,11 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from cable_twin.command_line import OneLineParser, leave_at_once
+from cable_twin.command_line import OneLineParser, leave_at_once, typed
 
 INSTALL_HINT = (
     "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"
-    "    pip install 'cable_twin[ros]'      (in a clone: pip install '.[ros]')\n"
+    "    {pip} install '.[ros]'      (in the clone of cable_twin)\n"
     "or source a ROS 2 workspace first: source /opt/ros/jazzy/setup.sh"
 )
 
@@ -71,7 +71,7 @@ def rcl_fault(error: Exception) -> str:
 
 def print_hint(command: str, error: ImportError) -> None:
     """Say what to install."""
-    print(INSTALL_HINT.format(command=command, reason=error), file=sys.stderr)
+    print(INSTALL_HINT.format(command=command, reason=error, pip=typed("pip")), file=sys.stderr)
 
 
 __all__ = ["Ending", "OneLineParser", "print_hint", "rcl_fault", "split_ros_arguments"]

@@ -10,6 +10,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.status import Status
+
 from cable_twin.command_line import INTERRUPTED
 from cable_twin.commands import KINDS, Kind
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
@@ -46,14 +49,23 @@ examples:
   drive --snapshot
   drive --load gondola                   the same twin with another scenario; also the path of a YAML file
   drive --list                           the twins of this domain
-  drive cabin --speed 5 --ros-args -r __ns:=/b -r /b/cable_twin/joint_commands:=/b/desk
+  drive cabin --speed 5 --ros-args -r __ns:=/b \\
+        -r /b/cable_twin/joint_commands:=/b/desk
 """
+USAGE = """\
+drive [-h] [--node NODE] [--wait S] ... and one of
+       drive NAME (--speed M/S | --force N) [--ramp S] [--duration S]
+       drive NAME (--payload KG | --to PLACE [--at-most M/S])
+       drive --wind M/S [M/S ...]
+       drive (--emergency-stop | --release | --reset | --pause | --resume)
+       drive (--step N | --snapshot | --load SCENARIO | --list)"""
 
 
 def parser() -> OneLineParser:
     """Options of `drive`: one for each kind of command, and for what else a twin does."""
     result = OneLineParser("drive", "Tell a running twin what to do, from the terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
+    result.usage = USAGE  # argparse breaks so long a choice within a word
     what = result.add_mutually_exclusive_group(required=True)
     for kind in TOLD.values():
         option, unit = _option(kind), kind.unit.upper()
@@ -163,6 +175,11 @@ def _option(kind: Kind) -> str:
     return f"--{kind.name.replace('_', '-')}"
 
 
+def _waiting(text: str) -> Status:
+    """On a terminal, what is waited for: DDS takes seconds to find others."""
+    return Console(stderr=True).status(text)
+
+
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Repeat a command until the end; returns what went wrong."""
     driver = (
@@ -170,23 +187,27 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
         if kind is None
         else Driver(node, kind, getattr(options, kind.name), options, ending)
     )
-    fault = driver.find_twin()
-    if fault is None and not ending.is_set():
-        fault = driver.run()
-    return fault or ""
+    with _waiting(f"looking for {options.node}"):
+        fault = driver.find_twin()
+    if fault is None and ending.is_set():
+        raise KeyboardInterrupt
+    return fault or driver.run() or ""
 
 
 def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Do once what is asked for and print what came of it; returns what went wrong."""
     if options.list:
-        lines = list_twins(node, options.wait, ending)
+        with _waiting("looking for twins"):
+            lines = list_twins(node, options.wait, ending)
         print(*lines, sep="\n", end="\n" if lines else "")
         return (
             "" if lines else f"no twin found after {options.wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
         )
     client = TwinClient(node, options.node, options.wait, ending)
     try:
-        print(f"{options.node}: {_ask(client, kind, options)}")
+        with _waiting(f"asking {options.node}"):
+            answer = _ask(client, kind, options)
+        print(f"{options.node}: {answer}")
     except TwinError as error:
         return str(error)
     return ""

@@ -16,9 +16,14 @@ from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import Kind
 from cable_twin.messages import APPLIED_COMMANDS
 from cable_twin.ros.command_line import Ending
-from cable_twin.ros.twin_client import ANSWER, nobody_listens
+from cable_twin.ros.twin_client import ANSWER, REFUSED, nobody_listens
 
 RATE = 20.0  # Hz, well inside the node's command time-out
+REFUSING = 0.5  # s without a command that is applied, from which on a refusal is one of ours
+UNANSWERED = (
+    f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop in force? It names "
+    "every refusal in its own terminal"
+)
 TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
 
 
@@ -34,6 +39,7 @@ class Driver:
     """
 
     def __init__(self, node: Any, kind: Kind, value: float, options: argparse.Namespace, ending: Ending) -> None:
+        from rcl_interfaces.msg import Log  # noqa: PLC0415
         from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
         from std_msgs.msg import String  # noqa: PLC0415
@@ -44,6 +50,8 @@ class Driver:
         self._heard = False  # any joint states
         self._scenario: dict[str, Any] | None = None
         self._answered = math.inf  # s of the clock
+        self._applied = False  # any command
+        self._refusal = ""  # why the twin has refused the newest one
         twin = options.node
         self._publisher = node.create_publisher(JointState, f"{twin}/{kind.topic}", 10)
         self._topic = self._publisher.topic_name  # as remapped
@@ -51,6 +59,7 @@ class Driver:
         node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
         node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 10)
         node.create_subscription(JointState, f"{twin}/{APPLIED_COMMANDS}", self._on_applied, 50, raw=True)
+        node.create_subscription(Log, "/rosout", self._on_log, 50)
 
     def find_twin(self) -> str | None:
         """Wait for the twin and check the command against its scenario; returns what is wrong."""
@@ -68,12 +77,13 @@ class Driver:
     def run(self) -> str | None:
         """Send until the end, and tell the twin to stop however that comes; returns what went wrong."""
         try:
-            return self._send_until_the_end()
+            fault = self._send_until_the_end()
         except BrokenPipeError:  # nobody reads on: as Ctrl-C
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return None
         finally:
             self._stop()
+        return fault or self._unheard()
 
     def _send_until_the_end(self) -> str | None:
         unit = self._kind.unit
@@ -86,10 +96,7 @@ class Driver:
         while not self._ending.is_set() and fault is None:
             now = time.monotonic()
             if now - self._answered > ANSWER:
-                fault = (
-                    f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop "
-                    "in force? It names every refusal in its own terminal"
-                )
+                fault = UNANSWERED
                 break
             if now >= next_command:
                 value = self._next(now - started)
@@ -98,7 +105,8 @@ class Driver:
                 self._send(value)
                 next_command = max(next_command + 1.0 / RATE, now)
                 if now >= next_line:
-                    self._print_state(now - started, f"{value:+.2f} {unit}", terminal)
+                    given = f"{value / 1e3:+.2f} kN" if unit == "N" else f"{value:+.2f} {unit}"
+                    self._print_state(now - started, given, terminal)
                     next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
             self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
             fault = self._fault()
@@ -117,6 +125,16 @@ class Driver:
 
     def _fault(self) -> str | None:
         """Why it cannot go on, in a line; None where it can."""
+        taken = time.monotonic() - self._answered < REFUSING  # then it was somebody else's that was refused
+        return None if taken else self._refusal or None
+
+    def _unheard(self) -> str | None:
+        """What is wrong where all was sent and nothing came of it, the stop in the end included."""
+        deadline = time.monotonic() + ANSWER
+        while not self._applied and not self._ending.is_set():
+            if self._refusal or time.monotonic() > deadline:
+                return self._refusal or UNANSWERED
+            self._spin(0.05)
         return None
 
     def _note(self) -> str:
@@ -144,13 +162,13 @@ class Driver:
     def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
         name = self._options.name
         arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
-        line = (
-            f"{elapsed:6.1f} s  commanded {commanded}  {name}: "
-            f"{speed:+.2f} m/s at {arc_length:.2f} m{self._note()}, drive {force / 1e3:+.2f} kN"
-        )
+        line = f"{elapsed:6.1f} s  commanded {commanded}  {name}: {speed:+.2f} m/s at {arc_length:.2f} m{self._note()}"
+        pull = f", drive {force / 1e3:+.2f} kN"
         if terminal:
-            width = shutil.get_terminal_size().columns - 1  # a line that wraps is not written over
-            line = f"\r{line[:width]:<{width}}"
+            width = shutil.get_terminal_size().columns - 3  # a line that wraps is not written over, nor one before ^C
+            line = f"\r{(line + pull if len(line + pull) <= width else line)[:width]:<{width}}"
+        else:
+            line += pull
         print(line, end="" if terminal else "\n", flush=True)
 
     def _spin(self, seconds: float) -> None:
@@ -169,10 +187,20 @@ class Driver:
     def _on_applied(self, data: bytes) -> None:
         applied = applied_command_from_message(data)
         if self._options.name in applied.command.values and applied.source == self._kind.topic:
+            self._refusal = ""
             self._note_answer()
 
+    def _on_log(self, message: Any) -> None:
+        """The twin says in its log why it refuses a command."""
+        if self._told_by_twin(message) and message.msg.startswith(f"{self._topic}: {REFUSED}"):
+            self._refusal = message.msg.partition(REFUSED)[2].rpartition(" (")[0]
+
+    def _told_by_twin(self, message: Any) -> bool:
+        """Whether a line of the log is the twin's, and came when there was a command."""
+        return self._answered < math.inf and message.name == self._options.node.strip("/").replace("/", ".")
+
     def _note_answer(self) -> None:
-        self._answered = time.monotonic()
+        self._answered, self._applied = time.monotonic(), True
 
 
 def refusal(scenario: Mapping[str, Any], name: str, kind: Kind, value: float) -> str | None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 import time
 from collections import deque
+from collections.abc import Sequence
 
 from rich.text import Text
 
@@ -47,19 +50,17 @@ class Status:
     def text(self, width: int) -> Text:
         """The line in at most so many characters; what matters most comes first, and what has no room is left out."""
         simulated = self._loop.simulated_time
-        parts = [(self._simulation.scenario.name, "bold"), (f"{simulated:.1f} s", ""), self._pace(simulated)]
+        parts = [(f"{simulated:.1f} s", ""), self._pace(simulated)]
         if self._simulation.emergency_stopped:
             parts.append(("EMERGENCY STOP", "bold red"))
+        told = len(parts)
         parts += [*self._driven(), *self._slipping(), self._tension(), self._recording()]
-        line = Text()
-        for text, style in parts:
-            part = Text("  " if line else "").append(text, style)
-            if line and len(line) + len(part) > width:  # half a number would be another one
-                return line
-            line.append_text(part)
         if not self._diagnostics.counts["commands_applied"]:
-            line.append("  ").append(f"from another terminal: {self.hint}", "cyan")
-        return line
+            hint = (f"from another terminal: {self.hint}", "cyan")
+            wide = len(_joined([*parts, hint])) <= width
+            parts.insert(len(parts) if wide else told, hint)  # what nobody has found out yet comes before how it is
+        named = _joined([(self._simulation.scenario.name, "bold"), *parts])
+        return named if len(named) <= width else _joined(parts, width)  # the log above has the name, too
 
     def _pace(self, simulated: float) -> tuple[str, str]:
         """Real-time factor and lateness, or that time stands still."""
@@ -113,11 +114,24 @@ class Status:
         return ("recording", "green") if self._output.run is not None else ("not recorded", "dim")
 
 
+def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
+    """Texts with styles beside each other, without those that have no room: half a number would be another one."""
+    line = Text()
+    for text, style in parts:
+        part = Text("  " if line else "").append(text, style)
+        if not line or len(line) + len(part) <= width:
+            line.append_text(part)
+    return line
+
+
 def live_hint(run: Run) -> str:
     """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
     if run.web is not None:
         return f"; live view, for a browser: {run.web.link}"
-    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}" if run.live_url else ""
+    if not run.live_url:
+        return ""
+    shown = "" if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") else "; no display here: --rerun web"
+    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}{shown}"
 
 
 def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:

@@ -14,7 +14,6 @@ from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import KINDS
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.repeated_drive import Driver
-from cable_twin.ros.twin_client import REFUSED
 from cable_twin.scenario import Scenario, load_scenario
 
 
@@ -28,7 +27,6 @@ class Trip(Driver):
     """
 
     def __init__(self, node: Any, options: argparse.Namespace, ending: Ending) -> None:
-        from rcl_interfaces.msg import Log  # noqa: PLC0415
         from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
 
         super().__init__(node, KINDS["speed"], options.at_most or 0.0, options, ending)
@@ -37,10 +35,9 @@ class Trip(Driver):
         self._asked = 0.0  # m/s, by the twin
         self._time = math.nan  # s, of the newest joint states
         self._near_since: float | None = None
-        self._arrived, self._refusal = False, ""
+        self._arrived = False
         self._rope: Any = None  # the newest cable
         node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
-        node.create_subscription(Log, "/rosout", self._on_log, 50)
 
     def find_twin(self) -> str | None:
         """As of any drive; then where the place is."""
@@ -92,6 +89,9 @@ class Trip(Driver):
     def _fault(self) -> str | None:
         return self._refusal or None
 
+    def _unheard(self) -> str | None:
+        return None  # it has seen what came of it
+
     def _note(self) -> str:
         return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"
 
@@ -119,12 +119,9 @@ class Trip(Driver):
         """The twin tells a refusal, and that it has given up, in its log."""
         from cable_twin.ros.goals import GIVEN_UP  # noqa: PLC0415 - is there by now
 
-        if not self._given or message.name != self._options.node.strip("/").replace("/", "."):
-            return
-        if message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
+        super()._on_log(message)
+        if self._told_by_twin(message) and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
             self._refusal = f"the twin goes there no longer: {message.msg.partition(': ')[2]}"
-        elif message.msg.startswith(f"{self._topic}: {REFUSED}"):
-            self._refusal = message.msg.partition(REFUSED)[2].rpartition(" (")[0]
 
 
 def points_of(cloud: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import dist
+from math import dist, hypot
 
 from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.carriers import CarrierPayload, Carriers
@@ -37,6 +37,7 @@ def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
             yield Fault((*path, "rollback"), f"given {sheave.rollback!r} m, but no drive turns it; allowed: null")
         if not faults:
             yield from _placed(scenario, path, sheave)
+            yield from _pulled(scenario, path, sheave)
     yield from _drives(scenario)
     if sound and scenario.sheaves:
         yield from _loops(scenario)
@@ -91,6 +92,24 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
                 f"given {there!r} {unit}, joined by {path[1]!r} to {first!r} with {here!r}; allowed: the same, for it "
                 "is one rope",
             )
+
+
+def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
+    """What tensions the strands but pulls them the way in which they pull it."""
+    if sheave.tensioning is None or not any(sheave.tensioning.direction):
+        return
+    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
+    here = [in_space(ropes[0].end.position), in_space(ropes[1].start.position)]
+    there = [in_space(ropes[0].start.position), in_space(ropes[1].end.position)]
+    away = [sum(places) for places in zip(*here, *([-x for x in one] for one in there), strict=True)]
+    direction = in_space(sheave.tensioning.direction)
+    if (length := hypot(*away)) > 0.0 and sum(a * b for a, b in zip(away, direction, strict=True)) <= 0.0:
+        outward = [round(x / length, 3) for x in (away if len(sheave.tensioning.direction) == 3 else away[::2])]
+        yield Fault(
+            (*path, "counterweight" if sheave.counterweight else "hydraulics", "direction"),
+            f"given {list(sheave.tensioning.direction)}, which does not pull against its strands; allowed: away from "
+            f"their other ends, about {outward}",
+        )
 
 
 def _drives(scenario: Scenario) -> Iterator[Fault]:

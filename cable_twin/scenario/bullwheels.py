@@ -132,8 +132,10 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
     """What a file says wrong of what `expand_bullwheels` writes otherwise."""
     sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
     for name, sheave in sheaves.items():
-        drive = sheave.get("drive") if isinstance(sheave, dict) else None
-        if isinstance(drive, dict) and not isinstance(drive.get("name"), str | None):
+        drive = sheave.get("drive", {}) if isinstance(sheave, dict) else {}
+        if not isinstance(drive, dict):
+            yield Fault(("sheaves", name, "drive"), f"given {show(drive)}; allowed: a mapping with the keys of a drive")
+        elif not isinstance(drive.get("name"), str | None):
             yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text")
     for name, tower in towers.items():
         own = tower.get("ropes") if isinstance(tower, dict) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
+from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
 from cable_twin.scenario.fault import Fault, show
 from cable_twin.scenario.find_faults import find_faults, inner_model, unknown_key
@@ -70,23 +71,26 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
-        overrides = {own: value for key, value in overrides.items() for own in _expanded(data, key)}
+        written = Written(data)
+        values = {str(key): _plain(value, tuple(str(key).split(".")), faults) for key, value in overrides.items()}
+        others = [key for key, value in values.items() if not written.put(key, value)]
         if in_file := list(faults_in_file(data)):
-            raise ScenarioError(*(_line(label, fault, overrides) for fault in [*faults, *in_file]))
+            raise ScenarioError(*_lines(label, [*faults, *in_file], written))
         data = expand_bullwheels(data)
-        for key, value in overrides.items():
-            if str(key).partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
+        later = [(own, values[key]) for key in others for own in written.expanded(key)]
+        for key, value in later:
+            if key.partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
                 known = ", ".join(f"ropes.{name}" for name in data["ropes"])
-                faults.append(Fault(tuple(str(key).split(".")), f"given with several ropes; allowed: {known}"))
+                faults.append(Fault(tuple(key.split(".")), f"given with several ropes; allowed: {known}"))
                 continue
-            faults += _override(data, key, _plain(value, tuple(str(key).split(".")), faults))
+            faults += _override(data, key, value)
     except RecursionError:
         raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
     data.setdefault("name", name)
     scenario, found = find_faults(data)
     faults += [fault for fault in found if fault not in faults]
     if scenario is None or faults:
-        raise ScenarioError(*(_line(label, fault, overrides) for fault in faults))
+        raise ScenarioError(*_lines(label, faults, written))
     return scenario
 
 
@@ -210,18 +214,6 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     return value
 
 
-def _expanded(data: dict[str, Any], key: Any) -> list[str]:
-    """Keys of a scenario for one as its file has it: of a drive at its bullwheel, of a tower of several ropes."""
-    section, name, *rest = *str(key).split("."), "", ""
-    things = data.get(section)
-    given = things.get(name) if isinstance(things, dict) else None
-    if isinstance(given, dict) and section == "sheaves" and rest[0] == "drive" and isinstance(given.get("drive"), dict):
-        return [".".join(["drives", str(given["drive"].get("name", name)), *rest[1:-2]])]
-    if isinstance(given, dict) and section == "towers" and isinstance(given.get("ropes"), dict):
-        return [".".join([section, f"{name}_{rope}", *rest[:-2]]) for rope in given["ropes"]]
-    return [str(key)]
-
-
 def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
     """Set one value by its dotted key; carriages and bodies must be there, other sections are made."""
     parts = str(key).split(".")
@@ -250,8 +242,12 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
         node = below
 
 
-def _line(label: str, fault: Fault, overrides: Mapping[str, Any]) -> str:
-    """One line for one fault."""
-    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in fault.path)
-    overridden = any(key == given or key.startswith(f"{given}.") for given in overrides)
-    return ": ".join(part for part in (f"{label} (override)" if overridden else label, key, fault.text) if part)
+def _lines(label: str, faults: Iterable[Fault], written: Written) -> list[str]:
+    """One line for one fault, once: what towers of several ropes have in common is wrong in each."""
+    lines = []
+    for fault in faults:
+        path = written.path(fault.path)
+        key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in path)
+        source = f"{label} (override)" if written.is_given(path) else label
+        lines.append(": ".join(part for part in (source, key, fault.text) if part))
+    return list(dict.fromkeys(lines))

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from cable_twin.scenario.bullwheel_conflicts import bullwheel_faults
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.hauled import travel_faults
 from cable_twin.scenario.line_conflicts import cable_faults
 from cable_twin.scenario.riding_conflicts import track_faults
 from cable_twin.scenario.schema import Scenario
@@ -50,7 +51,10 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
         yield from track_faults(scenario, scenario.carriers)
     yield from _connectors(scenario)
     yield from _pantographs(scenario)
-    yield from _clamps(scenario)
+    clamps = list(_clamps(scenario))
+    yield from clamps
+    if not clamps and not list(_whose(scenario)):
+        yield from travel_faults(scenario)
 
 
 def _whose(scenario: Scenario) -> Iterator[Fault]:

@@ -277,7 +277,8 @@ def _kinds(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield from _bodies(scenario, where, bodies)
         if room is None:
             continue
-        for key in ("from_start", "from_end", "on_cable"):
+        # of a strand the others are what carriers leave its bullwheels with, as the file has it
+        for key in ("on_cable",) if room.leaving else ("from_start", "from_end", "on_cable"):
             mass = getattr(room, key)
             if mass is not None and mass > room.capacity:
                 yield Fault(

@@ -82,6 +82,7 @@ def check_room(command: Command, scenario: Scenario) -> None:
             known = ", ".join(key for key, one in scenario.carriages.items() if one.payload is not None)
             what = f"'{name}' is a carrier, loaded in stations as carriers.payload says"
             what = what if name in scenario.vehicles else f"unknown carriage '{name}'"
+            what = f"'{name}' is a drive and carries nothing" if name in scenario.drives else what
             raise CommandError(f"{what}; known: {known or 'none in this scenario'}")
         room = scenario.carriages[name].payload
         if room is None:
@@ -171,5 +172,5 @@ def _known(name: str, scenario: Scenario) -> Carriage:
         own = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
         movable = [other for other in own if not scenario.vehicles[other].clamped_to]
         known = ", ".join([*scenario.drives, *movable]) or "none in this scenario"
-        raise CommandError(f"unknown carriage '{name}'; known: {known}")
+        raise CommandError(f"unknown carriage or drive '{name}'; known: {known}")
     return scenario.vehicles[name]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.parameters import FORCE, SPEED
+from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import stop_wheel
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
@@ -16,6 +17,7 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, B
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import hang_carriages
+from cable_twin.mechanics.state import clone_state, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
@@ -53,11 +55,40 @@ class Loop:
             relax()
             feel_ends(self._bundle, self.motion, first.system, first.state)
 
-        settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
+        laid = [clone_state(part.state) for part in self._parts.values()]
+        try:
+            settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
+        except EquilibriumError as error:
+            for part, state in zip(self._parts.values(), laid, strict=True):
+                write_state(state, part.state)
+            raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()
         self._check_adhesion()
         self._check_travel()
+
+    def _out_of_balance(self, lengths: FloatArray, rest: Callable[[], None]) -> str:
+        """What pulls a bullwheel too little or too much, a line each; nothing where the strands rest by no pull."""
+        sheaves, motion = self._bundle.sheaves, self.motion
+        motion.rope.position[:] = motion.carriage.position[:] = 0.0
+        try:
+            settle_loop(sheaves._replace(tensioning=np.full_like(sheaves.tensioning, FIXED)), motion, lengths, rest)
+        except EquilibriumError:
+            return ""
+        lines = []
+        for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
+            given, needed, device = float(sheaves.pull[row]), float(motion.pull[row]), sheave.tensioning
+            if device is None or not needed > 0.0:
+                continue
+            weighed = sheave.counterweight is not None and sheave.counterweight.force is None
+            scale, unit = (1.0 / self._scenario.gravity, "kg") if weighed else (1.0, "N")
+            pulling = f", which pulls with {given:.3g} N" if weighed else ""
+            lines.append(
+                f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}."
+                f"{'mass' if weighed else 'force'}: given {given * scale:.4g} {unit}{pulling}: no static equilibrium; "
+                f"allowed: about {needed * scale:.3g} {unit}, to rest at a travel of 0 m with ropes of this length"
+            )
+        return "\n".join(lines)
 
     def _lay(self) -> None:
         """Give the strands the ends that the bullwheels have, and put what is clamped to them where it is then."""
@@ -111,11 +142,12 @@ class Loop:
             if device is None or device.travel[0] <= travel <= device.travel[1]:
                 continue
             way = "shorter" if travel > device.travel[1] else "longer"
+            pull = "less" if travel > device.travel[1] else "more"
             beyond = max(device.travel[0] - travel, travel - device.travel[1])
             raise EquilibriumError(
                 f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}.travel: given "
                 f"{device.travel[0]:g} to {device.travel[1]:g} m, but it rests at {travel:.4g} m; allowed: limits "
-                f"around that, or ropes that are {2.0 * beyond:.3g} m {way} in all"
+                f"around that, {pull} pull, or ropes that are {2.0 * beyond:.3g} m {way} in all"
             )
 
     def set_in_motion(self) -> dict[str, Command]:

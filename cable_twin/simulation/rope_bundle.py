@@ -38,7 +38,14 @@ from cable_twin.scenario.build_bundle import (
 )
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.ropeway import Ropeway, restore_ropes
-from cable_twin.simulation.second_rope import along_track, clamp_rows, let_clamps_hold, note_clamps, observe_clamps
+from cable_twin.simulation.second_rope import (
+    along_track,
+    check_connectors,
+    clamp_rows,
+    let_clamps_hold,
+    note_clamps,
+    observe_clamps,
+)
 from cable_twin.simulation.snapshot_file import FullState
 
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
@@ -113,6 +120,7 @@ class RopeBundle:
                 raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
+        check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         for row, part in enumerate(self.parts):
             self._addresses.write(row, SYSTEM, without_friction(part.system))

@@ -1,4 +1,4 @@
-"""Carriages that are clamped to another rope: where their rest begins, and what is read of them."""
+"""What joins a rope to another one, clamps of carriages and connectors: where their rest begins, what is read of it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cable_twin.scenario.build_bundle import clamped
 from cable_twin.simulation.ropeway import Ropeway
 
 BESIDE = 1e-3  # m, on both sides of a place, for the slope there
+ASIDE = 0.02  # of the shorter rope: from end to end of a connector, horizontally
 FARTHEST = 0.1  # of the shorter rope: from a carriage to where it is clamped, before the ropes share its weight
 
 
@@ -48,6 +49,27 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
                 f"from it before it is clamped; allowed: up to {FARTHEST * shorter:.4g} m"
             )
         here.state.drive_mode[carriage], here.state.drive_force[carriage] = FREE, 0.0
+
+
+def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
+    """Look at how far each connector has to reach; each rope is at rest by itself.
+
+    Raises:
+        EquilibriumError: its ends are much farther apart than it is long; the line names it.
+    """
+    of = dict(zip(scenario.ropes, parts, strict=True))
+    for name, rod in scenario.connectors.items():
+        (upper, above), (lower, below) = rod.ends
+        way = _position(of[upper], above) - _position(of[lower], below)
+        shorter = min(of[rope].system.cable.unstrained_length for rope in (upper, lower))
+        # ropes that do not share their weight yet sag otherwise, but stay where they are along and across the track
+        for what, apart, share in (("aside", way[:-1], ASIDE), ("away", way, FARTHEST)):
+            if (distance := float(np.linalg.norm(apart))) > (allowed := rod.length + share * shorter):
+                raise EquilibriumError(
+                    f"connectors.{name}.to: given {below:g} m on {lower!r}, which at rest is {distance:.4g} m {what} "
+                    f"from {above:g} m on {upper!r} before the connector of {rod.length:g} m pulls; allowed: up to "
+                    f"{allowed:.4g} m"
+                )
 
 
 def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
@@ -106,4 +128,4 @@ def _position(part: Ropeway, place: float) -> FloatArray:
     return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 
-__all__ = ["along_track", "let_clamps_hold", "note_clamps", "observe_clamps"]
+__all__ = ["along_track", "check_connectors", "let_clamps_hold", "note_clamps", "observe_clamps"]

@@ -268,17 +268,17 @@ class Simulation(Readings):
         return applied
 
     def advance_to(self, time: float) -> Snapshot:
-        """Run until `time` (s), to the nearest whole step; never back.
+        """Run until `time` (s), to the nearest whole step.
 
         Raises:
             SolverError: a step fails, `snapshot` then is the last good one; or two vehicles are pressed
                 through each other.
-            ValueError: when `time` is not finite.
+            ValueError: when `time` is not finite, or a step or more ago.
         """
-        if not math.isfinite(time):
-            raise ValueError(f"advance_to: {time} s given, a finite time is needed")
         clock = int(self._state.clock[0])
-        steps = max(round(time / self.step) - clock, 0)
+        steps = round(time / self.step) - clock if math.isfinite(time) else -1
+        if steps < 0:
+            raise ValueError(f"advance_to: {time:.9g} s given; allowed: a finite time, from {self.time:.9g} s on")
         if steps == 0:
             return self.snapshot
         self._at_start = False

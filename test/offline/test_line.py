@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from cable_twin.offline import line as line_command
+from cable_twin.offline import review, simulate, simulate_options
 from cable_twin.offline.line import main
 from cable_twin.offline.line_places import calculate, plan_line
 from cable_twin.scenario import load_scenario
@@ -16,7 +21,7 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.line_plot import tension_limits, write_line_plot
+from cable_twin.offline.line_plot import _clearance, tension_limits, write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {
@@ -93,6 +98,12 @@ def test_what_a_haul_rope_pulls_goes_together_by_the_travel_of_its_drive():
     limits = tension_limits(line)  # kN, each with the ropes whose limit it is
     assert list(limits) == pytest.approx([5200.0 / 3.15, 760.0 / 4.5])
     assert list(limits.values()) == ["safety factor of 3.15, track_1, track_2", "safety factor of 4.5, haul_1, haul_2"]
+    _, axes = plt.subplots()
+    _clearance(axes, line)
+    shown = [text.get_text() for text in axes.get_legend().get_texts()]
+    ropes = [f"{name}: rope" for name in ("track_1", "track_2", "haul_1", "haul_2")]
+    assert shown == [*ropes, "cabin_1", "cabin_2", "limit"]
+    plt.close()
     with pytest.raises(ValueError, match="--vehicle: given 'cabin_3'; allowed: haul_rope"):
         plan_line(line.scenario, 3, "cabin_3")
 
@@ -130,6 +141,27 @@ def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
         middle = rope[len(rope) // 2]
     assert heights[20.0] > 1.2 * heights[0.0]
     assert middle[1] / -middle[2] == pytest.approx(drag / (3.0 * 9.81), rel=0.05)
+
+
+def test_on_a_narrow_terminal_each_place_says_whose_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(line_command, "table_console", lambda: Console(width=80))
+    assert main(["single_span", "--places", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert sum(" cabin at " in line for line in lines) > 10
+
+
+def test_what_draws_is_asked_for_before_anything_runs(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(simulate_options, "find_spec", lambda _: None)
+    for command, *arguments in (
+        (main, "aerial_tramway", "--plot", "line.png"),
+        (simulate.main, "aerial_tramway", "--sweep", "air.wind=0:1:1", "--plot", "sweep.png"),
+        (review.main, str(tmp_path), "--plots", str(tmp_path)),
+    ):
+        with pytest.raises(SystemExit, match=r"^2$"):
+            sys.exit(command(arguments))
+        (line,) = capsys.readouterr().err.splitlines()
+        assert re.search(r"--plots? needs matplotlib, which this Python does not have: \S*pip install matplotlib", line)
 
 
 def test_what_is_for_programs_is_alone_on_the_output(capsys):

@@ -16,8 +16,10 @@ from matplotlib.image import imread
 from rich.console import Console
 from twin_process import environment, write_quick_scenario
 
+from cable_twin.key_figures import KeyFigure
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
+from cable_twin.offline.difference_table import print_differences
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.review import main
@@ -132,6 +134,17 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monk
     assert len(paths[0]) > 8
 
 
+def test_without_rerun_it_shows_the_rest_and_says_so_in_a_line(runs, tmp_path, monkeypatch, capsys):
+    directory = tmp_path / "alone"
+    directory.mkdir()
+    shutil.copy(bag(runs[0]), directory)
+    monkeypatch.setitem(sys.modules, "cable_twin.offline.comparison_view", None)  # as if its import failed
+    assert main([str(directory)]) == 1
+    printed = capsys.readouterr()
+    assert "cabin: stopping distance" in printed.out
+    assert re.fullmatch(r"review: no rerun recording: .*; --rerun off makes none\n", printed.err)
+
+
 def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
@@ -211,6 +224,34 @@ def test_on_a_narrow_terminal_names_are_whole_and_the_rest_is_below_them(runs, c
         (index,) = [index for index, line in enumerate(table) if line.startswith(f" {figure.name}"[:40])]
         assert any(f"{figure.time:.2f} s" in line for line in table[index + 1 : index + 3])
     assert "…" not in "".join(table)
+
+
+def test_on_a_narrow_terminal_differing_signals_have_their_names(runs, capsys):
+    a, b = (Reading(read_log(run)) for run in runs)
+    (comparison,) = compare(a.values(), b.values())
+    print_differences(Console(width=80), a, b, comparison)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    (row,) = [number for number, line in enumerate(lines) if line.startswith(" speed/cabin ")]
+    assert float(lines[row].split()[1]) == pytest.approx(3.0, abs=0.02)
+    assert re.fullmatch(r"   [\d.]+ s, a -?[\d.]+, b -?[\d.]+ *", lines[row + 1])
+
+
+def test_what_is_below_the_resolution_of_its_unit_is_zero(capsys):
+    noise = KeyFigure("cabin: drive power", 1.442e-7, "W", 1.0, limit=9e5, uncertainty=1.1e-7)
+    small = KeyFigure("cabin: speed", 2.5e-6, "m/s", 1.0)
+    print_figures(Console(width=160), [[noise, small]])
+    told = capsys.readouterr().out
+    assert re.search(r"drive power +0 +kW +at most 900 +kept, ± 0 ", told)
+    assert re.search(r"speed +2.5e-06 +m/s", told)
+
+
+def test_notes_are_filled_below_their_text(capsys):
+    noted = KeyFigure("rope tension", 1.0, "N", 1.0, limit=2.0, source="many words " * 12)
+    print_figures(Console(width=60), [[noted]])
+    note = capsys.readouterr().out.partition("  (1) ")[2].rstrip().splitlines()
+    assert len(note) > 2
+    assert all(line.startswith("      many") or line.startswith("      words") for line in note[1:])
 
 
 def test_series_keeps_every_extreme_in_a_memory_that_does_not_grow():

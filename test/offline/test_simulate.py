@@ -10,12 +10,16 @@ from collections import Counter
 
 import pytest
 from bags import NO_BAGS, bag
+from small_tramway import TRAMWAY
 from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
 from cable_twin.offline import replay, review
+from cable_twin.offline.run_report import report
+from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.records import Command
+from cable_twin.scenario import load_scenario
 
 SCRIPT = """\
 - {time: 0, name: cabin, speed: 6.0}
@@ -52,7 +56,7 @@ def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     assert re.fullmatch(r"quick: 10\.00 s in [\d.]+ s, [\d.]+ times real time; 5 commands", first)
     run = the_run(directory / "cable_twin_logs")
     assert log == f"log: cable_twin_logs/{run.name}"
-    assert hint == f"look at it: review cable_twin_logs/{run.name}"
+    assert re.fullmatch(rf"look at it: \S*review cable_twin_logs/{run.name}", hint)
     assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}_0.rrd", "metadata.yaml"}
 
 
@@ -227,7 +231,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         ),
         (["--script", "none.yaml"], "none.yaml: No such file or directory"),
         (["--script", "a.yaml", "--from-bag", "b"], "not allowed with argument"),
-        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage 'gondola'; known: cabin"),
+        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage or drive 'gondola'; known: cabin"),
         (["--script", "fast.yaml"], "fast.yaml:1: speed of 'cabin' is 60 m/s; allowed are -10 to 10 m/s"),
         (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
     ],
@@ -275,3 +279,27 @@ def test_help_has_an_example_and_the_exit_codes(capsys):
     text = capsys.readouterr().out
     assert "simulate aerial_tramway --script trip.yaml --duration 300" in text
     assert "exit codes: 0 done, 1 the run failed" in text
+
+
+def report_of(scenario, outcome, capsys):
+    assert not report(scenario, 0.0, outcome, [], None, [])
+    printed = capsys.readouterr()
+    return printed.out, printed.err
+
+
+def test_a_run_in_which_nothing_was_driven_says_what_drives_it(capsys):
+    hint = "nothing was driven: commands come from a file, --script FILE\n"
+    scenario = load_scenario(TRAMWAY)
+    said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0), capsys)
+    assert said.endswith(f" 5.0 times real time; 0 commands\n{hint}")
+    said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0, applied=1), capsys)
+    assert said.endswith("; 1 command\n")
+    said, _ = report_of(load_scenario("seed_example"), Outcome(time=5.0, wall_time=1.0), capsys)  # moves by itself
+    assert said.endswith("; 0 commands\n")
+
+
+@pytest.mark.parametrize(("step", "wall_time", "told"), [(0.001, 9.0, True), (0.001, 1.0, False), (0.005, 9.0, False)])
+def test_a_slow_run_with_the_default_step_says_that_it_may_be_longer(step, wall_time, told, capsys):
+    scenario = load_scenario(TRAMWAY, {"solver.step": step})
+    _, said = report_of(scenario, Outcome(time=5.0, wall_time=wall_time), capsys)
+    assert ("slower than real time with solver.step at its default of 0.001 s" in said) == told

@@ -36,7 +36,7 @@ MOVING = {"name": ["cabin"], "velocity": [2.0]}
 BAD_COMMANDS = {
     "cabin' is nan": {"name": ["cabin"], "velocity": [math.nan]},
     "'cabin' is inf": {"name": ["cabin"], "effort": [math.inf]},
-    "unknown carriage 'gondola'; known: cabin": {"name": ["gondola"], "velocity": [1.0]},
+    "unknown carriage or drive 'gondola'; known: cabin": {"name": ["gondola"], "velocity": [1.0]},
     "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
     "speed of 'cabin' is 10.5 m/s; allowed are -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
     "force of 'cabin' is -1e+06 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
@@ -45,7 +45,7 @@ BAD_COMMANDS = {
     "'9000.0' given for 'cabin'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
     "more than once": {"name": ["cabin", "cabin"], "velocity": [1.0, 1.0]},
     "without names": {"velocity": [1.0]},
-    "unknown carriage 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
+    "unknown carriage or drive 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
 }
 
 

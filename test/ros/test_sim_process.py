@@ -353,7 +353,7 @@ def test_without_ros_it_says_what_to_install(tmp_path, command):
     )
     assert result.returncode == 1
     assert result.stderr.startswith(f"{command} needs ROS 2, which this Python does not have")
-    assert "pip install 'cable_twin[ros]'" in result.stderr
+    assert "pip install '.[ros]'      (in the clone of cable_twin)" in result.stderr
     assert "source /opt/ros/" in result.stderr
     assert "Traceback" not in result.stderr
 

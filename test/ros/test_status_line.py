@@ -15,6 +15,7 @@ from fcntl import ioctl
 from types import SimpleNamespace
 
 import pytest
+from small_tramway import TRAMWAY
 from twin_process import COMPILING, PATIENCE, environment, wait_until, write_quick_scenario
 
 from cable_twin.key_figures import KeyFigures
@@ -27,7 +28,7 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.figure_watch import FigureWatch
-from cable_twin.ros.status import Status
+from cable_twin.ros.status import Status, live_hint
 
 ROWS, COLUMNS = 24, 150
 # the row, as it is drawn: the cursor is kept, and comes back to where the log goes on
@@ -113,8 +114,9 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     wait_until(lambda: len(sim.rows) > 8 or sim.process.poll() is not None, COMPILING)
     first = sim.rows[8]
     assert re.match(r"quick  [\d.]+ s  x[\d.]+(, [\d.]+ m?s late)?  cabin at 60\.0 m \+0\.00 m/s  ", first), first
-    # the hint comes last: the path of a command may be longer than what is left of the row
-    assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  from another terminal: \S", first), first
+    assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  from another terminal: \S+ cabin --speed", first), (
+        first
+    )
     assert all(len(row) < COLUMNS for row in sim.rows)
 
     participant = participants(domain)
@@ -169,16 +171,37 @@ def test_it_is_not_there_where_a_stream_is_a_file(terminals, tmp_path, stream):
     assert "\x1b7" not in sim.output + written.read_text()
 
 
+def status_of(scenario, **counts):
+    simulation, figures = Simulation(scenario), FigureWatch(KeyFigures(scenario))
+    figures.update(simulation.snapshot)
+    loop = SimpleNamespace(simulated_time=12.5, behind=0.0, fault=None, paused=False)
+    diagnostics = SimpleNamespace(
+        counts={"commands_applied": 0, **counts}, recording=SimpleNamespace(judge=lambda: None)
+    )
+    return Status(simulation, loop, SimpleNamespace(figures=figures, run=None), diagnostics, TopicNames())
+
+
+def test_on_eighty_columns_it_says_how_to_drive_and_then_the_tension():
+    scenario = load_scenario(TRAMWAY)
+    status = status_of(scenario)
+    told = status.text(79).plain
+    assert status.hint in told
+    assert told.startswith("12.5 s  ")
+    assert len(told) <= 79
+    whole = status.text(200).plain
+    assert whole.startswith(f"{scenario.name}  12.5 s  ")
+    assert whole.endswith(f"  not recorded  from another terminal: {status.hint}")
+    assert status.hint not in status.text(len(status.hint)).plain  # half of it would be of no use
+    driven = status_of(scenario, commands_applied=1).text(79).plain
+    assert re.search(r"cabin at [\d.]+ m \+0\.00 m/s  tension [\d.]+ of [\d.]+ kN", driven), driven
+
+
 def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
     scenario = load_scenario(
         clamped(places=(100.0,), elements=16), {"ropes.track.breaking_force": 4e6, "ropes.haul.breaking_force": 4e5}
     )
-    simulation, figures = Simulation(scenario), FigureWatch(KeyFigures(scenario))
-    figures.update(simulation.snapshot)
-    loop = SimpleNamespace(simulated_time=0.0, behind=0.0, fault=None, paused=False)
-    diagnostics = SimpleNamespace(counts={"commands_applied": 1}, recording=SimpleNamespace(judge=lambda: None))
-    output = SimpleNamespace(figures=figures, run=None)
-    status = Status(simulation, loop, output, diagnostics, TopicNames())
+    status = status_of(scenario, commands_applied=1)
+    simulation, figures = status._simulation, status._output.figures
     highest = {name: simulation.snapshot.of_rope(name).columns.rope_tension.max() for name in scenario.ropes}
     limits = {
         name: rope.breaking_force / figures.limit(f"{name}: rope safety factor")
@@ -188,5 +211,16 @@ def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
     shown = f"haul {highest['haul'] * 1e-3:.4g} of {limits['haul'] * 1e-3:.4g} kN"
     whole = status.text(150).plain
     assert whole.endswith(f"  {shown}  not recorded"), whole
-    assert status.text(len(whole) - 1).plain.endswith(f"  {shown}")  # what has no room is left out whole
-    assert shown not in status.text(whole.index(shown) + len(shown) - 1).plain
+    unnamed = status.text(len(whole) - 1).plain  # what has no room is left out whole, and the name first
+    assert unnamed == whole.removeprefix(f"{scenario.name}  ")
+    assert status.text(len(unnamed) - 1).plain.endswith(f"  {shown}")
+    assert shown not in status.text(unnamed.index(shown) + len(shown) - 1).plain
+
+
+def test_a_live_view_names_the_browser_where_no_window_can_open(monkeypatch):
+    run = SimpleNamespace(web=None, live_url="rerun+http://127.0.0.1:9876/proxy")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert live_hint(run).endswith(f" --bind 127.0.0.1 --connect {run.live_url}")
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert live_hint(run).endswith(f" --connect {run.live_url}; no display here: --rerun web")

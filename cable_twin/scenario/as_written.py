@@ -1,0 +1,90 @@
+"""Keys as a file has them, where the scenario has others: drives at their bullwheels, towers of several ropes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cable_twin.scenario.fault import KeyPath
+
+OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file has below its things
+
+
+class _Place(NamedTuple):
+    """Where a file has a drive, or a tower of one rope."""
+
+    own: KeyPath
+    keys: frozenset[str]  # that are there
+    common: KeyPath  # where all others are
+
+
+class Written:
+    """A file's own keys, before `expand_bullwheels` writes them otherwise.
+
+    Args:
+        data: what the file has, as plain dicts; overrides of such keys are put into it.
+    """
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        self._data = data
+        self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
+
+    def put(self, key: str, value: Any) -> bool:
+        """Set what only a file has, below `sheaves.NAME.drive` or `towers.NAME.ropes`; whether the key is of these."""
+        self._given.add(key)
+        section, _, below = key.partition(".")
+        name, _, below = below.partition(".")
+        things, (own, *inner) = self._data.get(section), below.split(".")
+        if OWN.get(section) != own or not isinstance(things, dict) or not isinstance(things.get(name), dict):
+            return False
+        node = things[name]
+        if inner and not isinstance(node.get(own), dict):
+            return False
+        *sections, last = own, *inner
+        for part in sections:
+            if not isinstance(node.get(part), dict):
+                node[part] = {}  # not there yet, or null
+            node = node[part]
+        node[last] = value
+        return True
+
+    def expanded(self, key: str) -> list[str]:
+        """Keys of the scenario that one of the file stands for: of a tower of several ropes that of each."""
+        parts = tuple(key.split("."))
+        ropes = [place for place, where in self._places().items() if where.common == parts[:2]]
+        keys = [".".join((*map(str, place), *parts[2:])) for place in ropes]
+        self._given |= {".".join(map(str, self.path(tuple(one.split("."))))) for one in keys}
+        return keys or [key]
+
+    def path(self, path: KeyPath) -> KeyPath:
+        """Where the file, or an override, has a key of the scenario."""
+        place, rest = self._places().get(path[:2]), path[2:]
+        if place is None or self.is_given(path):
+            return path
+        return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
+
+    def is_given(self, path: KeyPath) -> bool:
+        """Whether an override names it, or something that it is in."""
+        key = ".".join(map(str, path))
+        return any(key == given or key.startswith(f"{given}.") for given in self._given)
+
+    def _places(self) -> dict[KeyPath, _Place]:
+        """By section and name in the scenario."""
+        found: dict[KeyPath, _Place] = {}
+        for section, own in OWN.items():
+            things = self._data.get(section)
+            for name, thing in things.items() if isinstance(things, dict) else ():
+                written = thing.get(own) if isinstance(thing, dict) else None
+                if not isinstance(written, dict):
+                    continue
+                if section == "sheaves":
+                    drive = (section, name, own)
+                    called = written.get("name")
+                    found["drives", called if isinstance(called, str) else name] = _Place(drive, frozenset(), drive)
+                    continue
+                for rope, differs in written.items():
+                    keys = frozenset(differs if isinstance(differs, dict) else ())
+                    found[section, f"{name}_{rope}"] = _Place((section, name, own, rope), keys, (section, name))
+        return found
+
+
+__all__ = ["Written"]

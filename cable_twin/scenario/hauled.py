@@ -1,0 +1,59 @@
+"""Vehicles on ropes of their own that a haul rope pulls together: how far it may go by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cable_twin.scenario.build_vehicles import stop_stroke
+from cable_twin.scenario.fault import Fault
+from cable_twin.scenario.schema import Scenario
+
+
+class Way(NamedTuple):
+    """From where a carriage would be at the end stop of one end of its track, to where at the other."""
+
+    low: float  # m of haul rope gone by since the start
+    high: float
+
+
+def way_between_stops(scenario: Scenario, name: str) -> Way:
+    """Way of the haul rope on which a carriage clamped to it touches no end stop, if no rope stretched."""
+    carriage = scenario.carriages[name]
+    track = carriage.rope or next(iter(scenario.ropes))
+    stroke, length = stop_stroke(scenario.of_rope(track), carriage), scenario.ropes[track].unstrained_length
+    ends = (sense_of(scenario, name) * (end - carriage.arc_length) for end in (stroke, length - stroke))
+    return Way(*sorted(ends))
+
+
+def sense_of(scenario: Scenario, name: str) -> float:
+    """1 where the track rope of a carriage runs the same way as its haul rope, else -1."""
+    carriage = scenario.carriages[name]
+    haul = scenario.ropes[next(iter(carriage.clamped_to))]
+    track = scenario.ropes[carriage.rope or next(iter(scenario.ropes))]
+    ways = [rope.end.position[0] - rope.start.position[0] for rope in (track, haul)]
+    return 1.0 if ways[0] * ways[1] >= 0.0 else -1.0
+
+
+def travel_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Drives whose travel takes what their rope pulls into its end stops; of ropes and clamps that are sound."""
+    hauled = [name for name, one in scenario.carriages.items() if scenario.strands.keys() & one.clamped_to.keys()]
+    ways = {name: way_between_stops(scenario, name) for name in hauled}
+    if not ways:
+        return
+    first, last = max(ways, key=lambda name: ways[name].low), min(ways, key=lambda name: ways[name].high)
+    low, high = ways[first].low, ways[last].high
+    for name, drive in scenario.drives.items():
+        if drive.travel is None or drive.travel[0] > drive.travel[1]:  # which is told elsewhere
+            continue
+        if low <= drive.travel[0] and drive.travel[1] <= high:
+            continue
+        beyond = first if drive.travel[0] < low else last
+        yield Fault(
+            ("drives", name, "travel"),
+            f"given {list(drive.travel)} m, with which {beyond!r} would run into an end stop of its track; allowed: "
+            f"{low:.6g} to {high:.6g} m",
+        )
+
+
+__all__ = ["Way", "sense_of", "travel_faults", "way_between_stops"]
