@@ -45,7 +45,11 @@ def settle_loop(sheaves: Bullwheels, motion: BullwheelMotion, lengths: FloatArra
     left = residual()
     for _ in range(MOST_ITERATIONS):
         largest = float(np.abs(motion.tension).max())
-        if not np.isfinite(left).all() or np.abs(left).max(initial=0.0) < TOLERANCE * largest:
+        if not np.isfinite(left).all():
+            raise EquilibriumError(
+                "no static equilibrium of the loop: a strand finds no shape; change the unstrained lengths of its ropes"
+            )
+        if np.abs(left).max(initial=0.0) < TOLERANCE * largest:
             break
         slopes = np.empty((left.size, left.size))
         for column, (array, row) in enumerate(ways):
