@@ -12,6 +12,7 @@ from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
+SHARED = "seed_example", "chairlift", "windy_tramway", "jig_back"  # whose kernels most tests need: plane and space
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
@@ -57,7 +58,8 @@ def _kernels(tmp_path_factory):
     if "PYTEST_XDIST_WORKER" in os.environ:
         with (tmp_path_factory.getbasetemp().parent / "kernels.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            Simulation(load_scenario("seed_example")).advance_to(0.01)
+            for name in SHARED:
+                Simulation(load_scenario(name)).advance_to(0.01)
 
 
 @pytest.fixture
