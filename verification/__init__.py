@@ -68,16 +68,19 @@ class Case:
     source: str
     run: Callable[[], Iterator[Result]]
     needs_jit: bool  # too long to run with the JIT off
+    long: bool  # too long for the tests that one runs often
 
 
 CASES: list[Case] = []
 
 
-def case(name: str, source: str, *, needs_jit: bool = False) -> Callable[[Callable[[], Iterator[Result]]], Callable]:
+def case(
+    name: str, source: str, *, needs_jit: bool = False, long: bool = False
+) -> Callable[[Callable[[], Iterator[Result]]], Callable]:
     """Register a generator of results as a case."""
 
     def register(run: Callable[[], Iterator[Result]]) -> Callable[[], Iterator[Result]]:
-        CASES.append(Case(name, source, run, needs_jit))
+        CASES.append(Case(name, source, run, needs_jit, long))
         return run
 
     return register

@@ -136,7 +136,7 @@ def sheave_way(simulation: Simulation) -> float:
     return float(simulation.snapshot.columns.sheave_position[0])
 
 
-@case("bicable lift, laps with a stop and back", "kinematics: rope is neither made nor lost", needs_jit=True)
+@case("bicable lift, laps with a stop and back", "kinematics: rope is neither made nor lost", needs_jit=True, long=True)
 def bicable_laps() -> Iterator[Result]:
     """Unstrained rope on the loop, and between riders of one strand, and clamps that are closed."""
     simulation = Simulation(load_scenario(lift(count=6)), samples=2)

@@ -3,7 +3,9 @@ import pytest
 from verification import load_cases
 
 
-@pytest.mark.parametrize("one", load_cases(), ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    "one", [pytest.param(one, id=one.name, marks=[pytest.mark.long] if one.long else []) for one in load_cases()]
+)
 def test_case(one):
     results = list(one.run())
     assert results
