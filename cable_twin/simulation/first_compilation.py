@@ -49,22 +49,24 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
         return
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    with tempfile.TemporaryDirectory() as directory:
-        board, given = Path(directory, "board"), Path(directory, "scenario.yaml")
-        board.mkdir()
-        given.write_text(scenario.to_yaml(), encoding="utf-8")
-        with (
-            _without_collector(),
-            subprocess.Popen(
-                [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid()), given, board],
-                env={**os.environ, "PYTHONPATH": path},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            ),
-        ):
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_without_collector())
+        with contextlib.suppress(OSError):  # no room for files: this process compiles all, as it needs it
+            directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            board, given = directory / "board", directory / "scenario.yaml"
+            board.mkdir()
+            given.write_text(scenario.to_yaml(), encoding="utf-8")
+            stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid()), given, board],
+                    env={**os.environ, "PYTHONPATH": path},
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                )
+            )
             compile_parts(engine, board)
-            yield
+        yield
 
 
 @contextlib.contextmanager
