@@ -174,7 +174,7 @@ def listed(line: str, width: int) -> str:
     beside = width - gap.end() >= NARROWEST
     below = " " * (gap.end() if beside else len(line) - len(line.lstrip()) + 4)
     first = line[: gap.end()] if beside else f"{line[: gap.start()]}\n{below}"
-    return first + f"\n{below}".join(textwrap.wrap(line[gap.end() :], width - len(below)))
+    return first + f"\n{below}".join(textwrap.wrap(line[gap.end() :], max(width - len(below), NARROWEST)))
 
 
 class _PrintLines(argparse.Action):

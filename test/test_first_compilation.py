@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from twin_process import wait_until
 
 import cable_twin
 from cable_twin.scenario import load_scenario
@@ -141,3 +143,21 @@ def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"{os.devnull}/cable_twin/kernels-")
     assert ": Not a directory: compiled kernels cannot be kept, every start compiles them" in line
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_start_that_is_ended_leaves_nothing_behind(how, tmp_path):
+    """Neither the second process nor the files by which both share their work."""
+    code = (
+        "import sys; from cable_twin.offline.entry_points import simulate; sys.argv[1:] = ['single_span']; simulate()"
+    )
+    places = {"TMPDIR": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPATH": str(ROOT)}
+    variables = {**os.environ, **places, "NUMBA_DISABLE_JIT": "0"}
+    (tmp_path / "kernels").mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    wait_until(lambda: list(tmp_path.glob("*/board/* done")), 120.0)
+    process.send_signal(how)
+    process.wait(60.0)
+    wait_until(lambda: [path.name for path in tmp_path.iterdir()] == ["kernels"], 60.0)

@@ -9,6 +9,8 @@ from cable_twin.scenario.build_vehicles import stop_stroke
 from cable_twin.scenario.fault import Fault
 from cable_twin.scenario.schema import Scenario
 
+ROUNDING = 0.01  # m, to which the limits are told
+
 
 class Way(NamedTuple):
     """From where a carriage would be at the end stop of one end of its track, to where at the other."""
@@ -39,20 +41,21 @@ def travel_faults(scenario: Scenario) -> Iterator[Fault]:
     """Drives whose travel takes what their rope pulls into its end stops; of ropes and clamps that are sound."""
     hauled = [name for name, one in scenario.carriages.items() if scenario.strands.keys() & one.clamped_to.keys()]
     ways = {name: way_between_stops(scenario, name) for name in hauled}
-    if not ways:
+    loops = sum(strand.offset == 0.0 for strand in scenario.strands.values())
+    if not ways or loops > 1:  # of several loops each would have ways of its own
         return
     first, last = max(ways, key=lambda name: ways[name].low), min(ways, key=lambda name: ways[name].high)
     low, high = ways[first].low, ways[last].high
     for name, drive in scenario.drives.items():
         if drive.travel is None or drive.travel[0] > drive.travel[1]:  # which is told elsewhere
             continue
-        if low <= drive.travel[0] and drive.travel[1] <= high:
+        if low - ROUNDING <= drive.travel[0] and drive.travel[1] <= high + ROUNDING:
             continue
-        beyond = first if drive.travel[0] < low else last
+        beyond = first if drive.travel[0] < low - ROUNDING else last
         yield Fault(
             ("drives", name, "travel"),
             f"given {list(drive.travel)} m, with which {beyond!r} would run into an end stop of its track; allowed: "
-            f"{low:.6g} to {high:.6g} m",
+            f"{low:.2f} to {high:.2f} m",
         )
 
 

@@ -80,6 +80,7 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
         finally:
             ended.set()
             thread.join()
+            _expected.clear()
 
 
 class _Watch(event.Listener):

@@ -11,6 +11,7 @@ import ctypes
 import gc
 import inspect
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -52,11 +53,11 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         stack.enter_context(_without_collector())
         with contextlib.suppress(OSError):  # no room for files: this process compiles all, as it needs it
-            directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            directory = Path(stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
             board, given = directory / "board", directory / "scenario.yaml"
             board.mkdir()
             given.write_text(scenario.to_yaml(), encoding="utf-8")
-            stack.enter_context(
+            other = stack.enter_context(
                 subprocess.Popen(
                     [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid()), given, board],
                     env={**os.environ, "PYTHONPATH": path},
@@ -65,6 +66,7 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
                     stderr=subprocess.DEVNULL,
                 )
             )
+            stack.push(lambda kind, error, trace: other.terminate() if kind else None)  # nobody is to wait for it then
             compile_parts(engine, board)
         yield
 
@@ -97,7 +99,7 @@ def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel
     def callees(caller: Kernel) -> tuple[Kernel, ...]:
         names = set(caller.py_func.__code__.co_names)
         kinds = tuple(known.get(name, numba.types.unknown) for name in inspect.signature(caller.py_func).parameters)
-        if not names.isdisjoint(known_fields(kinds)):
+        if not names.isdisjoint({"len", *known_fields(kinds)}):
             names = names_left(caller.py_func, kinds)
         named = (caller.py_func.__globals__.get(name) for name in caller.py_func.__code__.co_names if name in names)
         return tuple(callee for callee in named if isinstance(callee, Kernel))
@@ -157,17 +159,24 @@ def compile_parts(engine: Engine, board: Path) -> None:
             (board / f"{numbers[kernel]} done").touch()
 
 
-def _end_with_parent(parent: int) -> None:
-    """Be gone with the start that wanted this: one that a signal ends leaves no compiler behind."""
+def _end_with_parent(parent: int, directory: Path) -> None:
+    """Be gone with the start that wanted this, and with its files: one that a signal ends leaves nothing behind."""
+
+    def leave(number: int, frame: Any) -> None:
+        shutil.rmtree(directory, ignore_errors=True)
+        os._exit(0)
+
+    signal.signal(signal.SIGTERM, leave)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal: the parent gets it as well, and decides
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it ended while this one was starting
-        sys.exit()
+        leave(signal.SIGTERM, None)
 
 
 def main() -> None:
     """Compile the integrator of a scenario for a process that starts it, and what parts that leaves."""
     parent, scenario, board = sys.argv[1:]
-    _end_with_parent(int(parent))
+    _end_with_parent(int(parent), Path(board).parent)
     gc.disable()
     engine = engine_of(parse_scenario(Path(scenario).read_text(encoding="utf-8")))
     compile_parts(engine, Path(board))

@@ -22,6 +22,8 @@ from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
 
+SOUND = 0.02  # of a pull: as near as that to what it has to be, another one is at fault
+
 
 class Loop:
     """Bullwheels of one scenario, and the strands between them.
@@ -78,7 +80,7 @@ class Loop:
         lines = []
         for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
             given, needed, device = float(sheaves.pull[row]), float(motion.pull[row]), sheave.tensioning
-            if device is None or not needed > 0.0:
+            if device is None or not needed > 0.0 or abs(given - needed) < SOUND * needed:
                 continue
             weighed = sheave.counterweight is not None and sheave.counterweight.force is None
             scale, unit = (1.0 / self._scenario.gravity, "kg") if weighed else (1.0, "N")

@@ -30,6 +30,34 @@ def swap(array, i, row):
     return last
 
 
+@formula
+def asks(x):
+    """What only the running kernel could say."""
+    return 1.0 if x == 0.0 else x
+
+
+@formula
+def scaled(c, row):
+    """Of a tuple; an array has no end that is known."""
+    return tuple(c * value for value in row)
+
+
+@formula
+def of_a_row(x, row):
+    """A number and what is none."""
+    return x * row
+
+
+@kernel
+def compiled_wrong(which, row):
+    """Calls one of them."""
+    if len(which) == 1:
+        return asks(row[0])
+    if len(which) == 2:
+        return scaled(2.0, row)[0]
+    return of_a_row(2.0, row)
+
+
 @kernel
 def compiled_arithmetic(x, y, n, pair, like):
     """The same as a kernel has it."""
@@ -66,6 +94,15 @@ def test_entries_of_an_array_are_read_and_written_in_their_order():
         outcomes.append((function(array, 2, row), whole, row))
     for here, there in zip(*outcomes, strict=True):
         np.testing.assert_array_equal(there, here)
+
+
+@compiled
+@pytest.mark.parametrize(
+    ("count", "said"), [(1, "may not ask for the value"), (2, "not iterable"), (3, "_Array where a number has to be")]
+)
+def test_what_cannot_be_put_in_place_is_refused_as_it_is_compiled(count, said):
+    with pytest.raises(numba.errors.TypingError, match=said):
+        compiled_wrong((0.0,) * count, np.zeros(3))
 
 
 @compiled

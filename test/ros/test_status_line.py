@@ -113,10 +113,11 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     sim = terminals()
     wait_until(lambda: len(sim.rows) > 8 or sim.process.poll() is not None, COMPILING)
     first = sim.rows[8]
-    assert re.match(r"quick  [\d.]+ s  x[\d.]+(, [\d.]+ m?s late)?  cabin at 60\.0 m \+0\.00 m/s  ", first), first
-    assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  from another terminal: \S+ cabin --speed", first), (
-        first
-    )
+    assert re.match(r"(quick  )?[\d.]+ s  x[\d.]+(, [\d.]+ m?s late)?  ", first), first
+    assert re.search(r"  cabin at 60\.0 m \+0\.00 m/s  ", first), first
+    assert re.search(r"  from another terminal: \S+ cabin --speed", first), first
+    if first.startswith("quick"):  # not so where the path of that command takes the room
+        assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  ", first), first
     assert all(len(row) < COLUMNS for row in sim.rows)
 
     participant = participants(domain)

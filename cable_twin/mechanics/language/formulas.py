@@ -48,7 +48,7 @@ def formula(function: _Function) -> _Function:
                 return None
             try:
                 outcome = function(*(_stand_in(kind, None, None) for kind in arguments))
-            except (TypeError, ValueError, IndexError) as error:
+            except (AttributeError, IndexError, TypeError, ValueError) as error:
                 raise TypingError(f"{function.__name__}{arguments}: {error}") from None
             return signature(_kind_of(outcome), *arguments)
 
@@ -129,6 +129,14 @@ class _Number:
         root = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), f"llvm.sqrt.{name}")
         return _Number(self.kind, builder.call(root, [self.value]), self.place)
 
+    def __bool__(self) -> bool:
+        raise TypeError("a formula may not ask for the value of a number")
+
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("a formula may not ask for the value of a number")
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __neg__(self) -> Any:
         if self.place is None:
             return self
@@ -140,6 +148,7 @@ class _Array:
     """An array, or what some indices leave of it."""
 
     __slots__ = ("indices", "kind", "place", "value")
+    __iter__ = None  # by its entries it would go on for ever
 
     def __init__(self, kind: types.Array, value: ir.Value | None, place: Any, indices: tuple[Any, ...] = ()) -> None:
         self.kind, self.value, self.place, self.indices = kind, value, place, indices
@@ -180,7 +189,9 @@ def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
     return _Number(plain, value, place)
 
 
-def _constant(value: float, place: Any) -> _Number:
+def _constant(value: Any, place: Any) -> _Number:
+    if not isinstance(value, int | float):
+        raise TypeError(f"{type(value).__name__} where a number has to be")
     kind = types.int64 if isinstance(value, int) else types.float64
     return _Number(kind, None if place is None else place[0].get_constant(kind, value), place)
 
