@@ -16,7 +16,7 @@ from cable_twin.mechanics.readout.columns import observe
 from cable_twin.simulation.engines import Engine
 from cable_twin.simulation.first_compilation import called_at_start, kernels_below
 
-NAMELESS = "impl", "formula_"
+NAMELESS = "impl"
 PERIOD = 0.25  # s between two looks
 OVERHEAD = 300  # bytes of Python's code that take as long to compile as the least kernel does
 LAST = 0.2  # of the time for all kernels below: what optimising them together takes
@@ -105,7 +105,7 @@ class _Watch(event.Listener):
 
     @property
     def kernel(self) -> str:
-        """What it compiles now; small change of numba's own, and formulas without a name, aside."""
+        """What it compiles now; small change of numba's own aside."""
         named = (name for name in reversed(self._under_way) if name.isidentifier() and not name.startswith(NAMELESS))
         return next(named, "")
 
