@@ -7,6 +7,8 @@ is the same, as LLVM sees the same. The passes of numba that kernels have no use
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import chain
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -19,7 +21,6 @@ from numba.core.typed_passes import (
     IRLegalization,
     NativeLowering,
     NoPythonBackend,
-    NopythonTypeInference,
     PreLowerStripPhis,
 )
 from numba.core.untyped_passes import (
@@ -35,6 +36,7 @@ from numba.core.untyped_passes import (
 
 from cable_twin.mechanics.language.content import content_of
 from cable_twin.mechanics.language.known import PutKnown
+from cable_twin.mechanics.language.operations import FindTypes
 
 PASSES = (
     TranslateByteCode,
@@ -46,7 +48,7 @@ PASSES = (
     InlineInlinables,
     PutKnown,
     ReconstructSSA,
-    NopythonTypeInference,
+    FindTypes,
     PreLowerStripPhis,
     IRLegalization,
     NativeLowering,
@@ -57,8 +59,12 @@ PASSES = (
 class WholeCompiler(CompilerBase):
     """Compiles what Python calls: numba's passes without those for closures, array expressions and object mode."""
 
+    library: type[_Library]  # that it makes
+
     def define_pipelines(self) -> list[PassManager]:
         """As numba asks for them; a name with the content in it is that of no other function, in any process."""
+        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
         self.state.func_id.unique_id = content_of(self.state.func_id.func)
         passes = PassManager("kernel")
         for each in PASSES:
@@ -70,23 +76,32 @@ class WholeCompiler(CompilerBase):
 class BriefCompiler(WholeCompiler):
     """Compiles what Python calls, and what does not run for long."""
 
-    def define_pipelines(self) -> list[PassManager]:
-        """As numba asks for them."""
-        self.state.library = _BriefLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        self.state.library.enable_object_caching()
-        return super().define_pipelines()
-
 
 class PartCompiler(WholeCompiler):
     """Compiles what kernels call."""
 
-    def define_pipelines(self) -> list[PassManager]:
-        """As numba asks for them."""
-        self.state.library = _PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        return super().define_pipelines()
+
+class _Library(JITCodeLibrary):
+    """Machine code of a kernel and of all that it calls."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Without those that it only names: numba makes ready for each of them as well, in vain."""
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def finalize(self) -> None:
+        """Take in the parts, each once, and translate all."""
+        libraries = dict.fromkeys(self._linking_libraries)
+        self._linking_libraries = [one for one in libraries if not isinstance(one, _PartLibrary)]
+        for bitcode in reversed(_parts_of(libraries)):  # callers first: what nobody calls is not taken in
+            self._final_module.link_in(llvm.parse_bitcode(bitcode))
+        super().finalize()
 
 
-class _BriefLibrary(JITCodeLibrary):
+class _BriefLibrary(_Library):
     """A kernel in whose optimisation numba's first round is the only one."""
 
     def _optimize_final_module(self) -> None:
@@ -103,34 +118,64 @@ class _NoCode:
         """Nothing refers to it."""
 
 
-class _PartLibrary(JITCodeLibrary):
-    """Bitcode of a kernel and of all that it calls."""
+class _PartLibrary(_Library):
+    """Bitcode of a kernel, and apart from it that of all that it calls: put together where Python calls one.
+
+    Attributes:
+        parts: the bitcode of each, itself the last.
+    """
 
     codegen = _NoCode()  # type: ignore[assignment]
+    parts: tuple[bytes, ...] = ()
 
-    def _optimize_final_module(self) -> None:
-        """Leave it to the library of the last caller."""
-
-    def _finalize_final_module(self) -> None:
+    def finalize(self) -> None:
+        """Keep it as it is."""
+        self._raise_if_finalized()
+        libraries = dict.fromkeys(self._linking_libraries)
+        for library in libraries:
+            if not isinstance(library, _PartLibrary):  # of numba itself
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = (
+                    "linkonce_odr"  # one of many in a kernel
+                )
+        self.parts = *_parts_of(libraries), self._final_module.as_bitcode()
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """All of it in one module, for a library of numba itself that calls it."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            self._shared_module = llvm.parse_bitcode(self.parts[-1])
+            for bitcode in reversed(self.parts[:-1]):
+                self._shared_module.link_in(llvm.parse_bitcode(bitcode))
+        return self._shared_module
 
     def get_pointer_to_function(self, name: str) -> int:
         """Null: it is called by nobody."""
         self._ensure_finalized()
         return 0
 
-    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, ...]]:
         """As numba keeps it in a file."""
         self._ensure_finalized()
-        return self.name, "part", self._get_module_for_linking().as_bitcode()
+        return self.name, "part", self.parts
 
     @classmethod
-    def of(cls, codegen: Any, name: str, bitcode: bytes) -> _PartLibrary:
+    def of(cls, codegen: Any, name: str, parts: tuple[bytes, ...]) -> _PartLibrary:
         """Make one of what `serialize_using_object_code` gave."""
         library = cls(codegen, name)
-        library._final_module = library._shared_module = llvm.parse_bitcode(bitcode)
-        library._finalized = True
+        library.parts, library._finalized = parts, True
         return library
+
+
+WholeCompiler.library, BriefCompiler.library, PartCompiler.library = _Library, _BriefLibrary, _PartLibrary
+
+
+def _parts_of(libraries: Iterable[JITCodeLibrary]) -> tuple[bytes, ...]:
+    """Bitcode of all parts among libraries and of what those call, each once, after those that it calls."""
+    return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, _PartLibrary))))
 
 
 class _PartFile(CompileResultCacheImpl):
@@ -138,8 +183,8 @@ class _PartFile(CompileResultCacheImpl):
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Make of it what compiling it gave."""
-        (name, _, bitcode), function, env, signature, *_ = payload
-        library = _PartLibrary.of(target_context.codegen(), name, bitcode)
+        (name, _, parts), function, env, signature, *_ = payload
+        library = _PartLibrary.of(target_context.codegen(), name, parts)
         return compile_result(
             typing_context=target_context.typing_context,
             target_context=target_context,

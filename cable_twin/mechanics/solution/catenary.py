@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, root
+import scipy  # loads `optimize` where it is used: a third of a second, not of each command
 
 from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
 
@@ -143,7 +143,7 @@ def rest_over_supports(system: System) -> Rest:
 
     first = np.concatenate([pulls.ravel() / scale, lengths / length, [0.0] if end >= 0 else []])
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        found = root(miss, first, method="hybr", tol=1e-12)
+        found = scipy.optimize.root(miss, first, method="hybr", tol=1e-12)
         missed = np.abs(miss(found.x)).max()
     pulls, lengths = found.x[: 2 * count].reshape(count, 2) * scale, found.x[2 * count : 3 * count] * length
     if not missed < 1e-6 or np.any(lengths <= 0.0) or np.any(pulls[:, 0] < 0.0):  # an arch in pressure is no rest
@@ -229,7 +229,7 @@ def _first_guess(
     tension = given
     if tension == 0.0:
         least, most = 1e-9 * stiffness, 10.0 * stiffness
-        tension = brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
+        tension = scipy.optimize.brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
         tension = float(np.exp(tension))
     lengths = taken(tension)
     return np.stack([tension * cosines, tension * sines - 0.5 * weight * lengths], axis=1), lengths
