@@ -154,6 +154,7 @@ def own_lift():
         ({"towers__tower_3__ropes": {"up": 1.0}}, "towers.tower_3.ropes.up: given 1.0; allowed: a mapping of keys of"),
         ({"sheaves__drive__drive": 5}, "sheaves.drive.drive: given 5; allowed: a mapping with the keys of a drive"),
         ({"sheaves__drive__drive__name": True}, "sheaves.drive.drive.name: given True; allowed: a text"),
+        ({"sheaves__drive__drive__name": ""}, "sheaves.drive.drive.name: given ''; allowed: a text, not empty"),
         ({"sheaves__drive__joins": ["up.end", "dwn.start"]}, "sheaves.drive.joins.1: given 'dwn.start'; allowed: "),
     ],
 )

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from cable_twin.recording.view_scene import gathered
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario.files import config_directory
 from cable_twin.sensors import Sensors
 from cable_twin.simulation import Simulation
 
+YAML_1_2 = YAML(typ="safe", pure=True)
 COARSE = {"ropes.up.elements": 100, "ropes.down.elements": 100}
 
 
@@ -28,6 +31,22 @@ def test_what_only_a_file_has_is_changed_whole_or_in_part():
     assert [one[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [3e5, 1e6]
     lone = load_scenario("chairlift", {"towers.tower_1.ropes": {"up": {}}}).towers
     assert ("tower_1_up" in lone, "tower_1_down" in lone) == (True, False)
+    tower = {"position": [40.0, 8.0], "contacts": 2, "length": 1.0, "stiffness": 2e5, "ropes": {"up": {}}}
+    whole = load_scenario("chairlift", {"towers.tower_1": tower}).towers
+    assert ("tower_1_down" in whole, whole["tower_1_up"].stiffness) == (False, 2e5)
+    alone = load_scenario("chairlift", {"towers": {"one": tower}}).towers
+    assert list(alone) == ["one_up"]
+    more = load_scenario("chairlift", {"towers.one": {**tower, "position": [60.0, 19.0]}}).towers
+    assert {"one_up", "tower_1_up", "tower_1_down"} <= set(more)
+    sheave = YAML_1_2.load(config_directory() / "chairlift.yaml")["sheaves"]["drive"]
+    turned = load_scenario("chairlift", {"sheaves.drive": {**sheave, "drive": {"name": "motor"}}})
+    assert list(turned.drives) == ["motor"]
+
+
+def test_a_whole_tower_is_put_before_what_is_below_it():
+    tower = {"position": [40.0, 8.0], "contacts": 2, "length": 1.0, "stiffness": 2e5, "ropes": {"up": {}}}
+    one = load_scenario("chairlift", {"towers.tower_1": tower, "towers.tower_1.stiffness": 1e5}).towers
+    assert one["tower_1_up"].stiffness == 1e5
 
 
 def test_a_fault_is_where_the_file_or_the_override_has_it():

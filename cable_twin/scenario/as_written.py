@@ -29,17 +29,29 @@ class Written:
         self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
 
     def put(self, key: str, value: Any) -> bool:
-        """Set what only a file has, below `sheaves.NAME.drive` or `towers.NAME.ropes`; whether the key is of these."""
+        """Set what a file has otherwise than a scenario; whether the key is of these.
+
+        That is what is below `sheaves.NAME.drive` or `towers.NAME.ropes`, a whole sheave or tower, and all of them.
+        """
         self._given.add(key)
-        section, _, below = key.partition(".")
-        name, _, below = below.partition(".")
-        things, (own, *inner) = self._data.get(section), below.split(".")
-        if OWN.get(section) != own or not isinstance(things, dict) or not isinstance(things.get(name), dict):
+        section, *below = key.split(".")
+        if section not in OWN:
             return False
-        node = things[name]
-        if inner and not isinstance(node.get(own), dict):
+        if not below:
+            self._data[section] = value
+            return True
+        things, (name, *inner) = self._data.get(section), below
+        if not isinstance(things, dict) or (section, name) in self._places():
             return False
-        *sections, last = own, *inner
+        if not inner:
+            things[name] = value
+            return True
+        node = things.get(name)
+        if inner[0] != OWN[section] or not isinstance(node, dict):
+            return False
+        if inner[1:] and not isinstance(node.get(inner[0]), dict):
+            return False
+        *sections, last = inner
         for part in sections:
             if not isinstance(node.get(part), dict):
                 node[part] = {}  # not there yet, or null

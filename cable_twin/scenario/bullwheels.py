@@ -135,8 +135,8 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
         drive = sheave.get("drive", {}) if isinstance(sheave, dict) else {}
         if not isinstance(drive, dict):
             yield Fault(("sheaves", name, "drive"), f"given {show(drive)}; allowed: a mapping with the keys of a drive")
-        elif not isinstance(drive.get("name"), str | None):
-            yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text")
+        elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
+            yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text, not empty")
     for name, tower in towers.items():
         own = tower.get("ropes") if isinstance(tower, dict) else None
         path: KeyPath = ("towers", name, "ropes")
