@@ -9,9 +9,9 @@ import pytest
 from prescribed_frames import SCENARIO, gathered, height, scenario
 
 from cable_twin.key_figures import KeyFigures
+from cable_twin.plotted_signals import SIGNALS
 from cable_twin.records import SolverReport
 from cable_twin.scenario import load_scenario
-from cable_twin.signals import SIGNALS
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import Layout, Snapshot
 

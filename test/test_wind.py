@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from small_tramway import TRAMWAY
 
+from cable_twin.commands import KINDS
+from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.on_rope.wind import share_of_gust
+from cable_twin.mechanics.parameters import GUSTS
 from cable_twin.offline import replay
 from cable_twin.offline.simulate import main
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import ScenarioError, build_system, load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.simulation.effects import GUST_SHAPES
 from verification import JIT
 
 TURBULENT = {"intensity": 0.2, "length_scale": 40.0, "seed": 3, "points": 8}
@@ -153,3 +158,13 @@ def test_gusts_that_are_refused():
         simulation.gust(5.0)
     simulation.advance_to(2.0)
     simulation.gust(5.0)
+
+
+def test_each_shape_of_a_gust_is_another_one_and_commands_blow_them():
+    shares = [
+        [as_python(share_of_gust)((5.0, 0.0, 0.0, 0.0, 10.0, shape), time) for time in (2.0, 4.0)]
+        for shape in range(len(GUSTS))
+    ]
+    assert len({tuple(share) for share in shares}) == len(GUSTS)
+    assert set(GUST_SHAPES.values()) <= set(GUSTS)
+    assert GUST_SHAPES.keys() <= KINDS.keys()

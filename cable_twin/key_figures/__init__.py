@@ -8,8 +8,8 @@ memory of an update do not grow with the run.
 from cable_twin.key_figures.buffers import BUFFER_FORCE
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
-from cable_twin.key_figures.figures_of_run import KeyFigures, compile_figures
-from cable_twin.key_figures.limited import SOURCES
+from cable_twin.key_figures.gathered_figures import KeyFigures, compile_figures
+from cable_twin.key_figures.limits import SOURCES
 from cable_twin.key_figures.space_figures import DERAILED
 
 __all__ = [

@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_twin.geometry.clearance import ground_of
 from cable_twin.key_figures.extremes import highest, lowest
-from cable_twin.key_figures.measures import PLACES, DriveExtremes, Memory
+from cable_twin.key_figures.rope_measures import PLACES, DriveExtremes, Memory
 from cable_twin.scenario import Grading, Scenario
 
 

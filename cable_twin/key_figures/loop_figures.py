@@ -11,9 +11,9 @@ import numpy as np
 from cable_twin.key_figures.allocation import drive_extremes
 from cable_twin.key_figures.extremes import highest, lowest
 from cable_twin.key_figures.figure import KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.figures_of_rope import drive_figures
-from cable_twin.key_figures.limited import limited
+from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.loop_measures import LoopMemory, take_loop
+from cable_twin.key_figures.rope_figures import drive_figures
 from cable_twin.key_figures.stops import StopsOf
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.records import AppliedCommand

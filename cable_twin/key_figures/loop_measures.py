@@ -6,7 +6,7 @@ from math import log, nan
 from typing import NamedTuple
 
 from cable_twin.key_figures.extremes import Extremes, take
-from cable_twin.key_figures.measures import DriveExtremes, take_drive
+from cable_twin.key_figures.rope_measures import DriveExtremes, take_drive
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.parameters import FloatArray

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_twin.key_figures.extremes import Extremes, take_in_wind
-from cable_twin.key_figures.measures import CLEARANCE_PERIOD
+from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.parameters import FloatArray, IntArray

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from cable_twin.geometry.clearance import surroundings_of
 from cable_twin.key_figures.figure import KeyFigure, figure_of, wind_at, with_limit
-from cable_twin.key_figures.measures import CLEARANCE_PERIOD
+from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.key_figures.space_measures import allocate_across, take_across
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.scenario import Scenario, masts

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.key_figures.extremes import Extremes, highest, lowest, take_in_wind
-from cable_twin.key_figures.measures import CLEARANCE_PERIOD
+from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.parameters import FloatArray

@@ -11,6 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cable_twin.offline.figure_table import LABELS
+from cable_twin.plotted_signals import SIGNALS
 from cable_twin.recording.rerun_view import RerunView
 from cable_twin.recording.run import open_view
 from cable_twin.recording.view_layout import frame, plot_titles
@@ -18,7 +19,6 @@ from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_space import SPACE
 from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.scenario import Scenario
-from cable_twin.signals import SIGNALS
 from cable_twin.snapshot import Layout, Snapshot
 
 

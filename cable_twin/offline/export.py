@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from cable_twin.key_figures import KeyFigure
-from cable_twin.signals import SIGNALS
+from cable_twin.plotted_signals import SIGNALS
 from cable_twin.snapshot import Snapshot
 
 STDOUT = "-"

@@ -23,7 +23,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from cable_twin.offline.thinned_series import Signals
-from cable_twin.signals import PLOTS, SIGNALS, Signal
+from cable_twin.plotted_signals import PLOTS, SIGNALS, Signal
 from cable_twin.snapshot import ENDS
 
 INK = "#22303C"

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cable_twin.plotted_signals import SIGNALS
 from cable_twin.records import FloatArray
-from cable_twin.signals import SIGNALS
 from cable_twin.snapshot import Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest

@@ -19,16 +19,12 @@ from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import TopicNames
-from cable_twin.recording.log_versions import ABSOLUTE_FORMATS, FORMAT_VERSION, READABLE_FORMATS
+from cable_twin.recording.log_formats import ABSOLUTE_FORMATS, LogError, check_format
 from cable_twin.recording.log_writer import AFTER_LOSS
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
 
 RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
 UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
-
-
-class LogError(ValueError):
-    """A file that is no readable log of this package: one line with the file and what is wrong."""
 
 
 @dataclass(frozen=True)
@@ -137,24 +133,11 @@ def open_file(path: Path) -> LogFile:
     """
     with _open(path) as stream:
         metadata, _ = _read_origin(path, stream)
-    _check_format(path, metadata)
+    check_format(path, metadata)
     for key, unit in (("epoch_ns", "of nanoseconds"), ("sample_count", "of points")):
         if not metadata.get(key, "").isdecimal():
             raise LogError(f"{path}: {key} is {metadata.get(key)!r}, a whole number {unit} is expected")
     return LogFile(path, metadata, int(metadata["epoch_ns"]))
-
-
-def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse a format that this version does not know; a newer one says what to do."""
-    given = metadata.get("format_version", "")
-    if given in READABLE_FORMATS:
-        return
-    if given.isdecimal() and int(given) > int(FORMAT_VERSION):
-        raise LogError(
-            f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
-            f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
-        )
-    raise LogError(f"{file}: format version {given!r}, this package reads {', '.join(READABLE_FORMATS)}")
 
 
 def _open(file: Path) -> IO[bytes]:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cable_twin.geometry.bullwheel_rims import wheel_rims
 from cable_twin.geometry.outlines import body_outlines
 from cable_twin.geometry.solids import body_solids
-from cable_twin.geometry.wheels import wheel_rims
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder

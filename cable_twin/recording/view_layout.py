@@ -8,12 +8,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from cable_twin.plotted_signals import SIGNALS
 from cable_twin.recording.view_geometry import TIMELINE
 from cable_twin.recording.view_plots import LEGEND_HEIGHT, LEGENDS, Plots
 from cable_twin.recording.view_space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye
 from cable_twin.recording.view_vehicles import CLOSE_UPS
 from cable_twin.records import FloatArray
-from cable_twin.signals import SIGNALS
 
 LEGEND_LINES = 9  # of a plot, up to which it has a legend
 TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough

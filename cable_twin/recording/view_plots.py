@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
+from cable_twin.plotted_signals import SIGNALS, Signal, driven_names
 from cable_twin.recording.view_geometry import entity_path, time_column
 from cable_twin.records import AppliedCommand, Command, FloatArray
-from cable_twin.signals import SIGNALS, Signal, driven_names
 from cable_twin.snapshot import Columns, Layout
 
 # readable on a dark ground and on a light one: a contrast of 3 or more with both

@@ -7,8 +7,8 @@ from math import isnan
 import numpy as np
 
 from cable_twin.commands import KINDS
+from cable_twin.plotted_signals import driven, driven_names
 from cable_twin.records import AppliedCommand
-from cable_twin.signals import driven, driven_names
 from cable_twin.snapshot import Columns, Layout
 
 SLIPPED = 1e-3  # m, above which slip is written

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from cable_twin.commands import KINDS
+from cable_twin.plotted_signals import driven, driven_names
 from cable_twin.records import Command, CommandError, Goal
 from cable_twin.ros.approach import PERIOD, Approach, target_of
-from cable_twin.signals import driven, driven_names
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.command_checks import check_drive
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.geometry.bullwheel_rims import wheel_rims
 from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
-from cable_twin.geometry.wheels import wheel_rims
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.recording.tension_colors import TensionColors

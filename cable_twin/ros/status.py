@@ -14,12 +14,12 @@ from rich.text import Text
 from cable_twin.command_line import typed
 from cable_twin.commands import JOINT_COMMANDS
 from cable_twin.messages import APPLIED_COMMANDS, JOINT_STATES, NAMESPACE, SCENARIO, TopicNames
+from cable_twin.plotted_signals import driven, driven_names
 from cable_twin.recording.run import Run
 from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
 from cable_twin.scenario import Scenario
-from cable_twin.signals import driven, driven_names
 from cable_twin.simulation import Simulation
 
 SPAN = 1.5  # s over which the real-time factor is taken

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.commands import KINDS
 from cable_twin.mechanics.on_rope.wind import set_wind
-from cable_twin.mechanics.parameters import FORCE, System
+from cable_twin.mechanics.parameters import FORCE, GUSTS, System
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
@@ -26,7 +26,7 @@ from cable_twin.simulation.engines import Engine, RopeBundle
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
 
-GUST_KINDS = ("gust", "operating_gust")  # in the order of `parameters.GUSTS`
+GUST_SHAPES = {"gust": "one_minus_cosine", "operating_gust": "operating_gust"}  # by kind of command
 GUST_DURATION = 10.5  # s, in IEC 61400-1
 
 
@@ -103,7 +103,7 @@ def _gust(ropeway: Ropeway, command: Command) -> None:
     values, field = command.values, ropeway.state.wind_field
     duration = values.get("duration", GUST_DURATION)
     amplitude = values["x"], values.get("y", 0.0), values["z"]
-    field.gust[:] = *amplitude, field.time[0], duration, GUST_KINDS.index(command.kind)
+    field.gust[:] = *amplitude, field.time[0], duration, GUSTS.index(GUST_SHAPES[command.kind])
 
 
 def _stop(ropeway: Ropeway, _: Command) -> None:
@@ -130,7 +130,7 @@ EFFECTS: Mapping[str, Effect] = {
     "force": Effect(_drive, check_drive, between=RopeBundle.drive),
     "payload": Effect(_load, check_room, check_station),
     "wind": Effect(_blow, check_wind),
-    **dict.fromkeys(GUST_KINDS, Effect(_gust, check_gust, check_no_gust)),
+    **dict.fromkeys(GUST_SHAPES, Effect(_gust, check_gust, check_no_gust)),
     "emergency_stop": Effect(_stop, between=RopeBundle.stop),
     "release": Effect(_release, between=RopeBundle.release),
     "reset": Effect(_reset, between=RopeBundle.go_back),

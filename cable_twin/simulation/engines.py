@@ -9,7 +9,7 @@ from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.parameters import CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.equilibrium import relax
-from cable_twin.mechanics.solution.integrators import integrator_named
+from cable_twin.mechanics.solution.integrator_by_name import integrator_named
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario, build_system

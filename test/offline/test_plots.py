@@ -3,7 +3,7 @@
 import numpy as np
 
 from cable_twin.offline.plots import _panels
-from cable_twin.signals import SIGNALS
+from cable_twin.plotted_signals import SIGNALS
 
 
 class Line:

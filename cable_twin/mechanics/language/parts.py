@@ -137,9 +137,7 @@ class _PartLibrary(_Library):
                 self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
-                function.linkage = (
-                    "linkonce_odr"  # one of many in a kernel
-                )
+                function.linkage = "linkonce_odr"  # one of many in a kernel
         self.parts = *_parts_of(libraries), self._final_module.as_bitcode()
         self._finalized = True
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.key_figures.figures_of_rope import FiguresOfRope
 from cable_twin.key_figures.loop_figures import LoopFigures
 from cable_twin.key_figures.passing_figures import PassingFigures
+from cable_twin.key_figures.rope_figures import FiguresOfRope
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot

@@ -14,8 +14,8 @@ from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.limited import limited
-from cable_twin.key_figures.measures import MEAN, DriveExtremes, take_frame
+from cable_twin.key_figures.limits import limited
+from cable_twin.key_figures.rope_measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space_figures import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import StopsOf
 from cable_twin.mechanics.language.by_reference import pack
