@@ -21,7 +21,7 @@ from importlib import import_module
 from pathlib import Path
 
 COMMANDS = {"sim": "cable_twin.ros.sim", "drive": "cable_twin.ros.drive"}
-LATER = ("cable_twin.ros.node",)  # what they import when they need it
+LATER = "cable_twin.ros.node", "cable_twin.recording.rerun_view", "scipy.optimize"  # what they import when they need it
 
 
 class ForkedProcess:

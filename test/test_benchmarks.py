@@ -136,6 +136,7 @@ def test_another_motion_in_space_is_a_fault(monkeypatch):
     assert all("ropes apart [mm] is" in fault and "allowed: 100" in fault for fault in part.faults if "ropes" in fault)
 
 
+@pytest.mark.long
 def test_what_space_costs(tmp_path):
     result = run("space", "--quick", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
@@ -221,6 +222,7 @@ def test_steps_for_learning(tmp_path, monkeypatch, capsys):
     assert environment > read
 
 
+@pytest.mark.long
 def test_lockstep(tmp_path, monkeypatch, domain):
     """A twin that is stepped by one call does not wait for its clock, of 100 frames a second."""
     pytest.importorskip("rclpy")

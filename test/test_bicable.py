@@ -25,7 +25,8 @@ def running(speed=SPEED, **changes):
     return simulation
 
 
-@pytest.mark.parametrize("speed", [SPEED, pytest.param(-SPEED, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("speed", [SPEED, -SPEED])
 def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
     """A lap in either direction: no step is halved, nothing jerks, and loads change in the stations alone."""
     simulation = running(speed)

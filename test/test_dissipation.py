@@ -38,7 +38,7 @@ def whole_account(simulation, steps):
     return account
 
 
-@pytest.mark.parametrize("step", [0.005, 0.0025])
+@pytest.mark.parametrize("step", [0.005, pytest.param(0.0025, marks=pytest.mark.long)])
 def test_it_is_the_energy_that_is_missing(step):
     """To a fifth: the rest is the trapezoidal rule on forces of shocks. One step of 13 stands for all to a third."""
     simulation = thrown(step=step)

@@ -85,7 +85,9 @@ for kernel, kinds in chosen.items():
 ONE, SEVERAL = "solve", "solve_bundle"  # one rope, several
 
 
-@pytest.mark.parametrize(("name", "last_of_rest"), [("seed_example", ONE), ("jig_back", SEVERAL)])
+@pytest.mark.parametrize(
+    ("name", "last_of_rest"), [("seed_example", ONE), pytest.param("jig_back", SEVERAL, marks=pytest.mark.long)]
+)
 def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     """Each is asked for with the types that it is compiled for; a few are asked for by callers of other arguments."""
     result = subprocess.run(
@@ -106,7 +108,7 @@ def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     assert len([name for name, _, as_guessed in asked if as_guessed != "True"]) <= 1  # an arc length that is whole
 
 
-@pytest.mark.parametrize("name", ["seed_example", "jig_back"])
+@pytest.mark.parametrize("name", ["seed_example", pytest.param("jig_back", marks=pytest.mark.long)])
 def test_the_second_process_ends_well(name, tmp_path):
     """It would fail in silence, and a first start take longer. What another one has begun with is left to that."""
     given, board = tmp_path / "scenario.yaml", tmp_path / "board"

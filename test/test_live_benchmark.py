@@ -69,6 +69,7 @@ def run(*arguments, directory):
     )
 
 
+@pytest.mark.long
 def test_a_short_run_gives_every_figure(tmp_path):
     pytest.importorskip("rclpy")
     scenario = write_quick_scenario(tmp_path)

@@ -179,7 +179,7 @@ def unstrained_places(simulation: Simulation) -> dict[str, list[float]]:
     return found
 
 
-@case("bicable lift, balance of energy", "first law", needs_jit=True)
+@case("bicable lift, balance of energy", "first law", needs_jit=True, long=True)
 def bicable_energy() -> Iterator[Result]:
     """What the drive gives on the way from station to station, of four cabins, beside the energy of all that moves."""
     simulation = Simulation(load_scenario(lift(first=25.0)), samples=2)

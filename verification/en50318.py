@@ -224,7 +224,12 @@ def _compared(speed: int) -> Iterator[Result]:
     yield Result("cells of the standard in range", "-", len(ranged) + 1, inside, 0.0)
 
 
-@case("EN 50318 at 250 km/h", "independent solution of the reference model; ranges of EN 50318:2002", needs_jit=True)
+@case(
+    "EN 50318 at 250 km/h",
+    "independent solution of the reference model; ranges of EN 50318:2002",
+    needs_jit=True,
+    long=True,
+)
 def at_250() -> Iterator[Result]:
     """Contact force, uplift and slack droppers."""
     yield from _compared(250)

@@ -198,7 +198,9 @@ def rung(simulation: Simulation, duration: float, what: str) -> FloatArray:
     return np.array(series)
 
 
-@case("longitudinal modes of a loop", "chain of springs and masses; rod with a mass at its end", needs_jit=True)
+@case(
+    "longitudinal modes of a loop", "chain of springs and masses; rod with a mass at its end", needs_jit=True, long=True
+)
 def modes() -> Iterator[Result]:
     """Level, without weight: the return wheel against a held drive, both free, the carriage of a counterweight."""
     impedance, wave = ROPE

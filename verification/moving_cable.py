@@ -236,7 +236,7 @@ def carrier_energies(simulation: Simulation) -> FloatArray:
     return kinetic - carriages.mass * (simulation.system.cable.gravity[1] * q[:, 1])
 
 
-@case("balance of an open system", "first law, and the balance of momentum along the rope", needs_jit=True)
+@case("balance of an open system", "first law, and the balance of momentum along the rope", needs_jit=True, long=True)
 def open_system() -> Iterator[Result]:
     """A chairlift of 800 m starts, stops, goes back: 90 s, with carriers that leave and enter.
 

@@ -195,7 +195,7 @@ def jig_back_at_rest() -> Iterator[Result]:
             yield Result(f"gained along {rope}, {label}", "N", 0.0, gained, 1e-5 * high)
 
 
-@case("jig-back under way, equal cabins", "W at the drive = μ Σ N ds of the wheels on the track ropes + ΔE")
+@case("jig-back under way, equal cabins", "W at the drive = μ Σ N ds of the wheels on the track ropes + ΔE", long=True)
 def jig_back_under_way() -> Iterator[Result]:
     """From start to stop between stations and towers; what the damping of the ropes takes is within the row."""
     smooth = {f"towers.{one}_{number}.friction": 0.0 for one in ("tower", "rollers") for number in (1, 2)}

@@ -78,7 +78,7 @@ def test_a_step_above_it_is_warned_of():
         Simulation(load_scenario("seed_example", SEED))
 
 
-@pytest.mark.parametrize("model", ["continuum", "element_frame"])
+@pytest.mark.parametrize("model", ["continuum", pytest.param("element_frame", marks=pytest.mark.long)])
 def test_agrees_with_the_default(model):
     time = 0.02 if JIT else 0.004
     common = {"cable.elements": 4, "cable.elastic_model": model}

@@ -290,6 +290,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
 """
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
     """A bag of five times the frames, by repetition with later stamps, costs no more than some 10 MB more."""
     log = read_log(runs[0])

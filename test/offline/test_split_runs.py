@@ -301,6 +301,7 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
         disk.release()
 
 
+@pytest.mark.long
 def test_memory_stays_as_it_is_over_many_splits(tmp_path):
     """Eighty files with their recordings; threads are what rerun likes to leave behind."""
     simulation = Simulation(load_scenario(TRAMWAY))
