@@ -50,7 +50,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         ValueError: an argument that does not fit the scenario, in one line.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
 
     def __init__(
         self,
