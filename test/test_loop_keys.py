@@ -45,8 +45,51 @@ def test_what_only_a_file_has_is_changed_whole_or_in_part():
 
 def test_a_whole_tower_is_put_before_what_is_below_it():
     tower = {"position": [40.0, 8.0], "contacts": 2, "length": 1.0, "stiffness": 2e5, "ropes": {"up": {}}}
-    one = load_scenario("chairlift", {"towers.tower_1": tower, "towers.tower_1.stiffness": 1e5}).towers
-    assert one["tower_1_up"].stiffness == 1e5
+    below = [{"towers.tower_1.stiffness": 1e5}, {"towers.tower_1.ropes.up.stiffness": 1e5}]
+    alone = {key: value for key, value in tower.items() if key != "ropes"}
+    below.append({"towers.tower_1_up": {**alone, "stiffness": 1e5}})
+    for other in below:
+        for overrides in ({"towers.tower_1": tower} | other, other | {"towers.tower_1": tower}):
+            one = load_scenario("chairlift", overrides).towers
+            assert (one["tower_1_up"].stiffness, one["tower_1_up"].rope) == (1e5, "up")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (
+            {"towers.tower_1_up": {"ropes": {"up": 5}}},
+            "towers.tower_1.ropes.up.ropes: given a mapping; allowed: nothing",
+        ),
+        ({"towers.tower_1.ropes.up": {"rope": "down"}}, "towers.tower_1.ropes.up.rope: given 'down'; allowed: nothing"),
+        ({"towers.tower_1.ropes": None}, "towers.tower_1.ropes: given null; allowed: a mapping of ropes"),
+        ({"towers.tower_1": 5}, "towers.tower_1: given 5; allowed: a mapping"),
+        ({"towers.nope": 5}, "towers.nope: this key does not exist; allowed: tower_1_up"),
+        ({"towers.tower": {"ropes": {"1": {}}}}, "towers.tower.ropes.1: no such rope; allowed: up, down"),
+    ],
+)
+def test_what_a_tower_or_a_drive_may_not_be_is_one_line(overrides, said):
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("chairlift", overrides)
+    assert any(said in fault for fault in refused.value.faults), refused.value.faults
+
+
+def test_two_drives_of_one_name_are_refused():
+    content = YAML_1_2.load(config_directory() / "chairlift.yaml")
+    content["sheaves"]["return"]["drive"] = content["sheaves"]["drive"]["drive"]
+    with pytest.raises(
+        ScenarioError, match=r"drive\.name: given 'haul_rope', as another drive is called; allowed: anot"
+    ):
+        load_scenario(content)
+
+
+def test_two_towers_of_one_name_are_refused():
+    towers = YAML_1_2.load(config_directory() / "chairlift.yaml")["towers"]
+    alone = {key: value for key, value in towers["tower_1"].items() if key != "ropes"}
+    with pytest.raises(
+        ScenarioError, match=r"towers\.tower_1\.ropes\.up: it is called 'tower_1_up', as another tower is"
+    ):
+        load_scenario("chairlift", {"towers": {**towers, "tower_1_up": {**alone, "rope": "up"}}})
 
 
 def test_a_fault_is_where_the_file_or_the_override_has_it():

@@ -40,10 +40,19 @@ class Written:
         if not below:
             self._data[section] = value
             return True
-        things, (name, *inner) = self._data.get(section), below
-        if not isinstance(things, dict) or (section, name) in self._places():
+        name, *inner = below
+        places = self._places()
+        if (section, name) in places:
+            whole = not inner and isinstance(value, dict)
+            return whole and self.put(".".join(map(str, places[section, name].own)), value)
+        if not inner and isinstance(value, dict):
+            self._data.setdefault(section, {})
+        things = self._data.get(section)
+        if not isinstance(things, dict):
             return False
         if not inner:
+            if name not in things and not isinstance(value, dict):
+                return False
             things[name] = value
             return True
         node = things.get(name)
@@ -59,6 +68,10 @@ class Written:
         node[last] = value
         return True
 
+    def depth(self, key: str) -> int:
+        """How deep the file has what a key is of."""
+        return len(self.path(tuple(key.split("."))))
+
     def expanded(self, key: str) -> list[str]:
         """Keys of the scenario that one of the file stands for: of a tower of several ropes that of each."""
         parts = tuple(key.split("."))
@@ -70,7 +83,7 @@ class Written:
     def path(self, path: KeyPath) -> KeyPath:
         """Where the file, or an override, has a key of the scenario."""
         place, rest = self._places().get(path[:2]), path[2:]
-        if place is None or self.is_given(path):
+        if place is None or self._names(path):
             return path
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
@@ -78,6 +91,11 @@ class Written:
         """Whether an override names it, or something that it is in."""
         key = ".".join(map(str, path))
         return any(key == given or key.startswith(f"{given}.") for given in self._given)
+
+    def _names(self, path: KeyPath) -> bool:
+        """Whether an override is of what the path is in by its name, and not of all of its kind."""
+        key = ".".join(map(str, path))
+        return any(key == given or key.startswith(f"{given}.") for given in self._given if "." in given)
 
     def _places(self) -> dict[KeyPath, _Place]:
         """By section and name in the scenario."""

@@ -131,25 +131,41 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
 def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
     """What a file says wrong of what `expand_bullwheels` writes otherwise."""
     sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
+    drives = data.get("drives")
+    called = set(drives if isinstance(drives, dict) else ())
     for name, sheave in sheaves.items():
-        drive = sheave.get("drive", {}) if isinstance(sheave, dict) else {}
-        if not isinstance(drive, dict):
-            yield Fault(("sheaves", name, "drive"), f"given {show(drive)}; allowed: a mapping with the keys of a drive")
-        elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
-            yield Fault(("sheaves", name, "drive", "name"), f"given {show(drive['name'])}; allowed: a text, not empty")
-    for name, tower in towers.items():
-        own = tower.get("ropes") if isinstance(tower, dict) else None
-        path: KeyPath = ("towers", name, "ropes")
-        if own is not None and not isinstance(own, dict):
-            yield Fault(
-                path, f"given {show(own)}; allowed: a mapping of ropes to what is another there: {ROPES_EXAMPLE}"
-            )
+        if not isinstance(sheave, dict) or "drive" not in sheave:
             continue
-        for rope, differs in (own or {}).items():
-            if rope not in ropes:
-                yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
-            elif differs is not None and not isinstance(differs, dict):
-                yield Fault((*path, rope), f"given {show(differs)}; allowed: a mapping of keys of a tower, or null")
+        drive, path = sheave["drive"], ("sheaves", name, "drive")
+        if not isinstance(drive, dict):
+            yield Fault(path, f"given {show(drive)}; allowed: a mapping with the keys of a drive")
+        elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
+            yield Fault((*path, "name"), f"given {show(drive['name'])}; allowed: a text, not empty")
+        elif (own := drive.get("name") or name) in called:
+            yield Fault((*path, "name"), f"given {own!r}, as another drive is called; allowed: another name")
+        else:
+            called.add(own)
+    for name, tower in towers.items():
+        if isinstance(tower, dict) and "ropes" in tower:
+            yield from _faults_of_tower(name, tower["ropes"], towers, ropes)
+
+
+def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[str, Any]) -> Iterator[Fault]:
+    """What is wrong of what a tower has of its own for each rope."""
+    path: KeyPath = ("towers", name, "ropes")
+    if not isinstance(own, dict):
+        yield Fault(path, f"given {show(own)}; allowed: a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
+        return
+    for rope, differs in own.items():
+        if rope not in ropes:
+            yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
+        elif differs is not None and not isinstance(differs, dict):
+            yield Fault((*path, rope), f"given {show(differs)}; allowed: a mapping of keys of a tower, or null")
+        elif f"{name}_{rope}" in towers:
+            yield Fault((*path, rope), f"it is called '{name}_{rope}', as another tower is; allowed: another name")
+        else:
+            for key in {"rope", "ropes"} & (differs := differs or {}).keys():
+                yield Fault((*path, rope, key), f"given {show(differs[key])}; allowed: nothing, {rope!r} is the rope")
 
 
 def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:

@@ -73,6 +73,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
         written = Written(data)
         values = {str(key): _plain(value, tuple(str(key).split(".")), faults) for key, value in overrides.items()}
+        values = dict(sorted(values.items(), key=lambda one: written.depth(one[0])))  # the whole, then what is in it
         others = [key for key, value in values.items() if not written.put(key, value)]
         if in_file := list(faults_in_file(data)):
             raise ScenarioError(*_lines(label, [*faults, *in_file], written))

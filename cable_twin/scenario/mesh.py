@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.scenario.schema import Grading, Scenario
 
 if TYPE_CHECKING:
@@ -59,8 +60,6 @@ def short_zones(scenario: Scenario, system: System) -> FloatArray:
 
 def _rest_at_towers(system: System) -> FloatArray:
     """Arc length (towers,) in m of the bare cable at rest at each tower; as the crow flies where it has no rest."""
-    from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports  # noqa: PLC0415 - scipy
-
     towers = system.towers.top
     if towers.shape[0] == 0:
         return np.zeros(0)

@@ -1,7 +1,6 @@
 """What type an operation on numbers and arrays has, asked once in a process.
 
-numba tries all that an operator may mean, of texts, lists and sets as well, each time that it meets one: for an element
-of an array more than a millisecond, a tenth of the time that a first start compiles.
+numba tries all that an operator may mean, of texts, lists and sets as well, each time that it meets one.
 """
 
 from __future__ import annotations
@@ -20,6 +19,8 @@ _found: dict[tuple[Any, ...], Any] = {}
 @register_pass(mutates_CFG=True, analysis_only=False)
 class FindTypes(NopythonTypeInference):
     """numba's pass, with what is known of operations before."""
+
+    _name = "find_types"
 
     def run_pass(self, state: Any) -> bool:
         """As numba calls it."""
@@ -42,7 +43,7 @@ class _WithFound:
 
     def resolve_function_type(self, function: Any, arguments: tuple[Any, ...], named: Any) -> Any:
         """Signature of an operation, or of anything else that is called; None where there is none."""
-        meant = getattr(function, "typing_key", None)
+        meant = getattr(function, "typing_key", function)
         if named or getattr(meant, "__module__", "") not in MODULES or not all(isinstance(a, PLAIN) for a in arguments):
             return self._context.resolve_function_type(function, arguments, named)
         key = function, *arguments

@@ -17,6 +17,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, compile_result
 from numba.core.compiler_machinery import PassManager
 from numba.core.registry import cpu_target
+from numba.core.sigutils import normalize_signature
 from numba.core.typed_passes import (
     IRLegalization,
     NativeLowering,
@@ -54,31 +55,6 @@ PASSES = (
     NativeLowering,
     NoPythonBackend,
 )
-
-
-class WholeCompiler(CompilerBase):
-    """Compiles what Python calls: numba's passes without those for closures, array expressions and object mode."""
-
-    library: type[_Library]  # that it makes
-
-    def define_pipelines(self) -> list[PassManager]:
-        """As numba asks for them; a name with the content in it is that of no other function, in any process."""
-        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        self.state.library.enable_object_caching()
-        self.state.func_id.unique_id = content_of(self.state.func_id.func)
-        passes = PassManager("kernel")
-        for each in PASSES:
-            passes.add_pass(each, each.__name__)
-        passes.finalize()
-        return [passes]
-
-
-class BriefCompiler(WholeCompiler):
-    """Compiles what Python calls, and what does not run for long."""
-
-
-class PartCompiler(WholeCompiler):
-    """Compiles what kernels call."""
 
 
 class _Library(JITCodeLibrary):
@@ -168,12 +144,38 @@ class _PartLibrary(_Library):
         return library
 
 
-WholeCompiler.library, BriefCompiler.library, PartCompiler.library = _Library, _BriefLibrary, _PartLibrary
-
-
 def _parts_of(libraries: Iterable[JITCodeLibrary]) -> tuple[bytes, ...]:
     """Bitcode of all parts among libraries and of what those call, each once, after those that it calls."""
     return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, _PartLibrary))))
+
+
+class WholeCompiler(CompilerBase):
+    """Compiles what Python calls: numba's passes without those for closures, array expressions and object mode."""
+
+    library: type[_Library] = _Library  # that it makes
+
+    def define_pipelines(self) -> list[PassManager]:
+        """As numba asks for them; a name with the content in it is that of no other function, in any process."""
+        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        self.state.func_id.unique_id = content_of(self.state.func_id.func)
+        passes = PassManager("kernel")
+        for each in PASSES:
+            passes.add_pass(each, each.__name__)
+        passes.finalize()
+        return [passes]
+
+
+class BriefCompiler(WholeCompiler):
+    """Compiles what Python calls, and what does not run for long."""
+
+    library = _BriefLibrary
+
+
+class PartCompiler(WholeCompiler):
+    """Compiles what kernels call."""
+
+    library = _PartLibrary
 
 
 class _PartFile(CompileResultCacheImpl):
@@ -202,6 +204,14 @@ class KernelCache(FunctionCache):
     def has(self, types: tuple[Any, ...]) -> bool:
         """Whether it is there for arguments of these types."""
         return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What is there for these types; None where a file has other code than its index says.
+
+        numba writes the index first, so that two starts at once of scenarios of different types may leave that.
+        """
+        loaded = super().load_overload(sig, target_context)
+        return loaded if loaded is None or loaded.signature.args == normalize_signature(sig)[0] else None
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), content_of(self._py_func))
