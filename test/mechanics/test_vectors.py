@@ -23,7 +23,7 @@ def everything(c, d, a, b, m, n, s, row):
         v.outer(c, a, b),
         v.apply(m, a),
         v.multiply(m, n),
-        v.minus(m, n),
+        v.subtract(m, n),
         v.determinant(m),
         v.adjugate(c, m),
         v.transpose(m),

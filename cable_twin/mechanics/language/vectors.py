@@ -105,12 +105,6 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 @formula
-def minus(a: Matrix, b: Matrix) -> Matrix:
-    """Difference a - b of two matrices of one shape."""
-    return subtract(a, b)
-
-
-@formula
 def determinant(a: Matrix) -> float:
     """Determinant of a full matrix."""
     if len(a) == 4:

@@ -21,7 +21,6 @@ from cable_twin.mechanics.language.vectors import (
     flipped,
     full,
     load,
-    minus,
     outer,
     product,
     scale,
@@ -64,5 +63,5 @@ def drag_by_axes(air, state, body, relative, factors, work):
     steep = rate_factor / speed if speed > 0.0 else 0.0
     by_place = add_scaled(1.0, outer(steep, drag, relative), block(rate_factor * speed, k, 0.0))
     store(by_place, work.body_drag_tangent[body])
-    by_angle = minus(product(k, by_turn(relative), relative), by_turn(drag))
+    by_angle = subtract(product(k, by_turn(relative), relative), by_turn(drag))
     store(scale(stiffness_factor * speed, by_angle), work.body_drag_turning[body])

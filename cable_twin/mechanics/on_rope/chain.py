@@ -20,7 +20,6 @@ from cable_twin.mechanics.language.vectors import (
     block,
     flipped,
     load,
-    minus,
     outer,
     product,
     scale,
@@ -187,11 +186,11 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
         residual, residual_turn, stiff = balance(
             carriages, gravity, state, body, (up, low), joints, (mass_factor, rate_factor, stiffness_factor), work
         )
-        geometric = minus(moment_by_turn(low, below), moment_by_turn(up, force))
+        geometric = subtract(moment_by_turn(low, below), moment_by_turn(up, force))
         stiff = add_scaled(stiffness_factor, geometric, stiff)
 
         # centre of mass and lower pivot by the turn, upper pivot held
-        by_up, down = scale(-1.0, by_turn(up)), minus(by_turn(low), by_turn(up))
+        by_up, down = scale(-1.0, by_turn(up)), subtract(by_turn(low), by_turn(up))
         row_up, row_down = flipped(by_up, still), flipped(down, still)
         gap = load(work.joint_gap[body], like)
         m = block(1.0, load(work.body_drag_tangent[body], pp), mass_factor * mass)
@@ -215,7 +214,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
         by_place, by_above, least, held = hold(joint, inverse, by_place, by_above, least, work.held_gap[body])
         keep_turn((by_place, by_above, least), held, body, work)
 
-        pp = minus(add_scaled(1.0, m, pp), product(column, by_place, still))
+        pp = subtract(add_scaled(1.0, m, pp), product(column, by_place, still))
         pt = scale(-1.0, product(column, by_above, still))
         b = add_scaled(1.0, on, subtract(b, product(column, least, still)))
         tp = add_held(product(joint.by_turn, by_place, still), held.by_place)

@@ -23,7 +23,6 @@ from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,
     load,
-    minus,
     outer,
     scale,
     subtract,
@@ -137,6 +136,6 @@ def _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate
         moment = add_scaled(size, axis, moment)
         # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
         apart = scale(stiffness_factor * size * dot(a, mine), unit_matrix(a))
-        by_body = add_scaled(1.0, apart, minus(by_body, outer(stiffness_factor * size, mine, a)))
-        by_above = add_scaled(1.0, apart, minus(by_above, outer(stiffness_factor * size, a, mine)))
+        by_body = add_scaled(1.0, apart, subtract(by_body, outer(stiffness_factor * size, mine, a)))
+        by_above = add_scaled(1.0, apart, subtract(by_above, outer(stiffness_factor * size, a, mine)))
     return Joint(moment, by_body, by_above, (0.0, 0.0), (first_axis, second_axis), count)

@@ -15,7 +15,6 @@ from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,
     load,
-    minus,
     outer,
     product,
     scale,
@@ -90,12 +89,12 @@ def hold(joint, inverse, by_place, by_above, least, gap):
         on_place = add_scaled(1.0, outer(1.0, push, place), on_place)
         on_above = add_scaled(1.0, outer(1.0, push, above), on_above)
         on = add_scaled(rest, push, on)
-        by_place = minus(by_place, outer(weight, yields, place))
-        by_above = minus(by_above, outer(weight, yields, above))
+        by_place = subtract(by_place, outer(weight, yields, place))
+        by_above = subtract(by_above, outer(weight, yields, above))
         least = add_scaled(-rest * weight, yields, least)
         back = product(axis, inverse, axis)
-        inverse = minus(inverse, outer(weight, yields, back))
-        through = minus(through, outer(1.0, push, back))
+        inverse = subtract(inverse, outer(weight, yields, back))
+        through = subtract(through, outer(1.0, push, back))
     return by_place, by_above, least, Held(on_place, on_above, on)
 
 

@@ -17,7 +17,6 @@ from cable_twin.mechanics.language.vectors import (
     block,
     dot,
     load,
-    minus,
     outer,
     product,
     scale,
@@ -215,7 +214,7 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
         add_to(scale(-1.0, pull), work.right_side, point.element, i)
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
-            add_block(minus(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
+            add_block(subtract(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
 
 
 @inlined_kernel

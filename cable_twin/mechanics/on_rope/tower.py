@@ -26,7 +26,6 @@ from cable_twin.mechanics.language.vectors import (
     block,
     dot,
     load,
-    minus,
     outer,
     scale,
     subtract,
@@ -168,11 +167,13 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
             on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
             on_turn = add_scaled(shape_x[j], normal, scale(bent, on_s))
             on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
-            by_force = minus(outer(1.0, pushed, on_normal), minus(outer(-1.0, turned, on_turn), outer(slide, t, on_s)))
+            by_force = subtract(
+                outer(1.0, pushed, on_normal), subtract(outer(-1.0, turned, on_turn), outer(slide, t, on_s))
+            )
             by_place = outer(stiffness_factor, force, on_s)
             for i in range(4):
                 of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
-                add_block(minus(of_force, block(shape_x[i], by_place, 0.0)), point.element, i, j, work)
+                add_block(subtract(of_force, block(shape_x[i], by_place, 0.0)), point.element, i, j, work)
 
 
 @kernel

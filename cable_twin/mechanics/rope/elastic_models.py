@@ -13,7 +13,6 @@ from cable_twin.mechanics.language.vectors import (
     dot,
     full,
     load,
-    minus,
     outer,
     scale,
     subtract,
@@ -236,8 +235,8 @@ def element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
         force_a,
         force_b,
         add_scaled(f, k_dd, nothing),
-        minus(full(f, k_da, 0.0), turned_block(-f / chord, i, y_a, z_a)),
-        minus(full(f, k_db, 0.0), turned_block(-f / chord, i, y_b, z_b)),
+        subtract(full(f, k_da, 0.0), turned_block(-f / chord, i, y_a, z_a)),
+        subtract(full(f, k_db, 0.0), turned_block(-f / chord, i, y_b, z_b)),
         add_scaled(f, k_aa, nothing),
         add_scaled(f, k_ab, nothing),
         add_scaled(f, k_bb, nothing),
@@ -253,7 +252,7 @@ def across_of(i, vector):
 @formula
 def turned_block(c, i, y, z):
     """Tangent of d against a slope that comes from the turning of i: c (P y iᵀ + z P), with P y given."""
-    return minus(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
+    return subtract(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
 
 
 @inlined_kernel

@@ -17,7 +17,6 @@ from cable_twin.mechanics.language.vectors import (
     dot,
     full,
     load,
-    minus,
     outer,
     scale,
     subtract,
@@ -70,7 +69,7 @@ def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_facto
             add_spread(scale(weights[i], force), group, vector_row(i, wind))
         for j in range(4):
             by_velocity_and_turn = rate_factor * weights[j] + along * turn * slopes[j]
-            column = minus(block(by_velocity_and_turn, by_velocity, 0.0), block(-slopes[j], by_turning, 0.0))
+            column = subtract(block(by_velocity_and_turn, by_velocity, 0.0), block(-slopes[j], by_turning, 0.0))
             for i in range(4):
                 add_spread(block(weights[i], column, 0.0), group, block_row(i, j, wind))
 

@@ -14,7 +14,6 @@ from cable_twin.mechanics.language.vectors import (
     apply,
     determinant,
     load,
-    minus,
     multiply,
     outer,
     store,
@@ -48,10 +47,10 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
             u_a, u_b = load(upper[k - 1, 0, 0], square), load(upper[k - 1, 0, 1], square)
             u_c, u_d = load(upper[k - 1, 1, 0], square), load(upper[k - 1, 1, 1], square)
             x, y = load(right_side[k - 1, 0], like), load(right_side[k - 1, 1], like)
-            a = minus(minus(a, multiply(l_a, u_a)), multiply(l_b, u_c))
-            b = minus(minus(b, multiply(l_a, u_b)), multiply(l_b, u_d))
-            c = minus(minus(c, multiply(l_c, u_a)), multiply(l_d, u_c))
-            d = minus(minus(d, multiply(l_c, u_b)), multiply(l_d, u_d))
+            a = subtract(subtract(a, multiply(l_a, u_a)), multiply(l_b, u_c))
+            b = subtract(subtract(b, multiply(l_a, u_b)), multiply(l_b, u_d))
+            c = subtract(subtract(c, multiply(l_c, u_a)), multiply(l_d, u_c))
+            d = subtract(subtract(d, multiply(l_c, u_b)), multiply(l_d, u_d))
             p = subtract(subtract(p, apply(l_a, x)), apply(l_b, y))
             q = subtract(subtract(q, apply(l_c, x)), apply(l_d, y))
         det = determinant(a)
@@ -60,7 +59,7 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
         a_inverse = adjugate(1.0 / det, a)
         a_b = multiply(a_inverse, b)
         c_a = multiply(c, a_inverse)
-        schur = minus(d, multiply(c, a_b))
+        schur = subtract(d, multiply(c, a_b))
         det = determinant(schur)
         if det == 0.0 or not isfinite(det):
             return k
@@ -71,8 +70,8 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
         if k < nodes - 1:
             for j in range(2):
                 top, bottom = load(upper[k, 0, j], square), load(upper[k, 1, j], square)
-                slope = multiply(schur_inverse, minus(bottom, multiply(c_a, top)))
-                store(minus(multiply(a_inverse, top), multiply(a_b, slope)), upper[k, 0, j])
+                slope = multiply(schur_inverse, subtract(bottom, multiply(c_a, top)))
+                store(subtract(multiply(a_inverse, top), multiply(a_b, slope)), upper[k, 0, j])
                 store(slope, upper[k, 1, j])
     for k in range(nodes - 2, -1, -1):
         x, y = load(right_side[k + 1, 0], like), load(right_side[k + 1, 1], like)

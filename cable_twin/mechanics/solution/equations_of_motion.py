@@ -22,10 +22,10 @@ from cable_twin.mechanics.language.vectors import (
     block,
     full,
     load,
-    minus,
     multiply,
     outer,
     store,
+    subtract,
     symmetric,
 )
 from cable_twin.mechanics.on_rope.body_drag import drag_bodies
@@ -193,7 +193,7 @@ def hold_ends(cable, work):
             size = 0.0
             for entry in range(len(square)):
                 size = max(size, abs(work.diagonal[node, i, i, entry]))
-            held = minus(identity, free_i)
+            held = subtract(identity, free_i)
             accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])
 
 

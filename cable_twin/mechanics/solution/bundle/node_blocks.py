@@ -12,7 +12,6 @@ from cable_twin.mechanics.language.vectors import (
     apply,
     determinant,
     load,
-    minus,
     multiply,
     outer,
     scale,
@@ -57,7 +56,7 @@ def multiply_nodes(a, b):
 @formula
 def minus_nodes(a, b):
     """Difference a - b."""
-    return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2]), minus(a[3], b[3])
+    return subtract(a[0], b[0]), subtract(a[1], b[1]), subtract(a[2], b[2]), subtract(a[3], b[3])
 
 
 @formula
@@ -95,10 +94,10 @@ def invert_node(block):
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
     a_b, c_a = multiply(inverse, b), multiply(c, inverse)
-    schur = minus(d, multiply(c, a_b))
+    schur = subtract(d, multiply(c, a_b))
     det_of_schur = determinant(schur)
     last = adjugate(1.0 / det_of_schur, schur)
     upper_right = multiply(a_b, last)
     lower_left = scale(-1.0, multiply(last, c_a))
     found = det != 0.0 and det_of_schur != 0.0 and isfinite(det) and isfinite(det_of_schur)
-    return (minus(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), found
+    return (subtract(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), found
