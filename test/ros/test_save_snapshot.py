@@ -104,7 +104,8 @@ import os, time
 fsync = os.fsync
 def slow_fsync(file):
     if "snapshot_" in os.readlink(f"/proc/self/fd/{file}"):
-        time.sleep(2.0)
+        while not os.path.exists("disk_is_ready"):
+            time.sleep(0.01)
     fsync(file)
 os.fsync = slow_fsync
 """
@@ -124,6 +125,8 @@ def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_
         answer = participant.call("save_snapshot", Trigger)
         assert not answer.success
         assert "is still being written: the log of the node says when it is saved" in answer.message
+        assert "snapshot saved: " not in sim.output
+        (tmp_path / "disk_is_ready").touch()
         participant.until(lambda: "snapshot saved: " in sim.output)
     assert "ramps to a stop" not in sim.output.partition("snapshot saved: ")[0]
     (path,) = sim.run_directory.glob("snapshot_*.npz")
