@@ -91,7 +91,6 @@ LONGER = {
     "mechanics.rope.elastic_models.continuum": "one formula: force and tangent share all that they are made of",
     "mechanics.rope.elastic_models.element_frame": "one formula: force and tangent share all that they are made of",
     "mechanics.state": "all that changes, and all scratch space, array by array",
-    "scenario.schema": "all of a scenario file, field by field",
     "offline.review": "not divided yet",
     "offline.replay.replay": "not divided yet",
     "offline.scripted_run.simulate": "not divided yet",

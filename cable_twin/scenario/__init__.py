@@ -10,7 +10,9 @@ from cable_twin.scenario.files import (
     scenario_lines,
     scenario_names,
 )
-from cable_twin.scenario.schema import Grading, Scenario, in_space
+from cable_twin.scenario.line import Grading
+from cable_twin.scenario.quantities import in_space
+from cable_twin.scenario.schema import Scenario
 
 __all__ = [
     "Grading",

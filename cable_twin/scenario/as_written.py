@@ -83,19 +83,15 @@ class Written:
     def path(self, path: KeyPath) -> KeyPath:
         """Where the file, or an override, has a key of the scenario."""
         place, rest = self._places().get(path[:2]), path[2:]
-        if place is None or self._names(path):
+        if place is None or self.is_given(path, by_name=True):
             return path
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
-    def is_given(self, path: KeyPath) -> bool:
-        """Whether an override names it, or something that it is in."""
+    def is_given(self, path: KeyPath, *, by_name: bool = False) -> bool:
+        """Whether an override names it, or something that it is in; `by_name`: not all things of its kind at once."""
         key = ".".join(map(str, path))
-        return any(key == given or key.startswith(f"{given}.") for given in self._given)
-
-    def _names(self, path: KeyPath) -> bool:
-        """Whether an override is of what the path is in by its name, and not of all of its kind."""
-        key = ".".join(map(str, path))
-        return any(key == given or key.startswith(f"{given}.") for given in self._given if "." in given)
+        given = (one for one in self._given if "." in one or not by_name)
+        return any(key == one or key.startswith(f"{one}.") for one in given)
 
     def _places(self) -> dict[KeyPath, _Place]:
         """By section and name in the scenario."""

@@ -11,8 +11,9 @@ from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.mechanics.solution.catenary import line_over
 from cable_twin.scenario.build_vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
 from cable_twin.scenario.build_wind import build_wind
+from cable_twin.scenario.line import Cable, Support, Tower
 from cable_twin.scenario.mesh import even_nodes, nodes_of, with_marks
-from cable_twin.scenario.schema import Cable, Scenario, Support, Tower
+from cable_twin.scenario.schema import Scenario
 
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff

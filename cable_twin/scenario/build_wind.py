@@ -7,7 +7,8 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import STEADY, FloatArray
 from cable_twin.scenario.build_vehicles import floats
-from cable_twin.scenario.schema import Scenario, in_space
+from cable_twin.scenario.quantities import in_space
+from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.turbulence import make_turbulence
 
 GROUND_STEP = 1.0  # m, at which the terrain is looked up

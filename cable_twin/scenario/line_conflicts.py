@@ -7,7 +7,8 @@ from itertools import pairwise
 from math import copysign, dist, hypot, nan
 
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.schema import MOST_ELEMENTS, Cable, Grading, Scenario, Support
+from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading, Support
+from cable_twin.scenario.schema import Scenario
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place

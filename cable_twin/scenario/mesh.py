@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
-from cable_twin.scenario.schema import Grading, Scenario
+from cable_twin.scenario.line import Grading
+from cable_twin.scenario.schema import Scenario
 
 if TYPE_CHECKING:
     from cable_twin.mechanics.parameters import FloatArray, System

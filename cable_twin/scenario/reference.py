@@ -20,7 +20,8 @@ from pydantic.fields import FieldInfo
 from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.drives import BullwheelDrive
 from cable_twin.scenario.find_faults import allowed
-from cable_twin.scenario.schema import Scenario, Tower
+from cable_twin.scenario.line import Tower
+from cable_twin.scenario.schema import Scenario
 
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list

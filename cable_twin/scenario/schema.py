@@ -1,4 +1,4 @@
-"""What a scenario consists of: names, types, units, bounds and defaults of everything in a scenario file.
+"""What a scenario consists of, with sensors, solver and limits; its other sections are in the files that it imports.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
 is in `find_faults` and the `*_conflicts` beside it; use `load_scenario`, which applies both.
@@ -8,211 +8,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from cable_twin.mechanics.parameters import ELASTIC_MODELS, GUSTS, INTEGRATORS, STRONGEST_WIND
+from cable_twin.mechanics.parameters import INTEGRATORS
+from cable_twin.scenario.air import Air
 from cable_twin.scenario.as_yaml import as_yaml
 from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
 from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
-from cable_twin.scenario.quantities import FromList, Place, Section, Vector, in_space, quantity
+from cable_twin.scenario.line import Cable, TerrainSides, Tower
+from cable_twin.scenario.quantities import FromList, Section, Vector, in_space, quantity
 from cable_twin.scenario.vehicles import Carriage, Payload
 
-MOST_ELEMENTS = 100_000
-# whatever the mechanics have; without a stub's idea of a literal
-ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]
-Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]
-GustShape: Any = Literal[GUSTS]  # type: ignore[valid-type]
-
-
-class Support(Section):
-    """What holds one end of the cable."""
-
-    position: Place = quantity("m", "place as x, z, in space x, y, z; only the direction of the start where it is free")
-    support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(
-        default="pinned",
-        description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
-    )
-    direction: Place | None = quantity(
-        "-", "direction of the cable in a clamp, towards its end; or in which a counterweight pulls; any length", None
-    )
-    mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
-    force: float | None = quantity("N", "pull of a counterweight; its weight where none is given", None, gt=0)
-    travel: Vector | None = quantity("m", "least and most travel of a counterweight from `position`", None)
-    buffer_stiffness: float | None = quantity(
-        "N/m", "stiffness of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
-    )
-    buffer_damping: float = quantity(
-        "s/m", "damping of these buffers: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
-    )
-
-
-class Load(Section):
-    """A constant load at a point of the cable."""
-
-    arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
-    force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))
-    moment: float = quantity("N m", "moment on an end of the cable, right-handed about y", 0.0)
-
-
-class Grading(Section):
-    """Elements that are short only where they must be: at towers and ends."""
-
-    target: float = quantity("m", "length of an element far from towers and ends", gt=0)
-    at_towers: float = quantity("m", "length of an element at towers and ends", gt=0)
-    growth: float = quantity("-", "ratio of the lengths of neighbours between these", 1.5, gt=1, le=4)
-
-
-def _form(elements: Any) -> str:
-    return "#graded" if isinstance(elements, dict | Grading) else "#number"
-
-
-Elements = Annotated[
-    Annotated[int, Field(ge=1, le=MOST_ELEMENTS), Tag("#number")] | Annotated[Grading, Tag("#graded")],
-    Discriminator(_form),
-]
-
-
-class Cable(Section):
-    """One cable of one kind."""
-
-    unstrained_length: float = quantity("m", "length without tension", gt=0)
-    mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
-    axial_stiffness: float = quantity("N", "EA, Young's modulus times area of the steel", gt=0)
-    breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
-    bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
-    elements: Elements = Field(
-        description="number of elements, all of one unstrained length (-), or how long they are where",
-        json_schema_extra={
-            "unit": "-",
-            "allowed": f"a whole number at least 1 and at most {MOST_ELEMENTS}, or a mapping of target, at_towers (m) "
-            "and growth",
-        },
-    )
-    elastic_model: ElasticModel = Field(
-        default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
-    )
-    damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
-    mass_damping: float = quantity("1/s", "of a rope among several: damping per mass", 0.0, ge=0)
-    tension_damping: float = quantity(
-        "s", "of a rope among several: damping per stiffness that the tension at the start gives it", 0.0, ge=0
-    )
-    initial_shape: Literal["equilibrium", "straight"] = Field(
-        default="equilibrium", description="how it starts: in static equilibrium, or unstrained from start towards end"
-    )
-    start: Support = Field(description="what holds it at arc length 0")
-    end: Support = Field(description="what holds it at its other end")
-    loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
-    lateral: float = quantity(
-        "m",
-        "of a rope among several: how far to the left it is, with its towers and what is on it; a plane only shows it",
-        0.0,
-    )
-    diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
-    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
-    ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
-    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
-
-
-class Tower(Section):
-    """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
-
-    rope: str | None = Field(default=None, description="the rope that runs over it; null: the first one")
-    position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
-    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
-    contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
-    length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
-    radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
-    hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
-    stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
-    damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
-    groove: float = quantity(
-        "1/m",
-        "in space, force sideways over normal force, by how far the rope is off the middle of its groove",
-        20.0,
-        gt=0,
-    )
-    derailment_ratio: float = quantity(
-        "-",
-        "in space, force sideways over normal force of the tower at which the rope leaves it; assumed: flanks of 45 "
-        "degrees and a friction of 0.3 hold up to 0.54 (Nadal)",
-        0.5,
-        gt=0,
-    )
-    groove_friction: float = quantity("-", "in space, friction sideways in the groove per normal force", 0.0, ge=0)
-    groove_height: float = quantity(
-        "m", "in space, how high the rope lifts off all contacts until it has left the tower; assumed", 0.05, gt=0
-    )
-    groove_direction: Place | None = quantity(
-        "-",
-        "in space, where the grooves open, x, y, z of any length; null: upwards, downwards of a hold-down",
-        None,
-    )
-    mast_offset: float | None = quantity(
-        "m", "in space, from the rope to the middle of the mast, positive to the left; null: no mast", None
-    )
-    mast_width: float | None = quantity("m", "in space, width of the mast, which reaches up to the rope", None, gt=0)
-    friction: float | None = quantity(
-        "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
-    )
-
-
-class TerrainSides(Section):
-    """The ground beside the track in space: straight from the profile under it to one on each side, level beyond."""
-
-    distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
-    left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)
-    right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)
-
-
-class Profile(Section):
-    """Growth of the wind with the height above the ground, h: wind (h / reference_height)^exponent."""
-
-    exponent: float = quantity("-", "of the power law; 0.14 open land, 0.2 as IEC 61400-1 has it", 0.14, gt=0, le=1)
-    reference_height: float = quantity("m", "height above the ground where the wind is as given", 10.0, gt=0)
-    ground: float = quantity("m", "z of the ground where there is no terrain", 0.0)
-
-
-class Gust(Section):
-    """A gust of a standard, everywhere at once, that is added to the wind."""
-
-    time: float = quantity("s", "when it begins, since the start or the last reset", ge=0)
-    amplitude: Place = quantity("m/s", "how strong it is, as x, z, in space x, y, z")
-    duration: float = quantity("s", "how long it lasts; 10.5 in IEC 61400-1", 10.5, gt=0)
-    shape: GustShape = Field(
-        default="one_minus_cosine",
-        description="of CS-25.341, up to the amplitude and back; or the extreme operating gust of IEC 61400-1, 6.3.2.2",
-    )
-
-
-class Turbulence(Section):
-    """Turbulence with a spectrum, from a seed; frozen as it goes by with the wind, partly coherent along the line."""
-
-    spectrum: Literal["kaimal", "von_karman"] = Field(
-        default="kaimal", description="that of Kaimal, or the isotropic one of von Karman, both as IEC 61400-1 has them"
-    )
-    intensity: float = quantity("-", "standard deviation along the wind over its mean speed", 0.16, ge=0, le=1)
-    length_scale: float = quantity(
-        "m", "integral scale along the wind; IEC 61400-1: 5.67 times the height up to 60 m", 170.0, gt=0
-    )
-    decay: float = quantity("-", "of coherence with the distance across the wind; 12 in IEC 61400-1", 12.0, ge=0)
-    points: int = quantity("-", "points along the line at which it is made", 32, ge=1, le=200)
-    seed: int = quantity("-", "seed of its phases", 0, ge=0, le=2**63 - 1)
-
-
-class Air(Section):
-    """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
-
-    density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
-    wind: Place = quantity(
-        "m/s",
-        f"mean wind along the track and upwards until another comes; in space x, y, z; at most {STRONGEST_WIND:g}",
-        (0.0, 0.0),
-    )
-    profile: Profile | None = Field(default=None, description="how the wind grows with height; null: the same at each")
-    gusts: Annotated[tuple[Gust, ...], FromList] = Field(default=(), description="gusts at given times")
-    turbulence: Turbulence | None = Field(default=None, description="turbulence of the wind; null for none")
+Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
 
 
 class Sensor(Section):

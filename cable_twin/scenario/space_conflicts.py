@@ -11,7 +11,8 @@ import numpy as np
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.build import build_system, tower_axes
 from cable_twin.scenario.fault import Fault, KeyPath, show
-from cable_twin.scenario.schema import Scenario, Tower
+from cable_twin.scenario.line import Tower
+from cable_twin.scenario.schema import Scenario
 
 MOST_TURN = 60.0  # degrees in plan at a tower; sheaves turn a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it

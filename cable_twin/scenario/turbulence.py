@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario.schema import Turbulence
+from cable_twin.scenario.air import Turbulence
 
 SAMPLES = 2**14
 PER_LENGTH = 128.0  # samples in a length scale: half of that are the shortest waves

@@ -7,7 +7,8 @@ from math import hypot
 
 from cable_twin.mechanics.parameters import STRONGEST_WIND
 from cable_twin.scenario.fault import Fault, KeyPath, show
-from cable_twin.scenario.schema import Scenario, in_space
+from cable_twin.scenario.quantities import in_space
+from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicles import Body
 
 
