@@ -64,9 +64,17 @@ class Participant:
             self.executor.spin_once(timeout_sec=min(remaining, 0.05))
 
     def until(self, condition: Callable[[], Any], timeout: float = PATIENCE, what: str = "") -> Any:
-        """Take messages until a condition holds; returns what it gave."""
+        """Take messages until a condition holds; returns what it gave. No message yet, where it asks for the newest
+        one, is a condition that does not hold yet."""
+
+        def holds() -> Any:
+            try:
+                return condition()
+            except IndexError:
+                return None
+
         deadline = time.monotonic() + timeout
-        while not (value := condition()):
+        while not (value := holds()):
             assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
             if timeout >= COMPILING:
                 check_alive(self.domain)
