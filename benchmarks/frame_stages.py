@@ -17,8 +17,8 @@ from benchmarks.report import Table, Value
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import NAMESPACE, MessageEncoder, Schedule, Topic, topics
 from cable_twin.rates import LOGGED, PUBLISHED
+from cable_twin.recording.log_formats import open_view
 from cable_twin.recording.log_writer import McapLog, run_metadata
-from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import SAMPLES, Simulation
 from cable_twin.snapshot import Snapshot

@@ -12,8 +12,8 @@ import rerun.blueprint as rrb
 
 from cable_twin.offline.figure_table import LABELS
 from cable_twin.plotted_signals import SIGNALS
+from cable_twin.recording.log_formats import open_view
 from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.run import open_view
 from cable_twin.recording.view_layout import frame, plot_titles
 from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_space import SPACE

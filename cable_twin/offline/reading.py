@@ -10,8 +10,8 @@ from cable_twin.figure_messages import figures_of_statuses
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.export import RunTable
 from cable_twin.offline.thinned_series import Signals, signal_values
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import Log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
 from cable_twin.records import AppliedCommand
 from cable_twin.scenario import ScenarioError, load_scenario

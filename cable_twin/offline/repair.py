@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 
 from cable_twin.messages import Topic, TopicNames
 from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, one_line
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import Log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import McapLog
 
 

@@ -32,8 +32,8 @@ from cable_twin.offline.file_joint import join
 from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
 from cable_twin.offline.start import start_of
 from cable_twin.recording.log_file import UNREADABLE, LogFile
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import run_metadata
 from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import ScenarioError

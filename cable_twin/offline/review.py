@@ -29,8 +29,8 @@ from cable_twin.offline.repair import repair
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
 from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.log_versions import LogError
 
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes

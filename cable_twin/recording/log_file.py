@@ -19,7 +19,7 @@ from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import TopicNames
-from cable_twin.recording.log_formats import ABSOLUTE_FORMATS, LogError, check_format
+from cable_twin.recording.log_versions import ABSOLUTE_FORMATS, LogError, check_format
 from cable_twin.recording.log_writer import AFTER_LOSS
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
 

@@ -11,7 +11,7 @@ from typing import Any
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
 from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogFile, file_number, one_line, open_file
-from cable_twin.recording.log_formats import LogError
+from cable_twin.recording.log_versions import LogError
 from cable_twin.records import AppliedCommand
 
 

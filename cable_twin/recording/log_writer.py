@@ -20,7 +20,7 @@ from llvmlite.binding import get_host_cpu_name
 
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
-from cable_twin.recording.log_formats import FORMAT_VERSION
+from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
 from cable_twin.recording.splitting import ClosedSize, Splitting
 

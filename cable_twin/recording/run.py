@@ -1,4 +1,4 @@
-"""One recorded run of a simulation: its directory, its bag, its rerun recording, its thread."""
+"""One recorded run of a simulation: its directory, its logs, its thread."""
 
 from __future__ import annotations
 
@@ -7,23 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from cable_twin.geometry.bullwheel_rims import wheel_rims
-from cable_twin.geometry.outlines import body_outlines
-from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
-from cable_twin.recording.log_writer import McapLog, run_metadata
+from cable_twin.recording.log_formats import open_logs
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
-from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port
-from cable_twin.scenario import Scenario
-from cable_twin.simulation import SAMPLES, Simulation
-
-if TYPE_CHECKING:
-    from cable_twin.recording.rerun_view import RerunView
+from cable_twin.recording.web_view import WebView
+from cable_twin.simulation import Simulation
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,61 +75,10 @@ def start_run(
             of the recorder, and the bag goes on.
     """
     directory = _new_directory(record_directory)
-    scenario = simulation.scenario
-    metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES, frames=frames)
-    log = McapLog(directory, topics, metadata, names=names)
-    view, web, faults = None, None, []
-    for live in {"none": (), "file": (False,)}.get(rerun, (True, False)):
-        try:
-            port = {"live_port": free_port(LIVE_PORT)} if live and rerun == "web" else {}
-            view = open_view(scenario, log.path.with_suffix(".rrd"), live=live, **port)
-            view.lay_out(simulation.snapshot)
-            break
-        except Exception as error:  # rerun has no class of its own; the bag is worth having without it
-            missing = "live view, a file only" if live else "rerun recording"
-            faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
-    if rerun == "web" and view is not None and view.url is not None:
-        try:
-            web = WebView(view.url)
-        except (OSError, ImportError) as error:
-            faults.append(f"recording: no web view: {error}")
-    recorder = Recorder(log, view, splitting=splitting)
-    recorder.faults += faults
-    return Run(simulation, directory, recorder, view.url if view is not None else None, web)
-
-
-def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
-    """Open a rerun view of a scenario, with its bodies drawn from their pivots.
-
-    Args:
-        scenario: What runs.
-        path: The .rrd to write, or None.
-        live: Serve the picture as well.
-        **options: What else `RerunView` takes.
-
-    Raises:
-        OSError: When the file cannot be created or the port is in use.
-    """
-    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
-    from cable_twin.recording.view_space import InSpace  # noqa: PLC0415
-
-    space = None
-    apart = any(rope.lateral for rope in scenario.ropes.values())
-    if scenario.dim == 3 or apart:
-        towers = {name: np.array(place) for name, place in scenario.tower_places.items()}
-        space = InSpace(body_solids(scenario), towers, between=apart)
-    return RerunView(
-        scenario.name,
-        body_outlines(scenario),
-        path=path,
-        live=live,
-        ground=scenario.terrain or None,
-        support_positions={name: (tower.position[0], tower.position[-1]) for name, tower in scenario.towers.items()},
-        carriers=[name for name in scenario.vehicles if name not in scenario.carriages],
-        space=space,
-        wheels=wheel_rims(scenario),
-        **options,
-    )
+    logs = open_logs(simulation, topics, directory, frame_period=frame_period, rerun=rerun, names=names, frames=frames)
+    recorder = Recorder(logs.bag, *logs.views, splitting=splitting)
+    recorder.faults += logs.faults
+    return Run(simulation, directory, recorder, logs.live_url, logs.web)
 
 
 def _new_directory(parent: Path) -> Path:

@@ -50,8 +50,8 @@ from cable_twin.messages import (
 )
 from cable_twin.recording.field_numbers import cloud_points, fill, joint_reader, last_numbers, reader, table_reader
 from cable_twin.recording.log_file import UNREADABLE, LogFile, one_line
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import Log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.recording.read_supports import ReadSupports
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport

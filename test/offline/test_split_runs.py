@@ -23,8 +23,8 @@ from cable_twin.messages import SCENARIO, MessageEncoder, topics
 from cable_twin.offline import replay, review, simulate
 from cable_twin.offline.repair import repair
 from cable_twin.recording.log_file import LogFile
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import UNSPLIT, Splitting
 from cable_twin.scenario import load_scenario

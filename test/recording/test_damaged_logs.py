@@ -17,8 +17,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 import cable_twin
 from cable_twin.messages import TYPESTORE, decode, scenario_message
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.log_versions import LogError
 
 
 def test_every_cut_is_read_up_to_the_last_whole_chunk(directory):

@@ -12,8 +12,8 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.records import AppliedCommand, Command

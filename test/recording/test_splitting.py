@@ -13,8 +13,8 @@ from small_tramway import TRAMWAY
 
 from cable_twin.messages import SECOND, MessageEncoder, scenario_message, topics
 from cable_twin.recording import mcap_file
-from cable_twin.recording.log_formats import LogError
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.mcap_file import McapFile
 from cable_twin.recording.recorder import Recorder

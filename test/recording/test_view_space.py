@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.geometry.solids import body_solid
-from cable_twin.recording.run import open_view
+from cable_twin.recording.log_formats import open_view
 from cable_twin.recording.tension_colors import COLOR_STOPS
 from cable_twin.recording.view_plots import PLOT_COLORS
 from cable_twin.recording.view_scene import GROUND, QUIET
