@@ -141,6 +141,8 @@ class Layout:
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
         self._shares: dict[str, _Share] = {}
+        self._present: dict[str, bytes] = {}  # of which vehicles `put` has last written the numbers
+        self._chosen: dict[str, tuple[IntArray, IntArray, IntArray]] = {}
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -243,13 +245,17 @@ class Layout:
 
         Of carriers, those that are on it; the first rope that has any gives what is on none.
         """
-        share, number = self._shares[name], list(self.alone).index(name)
+        share = self._shares[name]
         here = share.always | (own[share.attached] == 1.0)
         if self.laterals[name]:  # of what was planar
             own[share.across] = self.laterals[name]
-        chosen = np.append(here, (False, True))[share.owner]
-        numbers[share.numbers[chosen]] = own[chosen]
-        numbers[share.numbers[share.rope[here]]] = number
+        if (present := here.tobytes()) != self._present.get(name):  # hardly ever: most frames are like those before
+            chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
+            self._present[name] = present
+            self._chosen[name] = chosen, share.numbers[chosen], share.numbers[share.rope[here]]
+        chosen, places, ropes = self._chosen[name]
+        numbers[places] = own[chosen]
+        numbers[ropes] = list(self.alone).index(name)
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""

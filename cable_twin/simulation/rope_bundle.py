@@ -185,8 +185,9 @@ class RopeBundle:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
         first, moving = self.parts[0], self.moving
         observe_clamps(self._clamp_rows, self.parts, self.bundle.clamps, moving, columns)
-        connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
-        columns.connector_force[self._rows] = self._forces
+        if self._forces.size:
+            connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
+            columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
         columns.pantograph_speed[:] = moving.place.velocity
         columns.pantograph_position[:, 0] = moving.place.position

@@ -104,12 +104,12 @@ def grip_moment(system, state, carriage):
 
 
 @kernel
-def grip_force(system, state, carriage, element, row):
-    """Force (dim,) in N of the moment of a carriage on coordinate `row` of an element: -S_x Gᵀ m; 0 on another one."""
+def grip_force(system, state, carriage, row):
+    """Force (dim,) in N of the moment of a carriage on coordinate `row` of the element where it is: -S_x Gᵀ m."""
     moment, _ = grip_moment(system, state, carriage)
     point, like = joint_point(system.cable, state, carriage), system.cable.gravity
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
-    return scale(-point.shape_x[row] if point.element == element else 0.0, product(moment, by_slope, moment))
+    return scale(-point.shape_x[row], product(moment, by_slope, moment))
 
 
 @kernel

@@ -264,10 +264,11 @@ def end_force(system, state, end):
         share = share_of_node(cable, cable.load_arc_length[k], element, row)
         total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage]:
-            share = share_of_node(cable, state.joints.position[carriage], element, row)
+        place = state.joints.position[carriage]
+        if state.attached[carriage] and element_at(cable, place) == element:
+            share = share_of_node(cable, place, element, row)
             total = add_scaled(-share, joint_forces(system, state, carriage)[0], total)
-            total = add_scaled(1.0, grip_force(system, state, carriage, element, row), total)
+            total = add_scaled(1.0, grip_force(system, state, carriage, row), total)
     for contact in range(system.towers.stiffness.size):
         share = share_of_node(cable, state.contact_arc_length[contact], element, row)
         if share != 0.0:
