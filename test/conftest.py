@@ -12,7 +12,7 @@ from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-SHARED = "seed_example", "chairlift", "windy_tramway", "jig_back"  # whose kernels most tests need: plane and space
+SHARED = ("seed_example", "chairlift"), ("windy_tramway", "jig_back")  # whose kernels most tests need: plane and space
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
@@ -54,12 +54,22 @@ def _ros_log_directory(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _kernels(tmp_path_factory):
-    """With `-n`: what all need is compiled by one process, and the one that a first start takes, not by each."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        with (tmp_path_factory.getbasetemp().parent / "kernels.lock").open("w") as lock:
+    """With `-n`: what all need is compiled by one process a group, on one core, and found by the others."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    cores, groups = os.sched_getaffinity(0), [*enumerate(SHARED)]
+    first = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) % len(SHARED)
+    for number, names in groups[first:] + groups[:first]:
+        with (tmp_path_factory.getbasetemp().parent / f"kernels_{number}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            for name in SHARED:
-                Simulation(load_scenario(name)).advance_to(0.01)
+            os.sched_setaffinity(0, {sorted(cores)[number % len(cores)]})  # or it would start another process for it
+            gc.disable()
+            try:
+                for name in names:
+                    Simulation(load_scenario(name)).advance_to(0.01)
+            finally:
+                os.sched_setaffinity(0, cores)
+                gc.enable()
 
 
 @pytest.fixture

@@ -1,4 +1,6 @@
-"""Commands of the package in processes forked from one that has imported it: that takes a second or two of most starts.
+"""Commands of the package in processes forked from one that has imported it, and loaded the kernels of a plane.
+
+That takes a second or two of most starts.
 
 From there on each is a process as ever, with arguments, environment, directory, signals and an exit code of its own.
 """
@@ -6,9 +8,11 @@ From there on each is a process as ever, with arguments, environment, directory,
 from __future__ import annotations
 
 import atexit
+import gc
 import json
 import os
 import runpy
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,20 +24,26 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-COMMANDS = {"sim": "cable_twin.ros.sim", "drive": "cable_twin.ros.drive"}
+COMMANDS = "ros.sim", "ros.drive", "offline.simulate", "offline.review", "offline.replay"
 LATER = "cable_twin.ros.node", "cable_twin.recording.rerun_view", "scipy.optimize"  # what they import when they need it
 
 
 class ForkedProcess:
-    """A command, or a script by its path, as `subprocess.Popen` would start it, its output in a file."""
+    """A command, or a script by its path, as `subprocess.Popen` would start it, its output and errors in files."""
 
     def __init__(
-        self, name: str, arguments: Sequence[str], directory: Path, variables: Mapping[str, str], output: Path
+        self,
+        name: str,
+        arguments: Sequence[str],
+        directory: Path,
+        variables: Mapping[str, str],
+        output: Path,
+        errors: Path,
     ) -> None:
-        self._exit = Path(tempfile.mkdtemp(prefix="exit_", dir=directory)) / "code"
+        self._exit = Path(tempfile.mkdtemp(prefix="cable_twin_exit_")) / "code"
         self.returncode: int | None = None
         server = _server()
-        request = [name, list(arguments), str(directory), dict(variables), str(output), str(self._exit)]
+        request = [name, list(arguments), str(directory), dict(variables), str(output), str(errors), str(self._exit)]
         server.stdin.write(json.dumps(request) + "\n")
         server.stdin.flush()
         self.pid = int(server.stdout.readline())
@@ -42,6 +52,7 @@ class ForkedProcess:
         """Exit code, or None while it runs."""
         if self.returncode is None and self._exit.exists():
             self.returncode = int(self._exit.read_text())
+            shutil.rmtree(self._exit.parent)
         return self.returncode
 
     def wait(self, timeout: float = float("inf")) -> int:
@@ -82,11 +93,13 @@ def _server() -> subprocess.Popen[str]:
 
 def serve() -> None:
     """Fork a command for each line of the input; its parent waits for it, and leaves its exit code in a file."""
-    for module in (*COMMANDS.values(), *LATER):
+    for module in (*(f"cable_twin.{command}" for command in COMMANDS), *LATER):
         import_module(module)
+    _load_kernels()
+    gc.freeze()  # or each goes through all of it when it ends
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the tests
     for line in sys.stdin:
-        name, arguments, directory, variables, output, code = json.loads(line)
+        name, arguments, directory, variables, output, errors, code = json.loads(line)
         if os.fork():
             with suppress(ChildProcessError):
                 while os.waitpid(-1, os.WNOHANG)[0]:  # those that have waited for theirs
@@ -104,14 +117,25 @@ def serve() -> None:
         os.chdir(directory)
         os.environ.clear()
         os.environ.update(variables)
-        for descriptor, file in ((0, os.devnull), (1, output), (2, output)):
-            os.dup2(os.open(file, os.O_RDWR | os.O_APPEND), descriptor)
+        for descriptor, file in ((0, os.devnull), (1, output), (2, errors)):
+            os.dup2(os.open(file, os.O_RDWR | os.O_APPEND | os.O_CREAT), descriptor)
         sys.argv = [name, *arguments]
         if name in COMMANDS:
-            sys.exit(import_module(COMMANDS[name]).main())
+            sys.argv[0] = name.rpartition(".")[2]
+            sys.exit(import_module(f"cable_twin.{name}").main())
         sys.path[0] = str(Path(name).parent)
         runpy.run_path(name, run_name="__main__")
         sys.exit()
+
+
+def _load_kernels() -> None:
+    """As a twin in a plane does at its start."""
+    from cable_twin.key_figures import KeyFigures  # noqa: PLC0415 - not where processes are only asked for
+    from cable_twin.scenario import load_scenario  # noqa: PLC0415
+    from cable_twin.simulation import Simulation  # noqa: PLC0415
+
+    simulation = Simulation(load_scenario("seed_example"))
+    KeyFigures(simulation.scenario).update(simulation.advance_to(0.01))
 
 
 if __name__ == "__main__":

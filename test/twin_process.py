@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import signal
 import subprocess
@@ -126,7 +125,7 @@ class TwinProcess:
         self,
         directory: Path,
         *arguments: str,
-        module: str = "sim",  # or the path of a script
+        module: str = "ros.sim",  # or the path of a script
         domain: int | None = None,
         command: Sequence[str] | None = None,
         variables: Mapping[str, str] | None = None,
@@ -136,16 +135,16 @@ class TwinProcess:
         self.domain = allocate_domain() if domain is None else domain
         self.output_path = directory / f"{Path(module).stem}_{time.monotonic_ns()}.txt"
         self.output_path.touch()
-        if module == "sim":
+        if module == "ros.sim":
             _twins[self.domain] = self
         self.process: subprocess.Popen[bytes] | ForkedProcess
         if command is None and variables is None:
             variables = environment(directory, self.domain)
-            self.process = ForkedProcess(module, arguments, directory, variables, self.output_path)
+            self.process = ForkedProcess(module, arguments, directory, variables, self.output_path, self.output_path)
             return
         with self.output_path.open("w") as output:
             self.process = subprocess.Popen(
-                [*(command or [sys.executable, "-m", f"cable_twin.ros.{module}"]), *arguments],
+                [*(command or [sys.executable, "-m", f"cable_twin.{module}"]), *arguments],
                 cwd=directory,
                 env=environment(directory, self.domain) if variables is None else variables,
                 stdout=output,
@@ -190,37 +189,15 @@ class TwinProcess:
             release_domain(self.domain)
 
 
-# each in a process of its own, which need not import again what takes a second or two
-SIMS = """
-import json, os, sys
-import cable_twin.ros.node
-from cable_twin.ros.sim import main
-codes = []
-for number, arguments in enumerate(json.loads(sys.argv[1])):
-    if os.fork() == 0:
-        for descriptor, name in ((1, "out"), (2, "err")):
-            os.dup2(os.open(f"{number}.{name}", os.O_CREAT | os.O_WRONLY), descriptor)
-        sys.exit(main(arguments))
-    codes.append(os.waitstatus_to_exitcode(os.wait()[1]))
-print(json.dumps(codes))
-"""
-
-
 def refused_starts(directory: Path, *starts: Sequence[str]) -> list[list[str]]:
     """What `sim` says of each list of arguments, in lines; each is refused, with nothing else printed or recorded."""
-    result = subprocess.run(
-        [sys.executable, "-c", SIMS, json.dumps(starts)],
-        cwd=directory,
-        env=environment(directory),
-        capture_output=True,
-        text=True,
-        timeout=COMPILING,
-        check=True,
-    )
-    assert json.loads(result.stdout) == [1] * len(starts)
-    assert not any((directory / f"{number}.out").read_text() for number in range(len(starts)))
+    said = []
+    for arguments in starts:
+        result = run_module("ros.sim", *arguments, directory=directory)
+        assert (result.returncode, result.stdout) == (1, "")
+        said.append(result.stderr.splitlines())
     assert not (directory / "cable_twin_logs").exists()
-    return [(directory / f"{number}.err").read_text().splitlines() for number in range(len(starts))]
+    return said
 
 
 def stamps(messages: list[Any]) -> list[int]:
@@ -234,13 +211,14 @@ def gaps(messages: list[Any]) -> list[int]:
 
 
 def run_module(module: str, *arguments: str, directory: Path) -> Any:
-    """Run a command of the package to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", f"cable_twin.{module}", *arguments],
-        cwd=directory,
-        env=environment(directory),
-        capture_output=True,
-        text=True,
-        timeout=COMPILING,
-        check=False,
-    )
+    """Run a command of the package to its end, such as `offline.simulate`; with what it printed."""
+    with tempfile.TemporaryDirectory(prefix="cable_twin_said_") as name:
+        output, errors = Path(name) / "output", Path(name) / "errors"
+        process = ForkedProcess(module, arguments, directory, environment(directory), output, errors)
+        try:
+            process.wait(COMPILING)
+        finally:
+            process.kill()
+        return subprocess.CompletedProcess(
+            [module, *arguments], process.returncode, output.read_text(), errors.read_text()
+        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import time
@@ -11,7 +10,7 @@ from collections import Counter
 import pytest
 from bags import NO_BAGS, bag
 from small_tramway import TRAMWAY
-from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
+from twin_process import COMPILING, TwinProcess, run_module, wait_until, write_quick_scenario
 
 from cable_twin.offline import replay, review
 from cable_twin.offline.run_report import report
@@ -136,12 +135,7 @@ def test_nothing_is_written_where_nothing_is_to_be_recorded(scripted, tmp_path):
 @pytest.mark.parametrize("pauses", [(0.0,), (0.05, 0.1, 0.0), (0.01,) * 100])  # s; also of one who is impatient
 def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses):
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--record", "bag", "--output", "logs")
-    process = TwinProcess(
-        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
-        module="simulate",
-        command=[os.sys.executable],
-        variables=environment(tmp_path),
-    )
+    process = TwinProcess(tmp_path, *arguments, module="offline.simulate")
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)
@@ -162,12 +156,7 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
 def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
     """Between the bag and the first frame lies the rerun recording, half a second."""
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
-    process = TwinProcess(
-        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
-        module="simulate",
-        command=[os.sys.executable],
-        variables=environment(tmp_path),
-    )
+    process = TwinProcess(tmp_path, *arguments, module="offline.simulate")
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         process.send(signal.SIGINT)
@@ -183,12 +172,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
-    process = TwinProcess(
-        *(tmp_path, "-m", "cable_twin.offline.simulate", *arguments),
-        module="simulate",
-        command=[os.sys.executable],
-        variables=environment(tmp_path),
-    )
+    process = TwinProcess(tmp_path, *arguments, module="offline.simulate")
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         wait_until(lambda: bag(the_run(tmp_path / "logs")).stat().st_size > 200_000)

@@ -43,7 +43,9 @@ def twin(running):
 @pytest.fixture
 def drive(running, processes):
     """Start `drive` beside the twin."""
-    return lambda *arguments: processes(*arguments, "--wait", str(PATIENCE), module="drive", domain=running[0].domain)
+    return lambda *arguments: processes(
+        *arguments, "--wait", str(PATIENCE), module="ros.drive", domain=running[0].domain
+    )
 
 
 def finish(participant: Participant, process: TwinProcess) -> int:
@@ -176,11 +178,11 @@ def test_refusals_of_the_twin_end_it(twin, drive):
 
 
 def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants, tmp_path):
-    alone = processes("cabin", "--speed", "1", "--wait", "3", module="drive")
+    alone = processes("cabin", "--speed", "1", "--wait", "3", module="ros.drive")
     paused = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--start-paused", "true")
     participant = participants(paused.domain)
     participant.subscribe_standard(paused=True)
-    waiting = processes("cabin", "--speed", "1", "--wait", "6", module="drive", domain=paused.domain)
+    waiting = processes("cabin", "--speed", "1", "--wait", "6", module="ros.drive", domain=paused.domain)
     assert alone.wait() == 1
     assert alone.output.strip() == (
         "drive: no twin listens on /cable_twin/joint_commands after 3 s: is `sim` running, with the same ROS_DOMAIN_ID?"
@@ -189,7 +191,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
     assert waiting.output.strip() == (
         "drive: the twin on /cable_twin/joint_commands does not move on: is it paused, and ~/pause wants a false?"
     )
-    given_up = processes("gondola", "--force", "1", module="drive", domain=paused.domain)
+    given_up = processes("gondola", "--force", "1", module="ros.drive", domain=paused.domain)
     participant.until(lambda: participant.node.count_publishers("/cable_twin/joint_commands"), what="drive")
     given_up.send(signal.SIGINT)
     assert given_up.wait() == 130

@@ -34,7 +34,7 @@ def drive(running, processes):
     """Run `drive` beside the twin; returns its exit code and what it has printed."""
 
     def run(*arguments):
-        process = processes(*arguments, module="drive", domain=running[0].domain)
+        process = processes(*arguments, module="ros.drive", domain=running[0].domain)
         participant = running[1]
         participant.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
         return process.wait(), process.output.strip()
@@ -122,7 +122,7 @@ def test_it_saves_a_snapshot_and_prints_where(running, twin, drive):
 
 @pytest.mark.parametrize("arguments", [["--reset"], ["--wind", "1"], ["--list"]])
 def test_without_a_twin_it_says_so(processes, arguments):
-    process = processes(*arguments, "--wait", "2", module="drive")
+    process = processes(*arguments, "--wait", "2", module="ros.drive")
     assert process.wait() == 1
     name = {"--reset": "reset", "--wind": "wind"}.get(arguments[0])
     missing = f"no twin listens on /cable_twin/{name}" if name else "no twin found"
@@ -130,7 +130,7 @@ def test_without_a_twin_it_says_so(processes, arguments):
 
 
 def test_ctrl_c_ends_the_waiting(processes, participants):
-    process = processes("--wind", "1", "--wait", "60", module="drive")
+    process = processes("--wind", "1", "--wait", "60", module="ros.drive")
     participant = participants(process.domain)
     participant.until(lambda: participant.node.count_publishers("/cable_twin/wind"), what="drive")
     process.send(signal.SIGINT)
