@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from twin_process import wait_until
+from twin_process import environment, wait_until
 
 import cable_twin
 from cable_twin.scenario import load_scenario
@@ -163,3 +163,24 @@ def test_a_start_that_is_ended_leaves_nothing_behind(how, tmp_path):
     process.send_signal(how)
     process.wait(60.0)
     wait_until(lambda: [path.name for path in tmp_path.iterdir()] == ["kernels"], 60.0)
+
+
+def test_a_rope_without_rest_is_told_before_its_kernels_are_compiled(tmp_path):
+    result = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "cable_twin.offline.simulate",
+            "aerial_tramway",
+            "--set",
+            "towers.tower.position=[545,3]",
+        ],
+        env={**environment(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_DISABLE_JIT": "0"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[-1].startswith("simulate: towers.tower.position: the bare cable at rest passes ")
+    assert not [*tmp_path.rglob("relax*.nbc")]

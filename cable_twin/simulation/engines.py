@@ -43,6 +43,9 @@ class Engine(Protocol):
     def typical(self) -> dict[str, Any]:
         """Arguments that kernels below the integrator get, by their names there; only their types count."""
 
+    def check_bare(self) -> None:
+        """Refuse ropes that have no rest even without vehicles, before anything is compiled."""
+
     def find_rest(self) -> None:
         """Bring everything to where it starts."""
 
@@ -81,6 +84,14 @@ class SingleRope:
         part = self.parts[0]
         self._packed = pack(part.state)
         self._scratch = pack(clone_state(part.state)), pack(clone_state(part.state)), pack(self._work)
+
+    def check_bare(self) -> None:
+        """Refuse a rope that has no rest even without vehicles.
+
+        Raises:
+            EquilibriumError: it has none.
+        """
+        self.parts[0].check_bare()
 
     def find_rest(self) -> None:
         """Bring the rope to rest.

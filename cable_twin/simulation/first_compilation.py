@@ -37,6 +37,9 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
     """Compile what a scenario needs, and have its integrator compiled elsewhere, where there is a second core for it.
 
     On leaving, that is in the cache; if the other process failed, it will be compiled on its first call as ever.
+
+    Raises:
+        EquilibriumError: a bare rope of it has no rest.
     """
     integrator = engine.integrator
     cores = len(os.sched_getaffinity(0))
@@ -67,6 +70,7 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
                 )
             )
             stack.push(lambda kind, error, trace: other.terminate() if kind else None)  # nobody is to wait for it then
+            engine.check_bare()  # who has to change the scenario is not to wait for its kernels
             compile_parts(engine, board)
         yield
 

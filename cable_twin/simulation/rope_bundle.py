@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, cast
 
 import numpy as np
@@ -104,6 +106,17 @@ class RopeBundle:
         self._forces = np.zeros(len(scenario.connectors))
         self._clamp_rows = clamp_rows(scenario)
 
+    def check_bare(self) -> None:
+        """Refuse ropes that have no rest even by themselves and without vehicles.
+
+        Raises:
+            EquilibriumError: one of them has none.
+        """
+        for name, part in zip(self._scenario.ropes, self.parts, strict=True):
+            if not part.is_taut:
+                with _of_rope(name):
+                    part.check_bare()
+
     def find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together.
 
@@ -113,11 +126,9 @@ class RopeBundle:
         for name, part, work in zip(self._scenario.ropes, self.parts, self._works, strict=True):
             if part.is_taut:
                 lay_taut(part.system, part.state)
-                continue
-            try:
-                part.lay(work)
-            except EquilibriumError as error:
-                raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
+            else:
+                with _of_rope(name):
+                    part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
@@ -238,6 +249,15 @@ class RopeBundle:
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
+
+
+@contextmanager
+def _of_rope(name: str) -> Iterator[None]:
+    """Have what is said of a rope name its keys as the scenario does."""
+    try:
+        yield
+    except EquilibriumError as error:
+        raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
 
 
 __all__ = ["RopeBundle"]

@@ -15,7 +15,7 @@ from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.columns import groups, sample_tensions
 from cable_twin.mechanics.solution.catenary import check_rest
-from cable_twin.mechanics.solution.equilibrium import lay_straight, settle
+from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
@@ -72,6 +72,16 @@ class Ropeway:
                 hang_in_station(self.system, self.state, row, end)
             if vehicle.joint == "sliding":
                 as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
+
+    def check_bare(self) -> None:
+        """Refuse a bare cable that has no rest where it is to start: what can be told without any kernel.
+
+        Raises:
+            EquilibriumError: naming what does not fit.
+        """
+        if self.scenario.cable.initial_shape != "straight":
+            check_rest(self.system, tuple(self.scenario.towers))
+            lay_cable(self.system, self.state)
 
     def lay(self, work: Workspace) -> None:
         """Bring the cable to where it starts.
