@@ -82,7 +82,14 @@ def test_an_interrupt_is_one_line_at_any_moment(run, start, tmp_path, pause):
         assert error.strip() in (f"{command}: ended before it had started", f"{command}: ended by Ctrl-C")
 
 
-@pytest.mark.parametrize(("command", "code"), [("simulate", 1), ("review", 1), ("replay", 2)])
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        pytest.param("simulate", 1, marks=pytest.mark.long),
+        pytest.param("review", 1, marks=pytest.mark.long),
+        ("replay", 2),
+    ],
+)
 def test_an_output_without_room_is_one_line(run, start, tmp_path, command, code):
     arguments = ["quick.yaml", "--duration", "1", "--record", "off"] if command == "simulate" else [str(run)]
     write_quick_scenario(tmp_path)

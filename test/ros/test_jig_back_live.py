@@ -29,6 +29,7 @@ HOSTILE = (
 )
 
 
+@pytest.mark.long
 def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(processes, participants, capsys):
     sim = processes("--scenario", "jig_back")
     twin = participants(sim.domain)
