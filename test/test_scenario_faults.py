@@ -117,6 +117,13 @@ FAULTS = [
 ]
 
 
+def test_what_an_override_would_be_in_is_no_fault_of_the_file():
+    (fault,) = faults_of("aerial_tramway", {"towers.tower_1.position": [545.0, 30.0]})
+    assert fault.endswith(
+        "aerial_tramway.yaml (override): towers.tower_1: this key does not exist; did you mean 'tower'?"
+    )
+
+
 @pytest.mark.parametrize(("key", "value", "text"), FAULTS)
 def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
     (fault,) = faults_of("seed_example", {key: value})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os.path import isfile
 from pathlib import Path
 from typing import Any
@@ -79,19 +79,21 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
             raise ScenarioError(*_lines(label, [*faults, *in_file], written))
         data = expand_bullwheels(data)
         later = [(own, values[key]) for key in others for own in written.expanded(key)]
+        unknown: list[Fault] = []  # keys of overrides, or what they would be in
         for key, value in later:
             if key.partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
                 known = ", ".join(f"ropes.{name}" for name in data["ropes"])
                 faults.append(Fault(tuple(key.split(".")), f"given with several ropes; allowed: {known}"))
                 continue
-            faults += _override(data, key, value)
+            unknown += _override(data, key, value)
     except RecursionError:
         raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
     data.setdefault("name", name)
     scenario, found = find_faults(data)
+    faults += unknown
     faults += [fault for fault in found if fault not in faults]
     if scenario is None or faults:
-        raise ScenarioError(*_lines(label, faults, written))
+        raise ScenarioError(*_lines(label, faults, written, unknown))
     return scenario
 
 
@@ -243,12 +245,15 @@ def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
         node = below
 
 
-def _lines(label: str, faults: Iterable[Fault], written: Written) -> list[str]:
-    """One line for one fault, once: what towers of several ropes have in common is wrong in each."""
+def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Sequence[Fault] = ()) -> list[str]:
+    """One line for one fault, once: what towers of several ropes have in common is wrong in each.
+
+    Those that are `unknown` are of overrides, wherever what they name would be.
+    """
     lines = []
     for fault in faults:
         path = written.path(fault.path)
         key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in path)
-        source = f"{label} (override)" if written.is_given(path) else label
+        source = f"{label} (override)" if fault in unknown or written.is_given(path) else label
         lines.append(": ".join(part for part in (source, key, fault.text) if part))
     return list(dict.fromkeys(lines))
