@@ -52,8 +52,8 @@ from cable_twin.recording.field_numbers import cloud_points, fill, joint_reader,
 from cable_twin.recording.log_file import UNREADABLE, LogFile, one_line
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
+from cable_twin.recording.logged_supports import LoggedSupports
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.recording.read_supports import ReadSupports
 from cable_twin.records import AppliedCommand, FloatArray, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
@@ -128,7 +128,7 @@ class _Frames:
         self._columns = layout.columns(self._numbers)
         self._empty = True
         self._clamped = np.array([vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()], dtype=bool)
-        self._supports = ReadSupports(scenario, layout)
+        self._supports = LoggedSupports(scenario, layout)
         self._winds = np.array([in_space(scenario.air.wind)] * 2)  # m/s, at the start and now
         self._payloads = self._first_payloads()
         self._names_checked = False

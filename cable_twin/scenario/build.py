@@ -11,7 +11,8 @@ from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.mechanics.solution.catenary import line_over
 from cable_twin.scenario.build_vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
 from cable_twin.scenario.build_wind import build_wind
-from cable_twin.scenario.line import Cable, Support, Tower
+from cable_twin.scenario.end_supports import EndSupport
+from cable_twin.scenario.line import Cable, Tower
 from cable_twin.scenario.mesh import even_nodes, nodes_of, with_marks
 from cable_twin.scenario.schema import Scenario
 
@@ -82,7 +83,7 @@ def build_payloads(scenario: Scenario) -> Payloads:
     return Payloads(body=np.array(bodies, dtype=np.int64), position=floats(places, scenario.dim))
 
 
-def _free_part(scenario: Scenario, end: Support) -> FloatArray:
+def _free_part(scenario: Scenario, end: EndSupport) -> FloatArray:
     """Projectors (2, dim²) of r and r_x of an end node onto what its support leaves free."""
     identity = np.eye(scenario.dim)
     position, slope = identity, identity
@@ -95,7 +96,7 @@ def _free_part(scenario: Scenario, end: Support) -> FloatArray:
     return np.array([position.ravel(), slope.ravel()])
 
 
-def _direction(scenario: Scenario, end: Support | None) -> FloatArray:
+def _direction(scenario: Scenario, end: EndSupport | None) -> FloatArray:
     """Unit vector (dim,) of the cable in a clamp or of the pull of a counterweight, NaN elsewhere."""
     if end is None or end.direction is None:
         return np.full(scenario.dim, nan)
@@ -211,7 +212,7 @@ def _build_counterweights(scenario: Scenario) -> parameters.Counterweights:
     )
 
 
-def _counterweight(scenario: Scenario, end: Support) -> tuple[FloatArray, float, float, tuple[float, float]]:
+def _counterweight(scenario: Scenario, end: EndSupport) -> tuple[FloatArray, float, float, tuple[float, float]]:
     """Direction (dim,), mass (kg), force (N) and travel (m) of the counterweight at an end; without one a mass of 0."""
     if end.support != "counterweight" or end.mass is None:
         return np.full(scenario.dim, nan), 0.0, 0.0, (-inf, inf)

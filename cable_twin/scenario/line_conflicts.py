@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 from math import copysign, dist, hypot, nan
 
+from cable_twin.scenario.end_supports import EndSupport
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
-from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading, Support
+from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading
 from cable_twin.scenario.schema import Scenario
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
@@ -100,7 +101,7 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
             yield from _counterweight(scenario, name)
 
 
-def _kind(end: Support) -> str:
+def _kind(end: EndSupport) -> str:
     """What an end is, in words."""
     return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
 

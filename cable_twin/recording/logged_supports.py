@@ -13,7 +13,7 @@ from cable_twin.scenario import Scenario, in_space, tower_axes
 from cable_twin.snapshot import ENDS, Columns, Layout
 
 
-class ReadSupports:
+class LoggedSupports:
     """Follows all supports from frame to frame.
 
     Args:
@@ -87,4 +87,4 @@ class ReadSupports:
                     c.support_travel[row] = float(moved @ direction)
 
 
-__all__ = ["ReadSupports"]
+__all__ = ["LoggedSupports"]
