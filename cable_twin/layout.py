@@ -261,9 +261,10 @@ class Layout:
         """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""
         if not self.rides_loop:
             return columns.arc_length
-        ropes = np.nan_to_num(columns.vehicle_rope).astype(np.int64)
-        riding = np.arange(len(self.vehicles)) >= len(self.carriages)
-        return columns.arc_length + np.where(riding, self.loop_offsets[ropes], 0.0)
+        places, ropes = columns.arc_length.copy(), columns.vehicle_rope[..., len(self.carriages) :]
+        known = np.where(np.isnan(ropes), 0.0, ropes).astype(np.int64)
+        places[..., len(self.carriages) :] += self.loop_offsets[known]
+        return places
 
     def off_loop(self, columns: Columns) -> None:
         """Take places on the loop, in the columns of a frame, for those on the rope on which each vehicle is."""
