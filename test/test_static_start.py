@@ -73,3 +73,12 @@ def test_a_step_that_fails_names_a_radius_that_is_none_of_them():
     simulation = Simulation(load_scenario("seed_example", {"solver.spectral_radius": 1.0}))
     with pytest.raises(SolverError, match=r"solver.spectral_radius is 1, .* up to 0.8 is sure"):
         simulation.advance_to(2.0)
+
+
+def test_a_straight_start_knows_on_which_elements_its_carriages_are():
+    """What is read at the start, as the forces of supports, is there what it will be after a step."""
+    changes = {"cable.initial_shape": "straight", "cable.end.support": "free", "carriages.carriage.arc_length": 2.0}
+    simulation = Simulation(load_scenario("seed_example", changes))
+    cable = simulation.system.cable
+    (element,) = simulation.state.joint_element
+    assert cable.node_arc_length[element] <= 2.0 < cable.node_arc_length[element + 1]

@@ -12,11 +12,11 @@ from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.point import point_at, slope, value
+from cable_twin.mechanics.rope.point import slope, value
 from cable_twin.mechanics.rope.strand import rope_before
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
@@ -57,7 +57,8 @@ def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
-        point = point_at(system.cable, state.joints.position[carriage])
+        place_joint(system.cable, state, carriage)
+        point = joint_point(system.cable, state, carriage)
         place = value(state.nodes.position, point, system.cable.gravity)
         hang_chain(carriages, state, carriage, place, slope(state.nodes.position, point, system.cable.gravity))
         if not state.attached[carriage]:
