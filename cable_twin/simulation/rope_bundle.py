@@ -57,7 +57,6 @@ class RopeBundle:
     """Several ropes, what hangs between them and what pushes them from below."""
 
     at_rest: tuple[Kernel, ...] = cast(Kernel, relax), cast(Kernel, relax_bundle), cast(Kernel, feel_ends)
-    integrator = cast(Kernel, advance_bundle)
 
     def __init__(self, scenario: Scenario, parts: list[Ropeway]) -> None:
         self.parts, self._scenario = parts, scenario
@@ -103,6 +102,7 @@ class RopeBundle:
         moving.place.position[:] = [one.position for one in given]
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
         self.commands: dict[str, Command] = {}
+        self.integrator = cast(Kernel, advance_bundle)
         self._forces = np.zeros(len(scenario.connectors))
         self._clamp_rows = clamp_rows(scenario)
 
