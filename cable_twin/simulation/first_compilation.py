@@ -42,13 +42,11 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
         EquilibriumError: a bare rope of it has no rest.
     """
     integrator = engine.integrator
-    cores = len(os.sched_getaffinity(0))
-    if (
-        cores < 2
-        or not isinstance(integrator, Kernel)
-        or not keeps_kernels()
-        or integrator.is_kept(engine.arguments(0))
-    ):
+    if not isinstance(integrator, Kernel) or integrator.is_kept(engine.arguments(0)):
+        yield
+        return
+    if len(os.sched_getaffinity(0)) < 2 or not keeps_kernels():
+        engine.check_bare()
         yield
         return
     root = str(Path(__file__).resolve().parents[2])
