@@ -251,8 +251,8 @@ class Layout:
             own[share.across] = self.laterals[name]
         if (present := here.tobytes()) != self._present.get(name):  # hardly ever: most frames are like those before
             chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
-            self._present[name] = present
             self._chosen[name] = chosen, share.numbers[chosen], share.numbers[share.rope[here]]
+            self._present[name] = present
         chosen, places, ropes = self._chosen[name]
         numbers[places] = own[chosen]
         numbers[ropes] = list(self.alone).index(name)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
+from importlib import import_module
 
 import pytest
 from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
@@ -58,11 +59,13 @@ def _kernels(tmp_path_factory):
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     cores, groups = os.sched_getaffinity(0), [*enumerate(SHARED)]
-    first = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) % len(SHARED)
+    worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    first, core = worker % len(SHARED), sorted(cores)[worker % len(cores)]
+    import_module("scipy.optimize")  # threads that it makes are to have all cores
     for number, names in groups[first:] + groups[:first]:
         with (tmp_path_factory.getbasetemp().parent / f"kernels_{number}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            os.sched_setaffinity(0, {sorted(cores)[number % len(cores)]})  # or it would start another process for it
+            os.sched_setaffinity(0, {core})  # or it would start another process for it
             gc.disable()
             try:
                 for name in names:

@@ -40,13 +40,16 @@ class ForkedProcess:
         output: Path,
         errors: Path,
     ) -> None:
+        server = _server()
         self._exit = Path(tempfile.mkdtemp(prefix="cable_twin_exit_")) / "code"
         self.returncode: int | None = None
-        server = _server()
         request = [name, list(arguments), str(directory), dict(variables), str(output), str(errors), str(self._exit)]
         server.stdin.write(json.dumps(request) + "\n")
         server.stdin.flush()
-        self.pid = int(server.stdout.readline())
+        if not (line := server.stdout.readline()):
+            self._exit.parent.rmdir()
+            raise RuntimeError("the process that forks commands has ended; its error stands above")
+        self.pid = int(line)
 
     def poll(self) -> int | None:
         """Exit code, or None while it runs."""

@@ -66,16 +66,20 @@ class Participant:
     def until(self, condition: Callable[[], Any], timeout: float = PATIENCE, what: str = "") -> Any:
         """Take messages until a condition holds; returns what it gave. No message yet, where it asks for the newest
         one, is a condition that does not hold yet."""
+        missing: IndexError | None = None
 
         def holds() -> Any:
+            nonlocal missing
             try:
                 return condition()
-            except IndexError:
+            except IndexError as error:
+                missing = error
                 return None
 
         deadline = time.monotonic() + timeout
         while not (value := holds()):
-            assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
+            if time.monotonic() > deadline:
+                raise AssertionError(f"not within {timeout:g} s: {what or condition}") from missing
             if timeout >= COMPILING:
                 check_alive(self.domain)
             self.executor.spin_once(timeout_sec=0.05)

@@ -133,7 +133,7 @@ class TwinProcess:
         self.directory = directory
         self.owns_domain = domain is None
         self.domain = allocate_domain() if domain is None else domain
-        self.output_path = directory / f"{Path(module).stem}_{time.monotonic_ns()}.txt"
+        self.output_path = directory / f"{Path(module).stem if '/' in module else module}_{time.monotonic_ns()}.txt"
         self.output_path.touch()
         if module == "ros.sim":
             _twins[self.domain] = self
@@ -217,8 +217,10 @@ def run_module(module: str, *arguments: str, directory: Path) -> Any:
         process = ForkedProcess(module, arguments, directory, environment(directory), output, errors)
         try:
             process.wait(COMPILING)
-        finally:
+        except subprocess.TimeoutExpired:
             process.kill()
+            process.wait(PATIENCE)
+            raise AssertionError(f"{module} goes on: {output.read_text()}{errors.read_text()}") from None
         return subprocess.CompletedProcess(
             [module, *arguments], process.returncode, output.read_text(), errors.read_text()
         )

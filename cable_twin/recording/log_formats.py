@@ -1,4 +1,4 @@
-"""What a run is recorded in: a bag of MCAP, and rerun in a file, live or in a browser; others are opened here."""
+"""What a run is recorded in: a bag of MCAP, and rerun in a file, live or in a browser; one more is opened here."""
 
 from __future__ import annotations
 

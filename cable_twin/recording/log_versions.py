@@ -1,4 +1,4 @@
-"""Formats of a log: which one is written, which ones are read, and what older ones have otherwise."""
+"""Versions of the bag: which one is written, which ones are read, and what older ones have otherwise."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from collections import Counter
 import pytest
 from bags import NO_BAGS, bag
 from small_tramway import TRAMWAY
-from twin_process import COMPILING, TwinProcess, run_module, wait_until, write_quick_scenario
+from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
 from cable_twin.offline import replay, review
 from cable_twin.offline.run_report import report
@@ -154,9 +154,9 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
 
 
 def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
-    """Between the bag and the first frame lies the rerun recording, half a second."""
+    """Between the bag and the first frame lies the rerun recording, half a second where it is not imported yet."""
     arguments = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs")
-    process = TwinProcess(tmp_path, *arguments, module="offline.simulate")
+    process = TwinProcess(tmp_path, *arguments, module="offline.simulate", variables=environment(tmp_path))
     try:
         wait_until(lambda: [*tmp_path.glob("logs/*/*.mcap")], COMPILING)
         process.send(signal.SIGINT)
