@@ -122,8 +122,8 @@ class Operator:
         self._publisher.publish(self._command)
 
     def _watch(self, data: bytes) -> None:
-        status, *_ = decode(data, "diagnostic_msgs/msg/DiagnosticArray").status
-        values: Mapping[str, str] = {pair.key: pair.value for pair in status.values}
+        tasks = decode(data, "diagnostic_msgs/msg/DiagnosticArray").status
+        values: Mapping[str, str] = {pair.key: pair.value for status in tasks for pair in status.values}
         self.simulated = float(values["simulated_time_s"])
         self.dropped = int(values["log_dropped_frames"])
         memory = int(self._status.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -51,4 +51,4 @@ def test_twin_goes_on_and_less_than_a_second_is_lost(tmp_path, domain, failure):
     assert loss.lost is not None
     assert loss.lost <= (0.0 if failure is stalling_disk else 1000.0)
     assert loss.replayed
-    assert loss.repaired == loss.messages > 500
+    assert loss.repaired == loss.messages > 150  # of half a second and more, at 340 a second
