@@ -141,8 +141,7 @@ class Layout:
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
         self._shares: dict[str, _Share] = {}
-        self._present: dict[str, bytes] = {}  # of which vehicles `put` has last written the numbers
-        self._chosen: dict[str, tuple[IntArray, IntArray, IntArray]] = {}
+        self._written: dict[str, tuple[bytes, IntArray, IntArray, IntArray]] = {}  # of which vehicles by `put`, where
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -249,11 +248,11 @@ class Layout:
         here = share.always | (own[share.attached] == 1.0)
         if self.laterals[name]:  # of what was planar
             own[share.across] = self.laterals[name]
-        if (present := here.tobytes()) != self._present.get(name):  # hardly ever: most frames are like those before
+        present = here.tobytes()
+        if name not in self._written or self._written[name][0] != present:  # hardly ever: most frames are like the last
             chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
-            self._chosen[name] = chosen, share.numbers[chosen], share.numbers[share.rope[here]]
-            self._present[name] = present
-        chosen, places, ropes = self._chosen[name]
+            self._written[name] = present, chosen, share.numbers[chosen], share.numbers[share.rope[here]]
+        _, chosen, places, ropes = self._written[name]
         numbers[places] = own[chosen]
         numbers[ropes] = list(self.alone).index(name)
 

@@ -1,4 +1,4 @@
-"""Graded meshes: closed forms and orders hold on them, and a carriage does not feel where elements change."""
+"""Meshes: closed forms and orders hold on graded ones, and what a carriage feels of elements and where they change."""
 
 from __future__ import annotations
 

@@ -42,16 +42,7 @@ def open_logs(
     names: TopicNames | None = None,
     frames: FrameNames | None = None,
 ) -> Logs:
-    """Open the logs of a run in its directory.
-
-    Args:
-        simulation: what is recorded.
-        topics: what the bag will hold.
-        directory: of the run.
-        frame_period: s.
-        rerun: "none", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
-        names: full names of topics in the bag, where they are not the usual ones.
-        frames: names of coordinate frames, likewise.
+    """Open the logs of a run in its directory; all else is as `run.start_run` is given it.
 
     Raises:
         OSError: when the bag cannot be made; all others are faults, and the bag goes on.
