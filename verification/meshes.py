@@ -152,6 +152,88 @@ def waves_under_a_load() -> Iterator[Result]:
         yield Result(f"height that it lacks, {name}", "l F / T", float(lacking(count, place)), got, 2e-5)
 
 
+@case("waves that a load rides over, taken away", "two straight lines of rope and a load between them", needs_jit=True)
+def sharp_kinks() -> Iterator[Result]:
+    """With `kinks: sharp` a load hangs as low as on a rope with a kink, wherever it is on an element, large ones too."""
+    for force in (2.0e3, 14.0e3, 28.0e3):
+        for name, kinks, bound in (("rounded", "rounded", 0.02), ("sharp", "sharp", 0.0015)):
+            heights = np.array([_height_of_load(force, 25.0 + share, kinks) for share in np.linspace(0.0, 1.0, 9)])
+            text = f"kinks {name}, height above the kink under {1e-3 * force:g} kN"
+            if kinks == "sharp":
+                yield Result(f"{text}, in the mean", "l F / T", 0.0, float(heights.mean()), 0.002)
+            yield Result(
+                f"{text}, between highest and lowest over 2", "l F / T", 0.0, 0.5 * float(np.ptp(heights)), bound
+            )
+
+
+def _height_of_load(force: float, place: float, kinks: str) -> float:
+    """Height in l F / T of a load on a rope of 50 elements at `place` (elements), above the kink of a rope as it is."""
+    length, count, tension, axial, bending = 250.0, 50, 240e3, 97e6, 7.5e3
+    s, unit = place * length / count, length / count * force / tension
+    changes = {
+        "gravity": 10.0,
+        "cable.unstrained_length": length,
+        "cable.mass_per_length": 1e-6,
+        "cable.axial_stiffness": axial,
+        "cable.bending_stiffness": bending,
+        "cable.elements": count,
+        "cable.kinks": kinks,
+        "cable.end": {
+            "position": [length * (1.0 + tension / axial), 0.0],
+            "support": "counterweight",
+            "direction": [1.0, 0.0],
+            "mass": tension / 10.0,
+        },
+        "carriages": {
+            "load": {
+                "arc_length": s,
+                "bodies": {"body": {"mass": force / 10.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}},
+            }
+        },
+    }
+    simulation = Simulation(load_scenario(LEVEL_SPAN, changes))
+    height = float(simulation.state.bodies.position[0, 1])
+
+    def unbalanced(unknown: Any) -> list[float]:
+        x, z, end = unknown * [s, unit * count, length]
+        before, after = np.hypot(x, z), np.hypot(end - x, z)
+        t, t_after = axial * (before / s - 1.0), axial * (after / (length - s) - 1.0)
+        return [
+            t_after * (end - x) / after / tension - 1.0,
+            (t * x / before - t_after * (end - x) / after) / force,
+            (-t * z / before - t_after * z / after) / force - 1.0,
+        ]
+
+    kink = root(unbalanced, [1.0, -0.25, 1.0], tol=1e-13).x[1] * unit * count
+    return (height - kink) / unit - 0.5 * float(np.sqrt(bending / tension)) * count / length
+
+
+@case("kinks sharp, a load rolls over elements without a drive", "energy, which nothing takes or gives", needs_jit=True)
+def sharp_kinks_keep_energy() -> Iterator[Result]:
+    """Over the elements of a graded mesh for 4 s, with no friction or damping; half the step changes less."""
+    for step in (0.002, 0.001):
+        changes = {
+            "cable.unstrained_length": 100.0,
+            "cable.end.position": [100.4, 0.0],
+            "cable.elements": {"target": 4.0, "at_towers": 1.0, "growth": 1.5},
+            "cable.kinks": "sharp",
+            "solver.spectral_radius": 0.9,
+            "solver.step": step,
+            "carriages": {
+                "load": {
+                    "arc_length": 30.0,
+                    "speed": 10.0,
+                    "drive": {"mode": "free"},
+                    "bodies": {"body": {"mass": 400.0, "inertia": 100.0, "upper_pivot": [0.0, 0.6]}},
+                }
+            },
+        }
+        simulation = Simulation(load_scenario(LEVEL_SPAN, changes))
+        energies = [simulation.advance_to(0.05 * frame) and simulation.energy().total for frame in range(1, 81)]
+        change = float(np.ptp(energies)) / (0.5 * 400.0 * 10.0**2)
+        yield Result(f"range, of the load's kinetic energy, step {1e3 * step:g} ms", "-", 0.0, change, 5e-6)
+
+
 @case("graded mesh, a carriage passes where elements change", "the even meshes of either length", needs_jit=True)
 def carriage_passes() -> Iterator[Result]:
     """From elements of 2 m onto ones of 0.5 m near the end: no step is harder than on even meshes of either length."""

@@ -131,6 +131,11 @@ class Workspace(NamedTuple):
     held_by_place: FloatArray  # (bodies, turns dim) increment of the moment that holds in space, by the place
     held_by_above: FloatArray  # (bodies, turns²)
     held_right: FloatArray  # (bodies, turns)
+    pivot_by_joint: FloatArray  # (carriages, dim²) A of `yielding`: place of the pivot by that of the joint
+    pivot_by_turn: FloatArray  # (carriages, dim turns) B of it: by the turn of the cable
+    pivot_right: FloatArray  # (carriages, dim) m, a of it
+    joint_way: FloatArray  # (carriages, dim) m, from the joint's place on the cable to its pivot, as solved last
+    joint_by_s: FloatArray  # (carriages, dim) r_x - ∂δ/∂s: place of the pivot by the arc length
     grip_row: FloatArray  # (carriages, 4, turns dim) turn of the cable as the hinge sees it, by the nodal coordinates
     grip_by_s: FloatArray  # (carriages, turns) rad/m, the same by the arc length
     sliding_pivot: FloatArray  # (carriages,) eliminated row of the sliding coordinate
@@ -273,6 +278,11 @@ def allocate_workspace(system: System) -> Workspace:
         held_by_place=np.zeros((bodies, turns * dim)),
         held_by_above=np.zeros((bodies, turns * turns)),
         held_right=np.zeros((bodies, turns)),
+        pivot_by_joint=np.zeros((carriages, dim * dim)),
+        pivot_by_turn=np.zeros((carriages, dim * turns)),
+        pivot_right=np.zeros((carriages, dim)),
+        joint_way=np.zeros((carriages, dim)),
+        joint_by_s=np.zeros((carriages, dim)),
         grip_row=np.zeros((carriages, 4, turns * dim)),
         grip_by_s=np.zeros((carriages, turns)),
         sliding_pivot=np.zeros(carriages),

@@ -19,6 +19,7 @@ def cable_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
     yield from _dimensions(scenario)
     yield from _elements(scenario.cable)
+    yield from _kinks(scenario)
     yield from _supports(scenario)
     yield from _span(scenario)
     yield from _towers(scenario)
@@ -71,6 +72,25 @@ def _elements(cable: Cable) -> Iterator[Fault]:
                 ("cable", "elements", "at_towers"),
                 f"given {show(at_towers)}; allowed: at least {least:g} m for {show(cable.unstrained_length)} m of rope",
             )
+
+
+def _kinks(scenario: Scenario) -> Iterator[Fault]:
+    """Sharp kinks where no joint can yield, or by no tension."""
+    cable = scenario.cable
+    if cable.kinks == "rounded":
+        return
+    clamped = next((name for name, vehicle in scenario.vehicles.items() if vehicle.clamped_to), None)
+    beside = {
+        f"elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
+        f"integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
+        f"initial_shape {cable.initial_shape}, which has no tension": cable.initial_shape != "equilibrium",
+        "an end that is free": "free" in (cable.start.support, cable.end.support),
+        f"{clamped!r}, which is clamped to another rope": clamped is not None,
+    }
+    for what, found in beside.items():
+        if found:
+            yield Fault(("cable", "kinks"), f"given {show(cable.kinks)} beside {what}; allowed: rounded")
+            return
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:

@@ -101,6 +101,8 @@ class SingleRope:
         """
         part = self.parts[0]
         part.lay(self._work)
+        if part.sharpen():
+            part.lay(self._work)
         part.take_over_rest()
         self._pack()
 

@@ -129,6 +129,8 @@ class RopeBundle:
             else:
                 with _of_rope(name):
                     part.lay(work)
+                    if part.sharpen():
+                        part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)

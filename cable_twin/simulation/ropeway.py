@@ -14,6 +14,7 @@ from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.columns import groups, sample_tensions
+from cable_twin.mechanics.rope.rounding import rounding
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients
@@ -23,6 +24,7 @@ from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.snapshot_file import FullState
 
+TENSION_PLACES = np.array([0.125, 0.375, 0.625, 0.875])  # of an element
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
@@ -96,6 +98,19 @@ class Ropeway:
         else:
             check_rest(self.system, tuple(self.scenario.towers))
             settle(self.system, self.state, work)
+
+    def sharpen(self) -> bool:
+        """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all."""
+        if self.scenario.cable.kinks == "rounded":
+            return False
+        cable = self._empty.cable
+        places = cable.node_arc_length[:-1, None] + cable.element_length[:, None] * TENSION_PLACES
+        tensions = np.empty(places.size)
+        sample_tensions(cable, self.state, places.ravel(), tensions, np.empty(groups(cable)))
+        table = rounding(cable, tensions.reshape(places.shape).mean(axis=1))
+        self._empty = self._empty._replace(cable=cable._replace(**table))
+        self.carry(self._first_loads)
+        return True
 
     def take_over_rest(self) -> None:
         """Start drives and haul ropes from what holds everything now.

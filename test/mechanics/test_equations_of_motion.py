@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from systems import changed, difference, disturbed_state, make_system, second_difference
 from test_chain import chain_residual, gaps, hinge_moments
+from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import friction_force
@@ -57,6 +58,15 @@ def joint_weights(system, state, carriage, function):
     return row
 
 
+def yielded(system, state, carriage):
+    """Way (2,) in m by which a joint yields, and what that pushes it back with along the cable (N)."""
+    if not system.cable.rounding.size:
+        return np.zeros(2), 0.0
+    force = state.multipliers[system.carriages.body_offset[carriage]]
+    element, s = int(state.joint_element[carriage]), state.joints.position[carriage]
+    return way_and_push(system.cable, element, s, force)
+
+
 def constraints(system, state):
     """Φ (2 bodies,) in m of all joints of all carriages."""
     e = state.nodes.position.reshape(-1, 2)
@@ -66,7 +76,7 @@ def constraints(system, state):
         own = system.carriages._replace(
             upper_pivot=system.carriages.upper_pivot[chain], lower_pivot=system.carriages.lower_pivot[chain]
         )
-        place = joint_weights(system, state, carriage, shape_functions) @ e
+        place = joint_weights(system, state, carriage, shape_functions) @ e - yielded(system, state, carriage)[0]
         result.append(gaps(own, place, state.bodies.position[chain]))
     return np.concatenate(result)
 
@@ -116,7 +126,8 @@ def rows(system, state, work):
         else:
             pull = state.drive_force[carriage] + friction_force(carriages, state, carriage, normal)[0]
             pull += stop_force(carriages, cable, carriage, s, s_dot)[0]
-            on_sliding.append(norm * (along - pull) + moments[0] * turn @ r_xx)
+            bent = yielded(system, state, carriage)[1]
+            on_sliding.append(norm * (along - pull) + moments[0] * turn @ r_xx - bent)
     for end, node in ((0, 0), (1, -2)):
         for slot in range(2):
             free = cable.end_projector[end, slot].reshape(2, 2)
@@ -247,6 +258,15 @@ def test_newton_step_with_a_damper_between_bodies_alone():
     system, state, work = hinged([3], cable=ELASTIC)
     system.carriages.hinge_stiffness[0] = system.carriages.hinge_damping[0] = 0.0
     check_newton_step(system, state, work)
+
+
+@pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
+@pytest.mark.parametrize("bodies", [1, 3])
+def test_newton_step_with_kinks(mode, bodies):
+    """Joints that yield, with springs, dampers and friction: to 1e-7, so the tangent is exact."""
+    system, state, work = hinged([bodies], modes=mode, cable=ELASTIC | YIELDING, **ROUGH)
+    check_newton_step(system, state, work, 1e-7)
+    assert np.linalg.norm(work.joint_way[0]) > 1e-3
 
 
 def test_newton_step_with_several_carriages_on_one_element():

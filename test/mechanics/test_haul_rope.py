@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from systems import changed, difference, disturbed_state, make_system, put
-from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split
+from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split, yielded
+from test_kink import YIELDING
 
 from cable_twin.mechanics.drives.haul_rope import (
     direct_haul,
@@ -25,12 +26,12 @@ from cable_twin.mechanics.state import Motion
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 
 
-def setup(chains=(2,), *, station=END, sheave=FORCE, **changes):
+def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
     """System whose carriages all hang on haul ropes, in general position."""
     count = len(chains)
     ropes = {"axial_stiffness": np.full(count, 3000.0), "station": np.full(count, station, dtype=np.int64)} | changes
     rough = {name: np.full(count, value) for name, value in ROUGH.items()}
-    system = make_system(chains=chains, cable=ELASTIC, carriages=rough, haul_ropes=ropes)
+    system = make_system(chains=chains, cable=cable, carriages=rough, haul_ropes=ropes)
     state, work = disturbed_state(system)
     state.drive_mode[:], state.sheave_mode[:] = HAULED, sheave
     state.drive_force[:] = 40.0
@@ -133,14 +134,15 @@ def hauled_residual(system, work):
         first, pulls = carriages.body_offset[:-1], on_w[:, None] * work.haul_direction
         contact = state.multipliers.copy()
         contact[first] -= pulls
-        bare = rows(system, changed(state, drive_force=np.zeros_like(on_w), multipliers=contact), work)
+        borne = changed(state, drive_force=np.zeros_like(on_w), multipliers=contact)
+        bare = rows(system, borne, work)
         bodies = bare[4 * (system.cable.element_count + 1) :][: 3 * carriages.mass.size].reshape(-1, 3)
         gaps = []
         for k, body in enumerate(first):
             axes = np.reshape(orientation(state.bodies.position[body], (0.0, 0.0)), (2, 2))
             turn = cross((1.0,), tuple(axes @ carriages.upper_pivot[body]))
             bodies[body] -= [*pulls[k], pulls[k] @ turn]
-            place = np.array(joint_position(system.cable, state, k))
+            place = np.array(joint_position(system.cable, state, k)) - yielded(system, borne, k)[0]
             gaps.append(state.hauled.position[k] - work.haul_origin[k] - work.haul_direction[k] @ place)
         return np.concatenate([bare, on_u, gaps])
 
@@ -168,6 +170,13 @@ def test_newton_step_of_a_slack_rope(sheave):
 
 def test_newton_step_of_several_carriages():
     system, state, work = setup((1, 2))
+    check_newton_step(system, state, work, hauled_residual(system, work))
+
+
+@pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
+def test_newton_step_of_joints_that_yield(sheave):
+    """The rope pulls at the pivot, not at the place of the joint on the cable."""
+    system, state, work = setup((1, 2), sheave=sheave, cable=ELASTIC | YIELDING)
     check_newton_step(system, state, work, hauled_residual(system, work))
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import changed, dense_blocks, difference, disturbed_state, make_system, second_difference
 from test_chain_in_space import WIND, Moved, aligned, stored_holding
+from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
@@ -96,7 +97,15 @@ def chain(system, state):
     still = np.zeros((system.carriages.mass.size, 6))
     tangent, spin, *_ = direction(system, state)
     place = weights(system, state, shape_functions) @ state.nodes.position.reshape(-1, 3)
-    return Moved(system, state, still, tangent, spin, np.zeros(3), place)
+    return Moved(system, state, still, tangent, spin, np.zeros(3), place - yielded(system, state)[0])
+
+
+def yielded(system, state):
+    """Way (3,) in m by which the joint yields, and what that pushes it back with along the cable (N)."""
+    if not system.cable.rounding.size:
+        return np.zeros(3), 0.0
+    element = int(state.joint_element[0])
+    return way_and_push(system.cable, element, state.joints.position[0], state.multipliers[0])
 
 
 def rows(system, state, holding, work):
@@ -119,7 +128,7 @@ def rows(system, state, holding, work):
     else:
         pull = state.drive_force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
         pull += friction_force(carriages, state, 0, np.linalg.norm(force - along * r_x / norm))[0]
-        sliding = norm * (along - pull) + moment @ turn @ r_xx
+        sliding = norm * (along - pull) + moment @ turn @ r_xx - yielded(system, state)[1]
     for end, node in ((0, 0), (1, -2)):
         for slot in range(2):
             on_cable[node + slot] = system.cable.end_projector[end, slot].reshape(3, 3) @ on_cable[node + slot]
@@ -201,6 +210,13 @@ def test_newton_step(mode, bodies, held):
 def test_newton_step_with_hinges_and_friction(mode, laws):
     """Springs against rope and bodies, dampers of pitch and roll between bodies."""
     check_newton_step(*setup(3, mode, turning=laws is SPRINGS, **laws, **ROUGH))
+
+
+@pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
+def test_newton_step_with_kinks(mode):
+    """A joint that yields, with springs, dampers and friction."""
+    laws = SPRINGS | DAMPERS
+    check_newton_step(*setup(3, mode, turning=False, cable=ELASTIC | YIELDING, **laws, **ROUGH))
 
 
 @pytest.mark.parametrize("place", [0.05, 2.04], ids=["start", "end"])

@@ -22,9 +22,10 @@ from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store
-from cable_twin.mechanics.on_rope.chain import carriage_mass
+from cable_twin.mechanics.on_rope.chain import carriage_mass, pivot_position
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import END, HAULED, SPEED
+from cable_twin.mechanics.rope.kink import has_kinks
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
 
@@ -104,7 +105,11 @@ def leave_place(system, state, work):
     """Keep where each hauled carriage is at the start of a step, before it is predicted."""
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
-            store(joint_position(system.cable, state, carriage), work.haul_place[carriage])
+            place = joint_position(system.cable, state, carriage)
+            if has_kinks(system.cable):
+                first = system.carriages.body_offset[carriage]
+                place = pivot_position(state, first, system.carriages.upper_pivot[first], place)
+            store(place, work.haul_place[carriage])
             work.haul_origin[carriage] = state.hauled.position[carriage]
 
 

@@ -15,6 +15,7 @@ from cable_twin.mechanics.language.vectors import dot, load
 from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, joint_tangent
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
+from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import point_at, slope
 from cable_twin.mechanics.rope.strand import going_by
 
@@ -35,7 +36,10 @@ def moving_rope_force(system, state):
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and state.attached[carriage]:
             r_x = joint_tangent(cable, state, carriage)
-            force += dot(load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity), r_x)
+            contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+            force += dot(contact, r_x)
+            if has_kinks(cable):
+                force -= kink(cable, state.joint_element[carriage], state.joints.position[carriage], contact).along
             force += grip_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)

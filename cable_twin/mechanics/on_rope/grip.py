@@ -21,7 +21,6 @@ from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,
     flipped,
-    load,
     outer,
     product,
     scale,
@@ -92,16 +91,17 @@ def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector)
 
 
 @inlined_kernel
-def add_grip(cable, state, carriage, first, joint, point, along, stiffness_factor, work):
+def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stiffness_factor, work):
     """Add what the moment does at the nodes, and what it adds to row and column of the sliding coordinate.
 
     Args:
         cable: parameters.
         state: where to linearise.
         carriage: whose joint it is.
-        first: its first body, with impedance.
-        joint: of that (`hinge.Joint`).
+        joint: of its first body (`hinge.Joint`).
+        seen: the carriage (`yielding.Seen`).
         point: place of the joint.
+        joint_by_s: derivative (dim,) of the place of the pivot by s.
         along: derivative (dim,) of the row of s by λ, zero where s is driven.
         stiffness_factor: as in `assemble`.
         work: `sliding_row` and `sliding_column` are added to.
@@ -117,9 +117,8 @@ def add_grip(cable, state, carriage, first, joint, point, along, stiffness_facto
     g = turn_by_slope(r_x)
     turning = add_scaled(s_dot, r_xx, slope(e_dot, point, like))  # w
     bending = add_scaled(s_dot, r_xxx, bend(e_dot, point, like))  # ∂w/∂s
-    pt, tp = load(work.impedance_turning[first], outer(0.0, like, still)), load(work.impedance_moment[first], g)
-    tt = load(work.impedance_turn[first], outer(0.0, still, still))
-    residual = add_scaled(1.0, joint.moment, load(work.impedance_force[first, len(like) :], still))
+    pt, tp, tt = seen.by_turn, seen.moment_by_place, seen.moment_by_turn
+    residual = add_scaled(1.0, joint.moment, seen.moment_left)
     free = 1.0 if dot(along, along) > 0.0 else 0.0
 
     # the turn as the hinge sees it: seen_j Δe_j + by_s Δs
@@ -133,7 +132,7 @@ def add_grip(cable, state, carriage, first, joint, point, along, stiffness_facto
     force = scale(stiffness_factor, product(joint.moment, g, still))  # Gᵀ m
     bent, bent_back, lever = product(stiff, r_xx, like), product(r_xx, stiff, like), product(g, r_xx, like)
     on_s = scale(free, add_scaled(1.0, product(along, pt, like), product(lever, tt, still)))  # of row s, by the turn
-    pull = add_scaled(1.0, product(tp, r_x, like), product(tt, by_s, still))  # of the moment, by Δs
+    pull = add_scaled(1.0, product(tp, joint_by_s, like), product(tt, by_s, still))  # of the moment, by Δs
     for j in range(4):
         seen = add_scaled(shape_x[j], by_slope, scale(share * s_dot * shape_xx[j], g))
         store(seen, work.grip_row[carriage, j])
@@ -149,5 +148,5 @@ def add_grip(cable, state, carriage, first, joint, point, along, stiffness_facto
             tangent = add_scaled(shape_x[i] * shape_x[j], stiff, scale(shape[i], on_node))
             add_block(add_scaled(shape_x[i], on_slope, tangent), point.element, i, j, work)
         add_to(scale(-shape_x[j], product(residual, g, still)), work.right_side, point.element, j)
-    pivot = dot(lever, product(tp, r_x, like)) + dot(bent, r_xx) + dot(force, r_xxx)
+    pivot = dot(lever, product(tp, joint_by_s, like)) + dot(bent, r_xx) + dot(force, r_xxx)
     return free * pivot + dot(on_s, by_s), -free * dot(residual, lever)

@@ -3,6 +3,7 @@
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
 f_t is what the cable does to the carriage along itself (the paper has f_t = 0). A driven joint has s given instead, and
 its drive force is what that takes. A haul rope pulls the carriage and not the cable: λ is what is left of its pull.
+Where elements round off the kink of the rope, r_p is beside S(s) e by δ, and row s has λ·r_x - ∂E/∂s (`rope.kink`).
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ from cable_twin.mechanics.on_rope.friction import along_and_across, friction_for
 from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours, push_on
+from cable_twin.mechanics.on_rope.yielding import Seen, let_yield
+from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -160,7 +163,13 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
-    force, impedance, residual = seen_by_cable(system, state, carriage, work)
+    seen = seen_by_cable(system, state, carriage, work)
+    force, by_s, pushed, pushed_by_s = seen.force, r_x, 0.0, 0.0
+    if has_kinks(cable):
+        bent = kink(cable, point.element, s, force)
+        seen, by_s = let_yield(seen, bent, carriage, work), subtract(r_x, bent.by_place)
+        pushed, pushed_by_s = bent.along, bent.along_by_place
+        store(by_s, work.joint_by_s[carriage])
 
     norm, tangential, normal_force, normal = along_and_across(force, r_x)
     f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
@@ -168,7 +177,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         carriages, state, carriage, normal
     )
 
-    d_r_x = apply(impedance, r_x)
+    d_r_x = apply(seen.by_place, by_s)
     if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
@@ -176,12 +185,13 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         f_t = work.given_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
-        along = add_scaled(-norm * by_direction, normal_force, r_x)
+        along = add_scaled(-norm * by_direction, normal_force, by_s)
         across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
-        d_along = apply(transpose(impedance), along)
+        d_along = apply(transpose(seen.by_place), along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
-        right = norm * f_t - dot(force, r_x) - dot(along, residual)
+        pivot -= stiffness_factor * pushed_by_s
+        right = norm * f_t - dot(force, r_x) + pushed - dot(along, seen.left)
 
     shape, shape_x, rows, columns = (
         point.shape,
@@ -194,14 +204,14 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
     if is_hinged(carriages, first):
         joint = grip_of(system, state, carriage, stiffness_factor, rate_factor)
-        more = add_grip(cable, state, carriage, first, joint, point, along, stiffness_factor, work)
+        more = add_grip(cable, state, carriage, joint, seen, point, by_s, along, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
     store(along, work.sliding_along[carriage])
     if state.clamp_holds[carriage]:
         pivot = inf  # s stays, and is solved for with the force of the clamp
 
-    hang_on_nodes(point, add_scaled(1.0, force, residual), impedance, pivot, right, rows, columns, work)
+    hang_on_nodes(point, add_scaled(1.0, force, seen.left), seen.by_place, pivot, right, rows, columns, work)
 
 
 @inlined_kernel
@@ -219,8 +229,8 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
 
 @inlined_kernel
 def seen_by_cable(system, state, carriage, work):
-    """Force (dim,) in N on a carriage that the cable has to give, impedance D and b of it."""
-    first, like = system.carriages.body_offset[carriage], system.cable.gravity
+    """A carriage by the place of its pivot, the force on it that of the cable alone (`yielding.Seen`)."""
+    first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
     residual = load(work.impedance_force[first], like)
@@ -228,7 +238,15 @@ def seen_by_cable(system, state, carriage, work):
         force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
     if system.buffers.present:
         force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
-    return force, impedance, residual
+    return Seen(
+        force,
+        impedance,
+        load(work.impedance_turning[first], outer(0.0, like, still)),
+        residual,
+        load(work.impedance_moment[first], outer(0.0, still, like)),
+        load(work.impedance_turn[first], outer(0.0, still, still)),
+        load(work.impedance_force[first, len(like) :], still),
+    )
 
 
 @kernel
@@ -256,20 +274,25 @@ def driven_force(system, state, carriage):
     force = contact_force(system, state, carriage)
     if system.buffers.present:
         force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
-    norm, tangential, _, normal = along_and_across(force, r_x)
+    norm, tangential, normal_force, normal = along_and_across(force, r_x)
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     _, turning = grip_moment(system, state, carriage)
+    if has_kinks(cable):
+        hauled = system.haul_ropes.axial_stiffness[carriage] > 0.0  # and its rope, not the cable, bears what is along
+        turning -= kink(cable, state.joint_element[carriage], s, normal_force if hauled else force).along
     return tangential + turning / norm - f_friction - f_stop
 
 
 @kernel
 def recover_joint(system, state, carriage, work):
-    """Increment of s, and of the joint's place (dim,) on the cable, once the nodal increments are known."""
+    """Increment of s, and way (dim,) of the joint on the cable, once the nodal increments are known."""
     cable = system.cable
     like = cable.gravity
     point = joint_point(cable, state, carriage)
-    r_x = slope(state.nodes.position, point, like)
+    by_s = slope(state.nodes.position, point, like)
+    if has_kinks(cable):
+        by_s = load(work.joint_by_s[carriage], like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
     for i in range(4):
@@ -278,7 +301,7 @@ def recover_joint(system, state, carriage, work):
         right -= dot(load(work.sliding_row[carriage, i], like), increment)
     delta = right / work.sliding_pivot[carriage]
     work.sliding_increment[carriage] = delta
-    return add_scaled(delta, r_x, moved)
+    return add_scaled(delta, by_s, moved)
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import haul_energies
+from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.orientations import inertia_of
 from cable_twin.mechanics.language.vectors import dot, load, product
@@ -13,6 +14,7 @@ from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
 from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.flow import flow_energy
+from cable_twin.mechanics.rope.kink import has_kinks, kink_energy
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.rope.strand import rest_stretch
@@ -55,6 +57,9 @@ def energies(system, state):
             kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
+        if has_kinks(cable) and state.attached[carriage]:
+            contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
+            elastic += kink_energy(cable, state.joint_element[carriage], place, contact)
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):

@@ -44,8 +44,10 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import foresee
+from cable_twin.mechanics.on_rope.yielding import pivot_way
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
@@ -69,9 +71,21 @@ def measure_gaps(system, state, work, place):
         joint, above = joint_position(system.cable, state, carriage), direction_above(system, state, carriage)
         close_joints(system.carriages, state, carriage, joint, above, work)
         reference_gap(state, carriage, work)
-    for body in range(work.joint_gap.shape[0]):
+    for carriage in range(system.carriages.fixed.size):
+        worst = max(worst, largest_gap(system, carriage, work))
+    return worst
+
+
+@kernel
+def largest_gap(system, carriage, work):
+    """Largest gap (m) of the joints of a carriage, of what the first one does not yield."""
+    worst, first = 0.0, system.carriages.body_offset[carriage]
+    for body in range(first, system.carriages.body_offset[carriage + 1]):
         for axis in range(work.joint_gap.shape[1]):
-            worst = max(worst, abs(work.joint_gap[body, axis]))
+            gap = work.joint_gap[body, axis]
+            if body == first and has_kinks(system.cable):
+                gap -= work.joint_way[carriage, axis]
+            worst = max(worst, abs(gap))
     return worst
 
 
@@ -82,6 +96,7 @@ def leave_out(carriages, carriage, work):
     work.joint_gap[bodies[0] : bodies[1]] = 0.0
     work.body_increment[bodies[0] : bodies[1]] = 0.0
     work.sliding_increment[carriage] = 0.0
+    work.joint_way[carriage] = 0.0
 
 
 @kernel
@@ -218,6 +233,8 @@ def recover(system, state, work):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
+            if has_kinks(system.cable):
+                moved = pivot_way(carriage, moved, turned, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
             recover_drive(state, carriage, moved, work)
 

@@ -1,0 +1,83 @@
+"""The kink of the rope under a joint, as what the joint yields: elements with continuous slopes round it off.
+
+A force F across a taut rope bends it at one place. Elements bend over their length instead, and their rope is too high
+under the force by what `rounding` works out, depending on the place: a vehicle rides over waves, from node to node.
+What they lack is put between rope and joint as a massless spring without a length, of the complementary energy
+
+    E(F, s) = ½ c F² + ¼ d F⁴ / (1 + b F²),    F² = F·F,
+
+of which ∂E/∂F is the way δ from the joint to its place on the rope, and -∂E/∂s what pushes the joint along the rope.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import block, dot, outer, scale
+
+
+class Kink(NamedTuple):
+    """What a joint yields under its force."""
+
+    way: Any  # δ (dim,) m
+    by_force: Any  # ∂δ/∂F (dim²) m/N
+    by_place: Any  # ∂δ/∂s (dim,)
+    along: Any  # ∂E/∂s, N
+    along_by_place: Any  # ∂²E/∂s², N/m
+
+
+@inlined_kernel
+def has_kinks(cable):
+    """Whether joints of this rope yield at all."""
+    return cable.rounding.shape[0] > 0
+
+
+@inlined_kernel
+def kink(cable, element, arc_length, force):
+    """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it."""
+    (c, c_s, c_ss), (d, d_s, d_ss) = rounded_off(cable, element, arc_length)
+    squared = dot(force, force)
+    limited = 1.0 / (1.0 + cable.rounding_limit[element] * squared)
+    fourth = 0.25 * squared * squared * limited  # of d, in E
+    cubed = squared * (0.5 + 0.5 * limited) * limited  # of d, in δ over F
+    way = c + d * cubed
+    by_force = outer(2.0 * d * limited * limited * limited, force, force)
+    return Kink(
+        scale(way, force),
+        block(1.0, by_force, way),
+        scale(c_s + d_s * cubed, force),
+        0.5 * c_s * squared + d_s * fourth,
+        0.5 * c_ss * squared + d_ss * fourth,
+    )
+
+
+@inlined_kernel
+def rounded_off(cable, element, arc_length):
+    """C in m/N and d in m/N³ at an arc length (m) on an element, each with two derivatives by it."""
+    per_length = 1.0 / cable.element_length[element]
+    u = (arc_length - cable.node_arc_length[element]) * per_length
+    return polynomial(cable.rounding[element, 0], u, per_length), polynomial(cable.rounding[element, 1], u, per_length)
+
+
+@inlined_kernel
+def polynomial(coefficients, u, factor):
+    """Value and two derivatives by u / factor of a polynomial of u, its coefficients from the highest power down."""
+    value, first, second = 0.0, 0.0, 0.0
+    for k in range(coefficients.size):
+        second = second * u + 2.0 * first
+        first = first * u + value
+        value = value * u + coefficients[k]
+    return value, factor * first, factor * factor * second
+
+
+@kernel
+def kink_energy(cable, element, arc_length, force):
+    """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
+    (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length)
+    squared = dot(force, force)
+    limited = 1.0 / (1.0 + cable.rounding_limit[element] * squared)
+    return squared * (0.5 * c + d * squared * limited * (0.25 + 0.5 * limited))
+
+
+__all__ = ["Kink", "has_kinks", "kink", "kink_energy"]

@@ -1,0 +1,109 @@
+"""How much elements with continuous slopes round off the kink of a rope under a load, for `kink`.
+
+Beside the element that bears the load only its neighbours matter, so that each element is looked at within a few of
+them, held at both ends. Across itself a taut rope is a string with some bending stiffness, T w'² + EI w''², which is
+solved here with the same cubics; what is lacking of the exact height, F c, is a polynomial of the load's place.
+
+A large load bends the rope so much that its length counts: u' = -½ w'² would keep the tension even, and the cubics
+have no such u'. What is left of ½ w'² takes energy, ½ EA ∫(...)² dx, which grows with F⁴: d, to first order. As the
+bend gives way to it, that is too much where EA F² / T³ is large, by 1 / (1 + LIMIT EA F² / T³) of the energy, measured
+on even meshes (`verification.meshes`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from cable_twin.mechanics.parameters import Cable, FloatArray
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+
+REACH = 6  # elements on either side that are looked at
+LIMIT = 0.1  # -
+PLACES = 9  # on an element, through which polynomials of degree 8 go
+LEAST_TENSION = 1e-3  # of the highest one: a rope that is slacker is no string
+
+_POINTS, _WEIGHTS = leggauss(4)
+_POINTS, _WEIGHTS = 0.5 + 0.5 * _POINTS, 0.5 * _WEIGHTS
+
+
+def rounding(cable: Cable, tension: FloatArray) -> dict[str, FloatArray]:
+    """The fields of `Cable` for joints that yield what its elements round off.
+
+    Args:
+        cable: its mesh and its stiffness.
+        tension: (elements,) N, of each element.
+    """
+    tension = np.maximum(tension, LEAST_TENSION * tension.max())
+    numbers = np.arange(cable.element_count)
+    first = np.maximum(numbers - REACH, 0)
+    last = np.minimum(numbers + REACH, cable.element_count - 1)
+    table = np.zeros((cable.element_count, 2, PLACES))
+    for before, after in {*zip((numbers - first).tolist(), (last - numbers).tolist(), strict=True)}:
+        alike = numbers[(numbers - first == before) & (last - numbers == after)]
+        patch = alike[:, None] + np.arange(-before, after + 1)
+        table[alike] = _of_patches(cable, cable.element_length[patch], tension[patch], before)
+    return {"rounding": table, "rounding_limit": LIMIT * cable.axial_stiffness / tension**3}
+
+
+def _of_patches(cable: Cable, length: FloatArray, tension: FloatArray, loaded: int) -> FloatArray:
+    """Coefficients (patches, 2, PLACES) of c and d of element `loaded` of patches (patches, elements) in m and N."""
+    places = 0.5 - 0.5 * np.cos(np.pi * np.arange(PLACES) / (PLACES - 1))
+    here, pull = length[:, loaded, None], tension[:, loaded, None]
+    points = _POINTS * length[..., None]
+    slopes = np.stack(shape_functions_x(points, length[..., None]), axis=-2)
+    bends = np.stack(shape_functions_xx(points, length[..., None]), axis=-2)
+    weights = _WEIGHTS * length[..., None]
+    axial = np.einsum("peig,pejg,peg->peij", slopes, slopes, weights)
+    across = tension[..., None, None] * axial
+    across += cable.bending_stiffness * np.einsum("peig,pejg,peg->peij", bends, bends, weights)
+
+    # the cubics under the load at each place, held at both ends of the patch
+    size = 2 * length.shape[1] + 2
+    free = np.delete(np.arange(size), [0, size - 2])
+    load = np.zeros((len(length), size, PLACES))
+    load[:, 2 * loaded : 2 * loaded + 4] = np.stack(shape_functions(places * here, here), axis=-2)
+    bent = np.zeros_like(load)
+    bent[:, free] = np.linalg.solve(_assembled(across)[:, free[:, None], free], load[:, free])
+    cubic = np.einsum("pks,pks->ps", load, bent)
+
+    # the exact string, whose kink its bending stiffness rounds off by λ / 2, less near an end
+    yields = length / tension
+    before = yields[:, :loaded].sum(axis=1, keepdims=True) + places * yields[:, loaded, None]
+    whole = yields.sum(axis=1, keepdims=True)
+    beside = [np.maximum(loaded - 1, 0), loaded, np.minimum(loaded + 1, length.shape[1] - 1)]
+    first, last = (0.5 * (tension[:, beside[k], None] + tension[:, beside[k + 1], None]) for k in range(2))
+    smooth = first + places * (last - first)  # so that nothing jumps at nodes
+    reach = np.sqrt(cable.bending_stiffness / smooth)
+    way = length[:, :loaded].sum(axis=1, keepdims=True) + places * here
+    end = np.minimum(way, length.sum(axis=1, keepdims=True) - way)
+    near = np.exp(-2.0 * end / np.maximum(reach, 1e-9 * here))
+    lacking = np.maximum(before * (whole - before) / whole - 0.5 * reach / smooth * (1.0 - near) - cubic, 0.0)
+
+    # what the cubics along the rope leave of ½ w'², seen along the line that halves the kink
+    nodal = np.stack([bent[:, 2 * k : 2 * k + 4] for k in range(length.shape[1])], axis=1)
+    turn = pull[..., None, None] * np.einsum("peig,peis->pegs", slopes, nodal)
+    half = 0.5 * (turn - 0.5 * (turn[:, :1, :1] + turn[:, -1:, -1:])) ** 2
+    pushed = np.einsum("peig,pegs,peg->peis", slopes, half, weights)
+    right = np.zeros_like(load)
+    for k in range(length.shape[1]):
+        right[:, 2 * k : 2 * k + 4] += pushed[:, k]
+    along = np.zeros_like(load)
+    along[:, 1:] = np.linalg.solve(_assembled(axial)[:, 1:, 1:], right[:, 1:])
+    nodal = np.stack([along[:, 2 * k : 2 * k + 4] for k in range(length.shape[1])], axis=1)
+    left = half - np.einsum("peig,peis->pegs", slopes, nodal)
+    stiff = 2.0 * cable.axial_stiffness / pull**4 * np.einsum("pegs,peg->ps", left**2, weights)
+
+    through = np.linalg.inv(np.vander(places, PLACES))
+    return np.stack([lacking @ through.T, stiff @ through.T], axis=1)
+
+
+def _assembled(blocks: FloatArray) -> FloatArray:
+    """Matrices (patches, n, n) of blocks (patches, elements, 4, 4) that overlap by half."""
+    whole = np.zeros((len(blocks), 2 * blocks.shape[1] + 2, 2 * blocks.shape[1] + 2))
+    for k in range(blocks.shape[1]):
+        whole[:, 2 * k : 2 * k + 4, 2 * k : 2 * k + 4] += blocks[:, k]
+    return whole
+
+
+__all__ = ["rounding"]

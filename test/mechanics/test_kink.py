@@ -1,0 +1,99 @@
+"""What a joint yields of the kink that elements round off: its derivatives, its energy, and how much there is of it."""
+
+import numpy as np
+import pytest
+from systems import difference, make_cable
+
+from cable_twin.mechanics.rope.kink import kink, kink_energy
+from cable_twin.mechanics.rope.rounding import rounding
+
+_RNG = np.random.default_rng(8)
+YIELDING = {  # of three elements: centimetres under some ten N, a third of them by d, half of which the limit takes
+    "rounding": _RNG.uniform(0.5, 1.0, (3, 2, 9)) * np.array([3e-4, 3e-7])[:, None],
+    "rounding_limit": np.array([1e-3, 2e-3, 3e-3]),
+}
+
+
+def energy(cable, element, s, force):
+    """E (J) of what yields under a `force` (dim,) in N at arc length `s` (m), as its definition has it."""
+    u = (s - cable.node_arc_length[element]) / cable.element_length[element]
+    c, d = (np.polyval(row, u) for row in cable.rounding[element])
+    squared = force @ force
+    return 0.5 * c * squared + 0.25 * d * squared**2 / (1.0 + cable.rounding_limit[element] * squared)
+
+
+def way_and_push(cable, element, s, force):
+    """∂E/∂F (dim,) in m and ∂E/∂s (N), written out by hand."""
+    length, limit = cable.element_length[element], cable.rounding_limit[element]
+    u, squared = (s - cable.node_arc_length[element]) / length, force @ force
+    c, d = (np.polyval(row, u) for row in cable.rounding[element])
+    c_s, d_s = (np.polyval(np.polyder(row), u) / length for row in cable.rounding[element])
+    over = 1.0 + limit * squared
+    way = (c + d * (squared / over - 0.5 * limit * squared**2 / over**2)) * force
+    return way, 0.5 * c_s * squared + 0.25 * d_s * squared**2 / over
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_derivatives_are_those_of_one_energy(dim):
+    """The way is ∂E/∂F, the push -∂E/∂s, and their tangents are their derivatives: differences, to 1e-8."""
+    cable = make_cable(dim, **YIELDING)
+    force, s = np.array([9.0, 14.0, 30.0])[-dim:], 1.13
+    got = kink(cable, 1, s, tuple(force))
+    by_force = difference(lambda f: np.array([energy(cable, 1, s, f)]), force, 1e-2)[0]
+    by_place = difference(lambda x: np.array([energy(cable, 1, x[0], force)]), np.array([s]), 1e-3)[0, 0]
+    np.testing.assert_allclose(got.way, by_force, rtol=1e-8)
+    np.testing.assert_allclose(got.along, by_place, rtol=1e-8)
+    way, push = way_and_push(cable, 1, s, force)
+    np.testing.assert_allclose(got.way, way, rtol=1e-12)
+    np.testing.assert_allclose(got.along, push, rtol=1e-12)
+    tangent = difference(lambda f: way_and_push(cable, 1, s, f)[0], force, 1e-2)
+    np.testing.assert_allclose(np.reshape(got.by_force, (dim, dim)), tangent, rtol=1e-7)
+    along = difference(lambda x: np.append(*way_and_push(cable, 1, x[0], force)), np.array([s]), 1e-3)[:, 0]
+    np.testing.assert_allclose([*got.by_place, got.along_by_place], along, rtol=1e-7)
+
+
+def test_energy_is_the_work_that_the_force_has_done():
+    """∫F·dδ as a force grows, by Simpson's rule: to 1e-9."""
+    cable, force, s = make_cable(2, **YIELDING), np.array([14.0, 30.0]), 1.13
+    shares = np.linspace(0.0, 1.0, 401)
+
+    def way(share):
+        return way_and_push(cable, 1, s, share[0] * force)[0]
+
+    rates = np.array([difference(way, np.array([share]), 1e-3)[:, 0] for share in shares])
+    power = (shares[:, None] * force * rates).sum(axis=1)
+    work = (power[:-1:2] + 4.0 * power[1::2] + power[2::2]).sum() * shares[1] / 3.0
+    assert kink_energy(cable, 1, s, tuple(force)) == pytest.approx(work, rel=1e-9)
+
+
+def test_a_linear_string_lacks_what_its_cubics_round_off():
+    """c of equal elements without bending stiffness: 0.0589, 0.0403 and 0.0711 l / T (`verification.meshes`)."""
+    cable = make_cable(2, element_count=40, element_length=2.0, even=True, bending_stiffness=0.0)
+    row = rounding(cable, np.full(40, 500.0))["rounding"][20, 0]
+    lacking = [np.polyval(row, u) * 500.0 / 2.0 for u in (0.0, 0.2, 0.5, 1.0)]
+    np.testing.assert_allclose(lacking, [0.058925565, 0.040338475, 0.071129449, 0.058925565], rtol=1e-5)
+
+
+def test_bending_stiffness_rounds_the_kink_off_itself():
+    """Where it does so over many elements, these lack nothing."""
+    lacking = {}
+    for stiffness in (0.0, 500.0, 50e3):  # √(EI / T) of 0, 1 and 10 m
+        cable = make_cable(2, element_count=40, element_length=2.0, even=True, bending_stiffness=stiffness)
+        lacking[stiffness] = rounding(cable, np.full(40, 500.0))["rounding"][20, 0, -1]
+    assert lacking[500.0] < 0.05 * lacking[0.0]
+    assert lacking[50e3] < 1e-4 * lacking[0.0]
+
+
+def test_what_is_lacking_is_smooth_from_element_to_element_and_nothing_at_the_ends():
+    """c and its derivative agree at the nodes of a graded mesh; a load on a held end bends nothing."""
+    lengths = np.concatenate([np.full(9, 1.0), 1.5 ** np.arange(1, 5), np.full(9, 1.5**4)])
+    cable = make_cable(2, node_arc_length=np.concatenate([[0.0], np.cumsum(lengths)]), bending_stiffness=300.0)
+    table = rounding(cable, np.full(lengths.size, 510.0))["rounding"]
+    size = np.abs(table[:, 0, -1]).max()
+    for row, (left, right) in enumerate(zip(table[:-1, 0], table[1:, 0], strict=True)):
+        assert np.polyval(left, 1.0) == pytest.approx(np.polyval(right, 0.0), abs=1e-4 * size)
+        slopes = [np.polyval(np.polyder(one), u) for one, u in ((left, 1.0), (right, 0.0))]
+        slopes = np.array(slopes) / lengths[row : row + 2]
+        assert slopes[0] == pytest.approx(slopes[1], abs=1e-3 * size / lengths[row])
+    assert np.polyval(table[0, 0], 0.0) == pytest.approx(0.0, abs=1e-12)
+    assert np.polyval(table[-1, 0], 1.0) == pytest.approx(0.0, abs=1e-12)
