@@ -154,9 +154,9 @@ def waves_under_a_load() -> Iterator[Result]:
 
 @case("waves that a load rides over, taken away", "two straight lines of rope and a load between them", needs_jit=True)
 def sharp_kinks() -> Iterator[Result]:
-    """With `kinks: sharp` a load hangs as low as on a rope with a kink, wherever it is on an element, large ones too."""
+    """With `kinks: sharp` it hangs as low as on a rope with a kink, wherever it is on an element, a large one too."""
     for force in (2.0e3, 14.0e3, 28.0e3):
-        for name, kinks, bound in (("rounded", "rounded", 0.02), ("sharp", "sharp", 0.0015)):
+        for kinks, bound in (("rounded", 0.02), ("sharp", 0.0015)):
             heights = np.array([_height_of_load(force, 25.0 + share, kinks) for share in np.linspace(0.0, 1.0, 9)])
             text = f"kinks {name}, height above the kink under {1e-3 * force:g} kN"
             if kinks == "sharp":
