@@ -158,12 +158,10 @@ def sharp_kinks() -> Iterator[Result]:
     for force in (2.0e3, 14.0e3, 28.0e3):
         for kinks, bound in (("rounded", 0.02), ("sharp", 0.0015)):
             heights = np.array([_height_of_load(force, 25.0 + share, kinks) for share in np.linspace(0.0, 1.0, 9)])
-            text = f"kinks {name}, height above the kink under {1e-3 * force:g} kN"
+            text, waves = f"kinks {kinks}, {1e-3 * force:g} kN", 0.5 * float(np.ptp(heights))
             if kinks == "sharp":
-                yield Result(f"{text}, in the mean", "l F / T", 0.0, float(heights.mean()), 0.002)
-            yield Result(
-                f"{text}, between highest and lowest over 2", "l F / T", 0.0, 0.5 * float(np.ptp(heights)), bound
-            )
+                yield Result(f"{text}: height above the kink, mean", "l F / T", 0.0, float(heights.mean()), 0.002)
+            yield Result(f"{text}: waves up and down", "l F / T", 0.0, waves, bound)
 
 
 def _height_of_load(force: float, place: float, kinks: str) -> float:

@@ -131,7 +131,7 @@ class Workspace(NamedTuple):
     held_by_place: FloatArray  # (bodies, turns dim) increment of the moment that holds in space, by the place
     held_by_above: FloatArray  # (bodies, turns²)
     held_right: FloatArray  # (bodies, turns)
-    pivot_by_joint: FloatArray  # (carriages, dim²) A of `yielding`: place of the pivot by that of the joint
+    pivot_by_joint: FloatArray  # (carriages, dim²) A of `seen_carriage`: place of the pivot by that of the joint
     pivot_by_turn: FloatArray  # (carriages, dim turns) B of it: by the turn of the cable
     pivot_right: FloatArray  # (carriages, dim) m, a of it
     joint_way: FloatArray  # (carriages, dim) m, from the joint's place on the cable to its pivot, as solved last

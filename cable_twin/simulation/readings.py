@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.geometry.clearance import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.columns import groups, sample_positions, sample_tensions
+from cable_twin.mechanics.readout.columns import groups, sample_positions, sample_shape, sample_tensions
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
@@ -49,7 +49,7 @@ class Readings:
         """
         part, arc_lengths = self._places(rope, arc_lengths)
         positions = np.empty((arc_lengths.size, 3))
-        sample_positions(part.system.cable, part.state, arc_lengths, positions)
+        sample_shape(part.system, part.state, arc_lengths, positions)
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:

@@ -36,10 +36,10 @@ def moving_rope_force(system, state):
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and state.attached[carriage]:
             r_x = joint_tangent(cable, state, carriage)
-            contact = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-            force += dot(contact, r_x)
+            pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
+            force += dot(pull, r_x)
             if has_kinks(cable):
-                force -= kink(cable, state.joint_element[carriage], state.joints.position[carriage], contact).along
+                force -= kink(cable, state.joint_element[carriage], state.joints.position[carriage], pull).along
             force += grip_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)

@@ -99,7 +99,7 @@ def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stif
         state: where to linearise.
         carriage: whose joint it is.
         joint: of its first body (`hinge.Joint`).
-        seen: the carriage (`yielding.Seen`).
+        seen: the carriage (`seen_carriage.Seen`).
         point: place of the joint.
         joint_by_s: derivative (dim,) of the place of the pivot by s.
         along: derivative (dim,) of the row of s by λ, zero where s is driven.

@@ -29,8 +29,8 @@ from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
-from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours, push_on
-from cable_twin.mechanics.on_rope.yielding import Seen, let_yield
+from cable_twin.mechanics.on_rope.seen_carriage import contact_force, seen_by_cable, yielding
+from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
 from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
@@ -142,15 +142,6 @@ def velocity_turning(cable, state, carriage):
 
 
 @inlined_kernel
-def contact_force(system, state, carriage):
-    """Force (dim,) in N of the cable, and of a haul rope of its own, on a carriage: λ without what a clamp gives."""
-    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
-    if state.clamp_holds[carriage]:
-        force = subtract(force, load(state.clamp_force[carriage], force))
-    return force
-
-
-@inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
 
@@ -163,13 +154,10 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
-    seen = seen_by_cable(system, state, carriage, work)
-    force, by_s, pushed, pushed_by_s = seen.force, r_x, 0.0, 0.0
-    if has_kinks(cable):
-        bent = kink(cable, point.element, s, force)
-        seen, by_s = let_yield(seen, bent, carriage, work), subtract(r_x, bent.by_place)
-        pushed, pushed_by_s = bent.along, bent.along_by_place
-        store(by_s, work.joint_by_s[carriage])
+    seen, by_s, pushed, pushed_by_s = yielding(
+        cable, point.element, s, seen_by_cable(system, state, carriage, work), r_x, carriage, work
+    )
+    force = seen.force
 
     norm, tangential, normal_force, normal = along_and_across(force, r_x)
     f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
@@ -193,12 +181,8 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         pivot -= stiffness_factor * pushed_by_s
         right = norm * f_t - dot(force, r_x) + pushed - dot(along, seen.left)
 
-    shape, shape_x, rows, columns = (
-        point.shape,
-        point.shape_x,
-        work.sliding_row[carriage],
-        work.sliding_column[carriage],
-    )
+    shape, shape_x = point.shape, point.shape_x
+    rows, columns = work.sliding_row[carriage], work.sliding_column[carriage]
     for i in range(4):
         store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
@@ -225,41 +209,6 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
             add_block(subtract(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
-
-
-@inlined_kernel
-def seen_by_cable(system, state, carriage, work):
-    """A carriage by the place of its pivot, the force on it that of the cable alone (`yielding.Seen`)."""
-    first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
-    force = contact_force(system, state, carriage)
-    impedance = load(work.impedance[first], outer(0.0, like, like))
-    residual = load(work.impedance_force[first], like)
-    if system.haul_ropes.present:
-        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
-    if system.buffers.present:
-        force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
-    return Seen(
-        force,
-        impedance,
-        load(work.impedance_turning[first], outer(0.0, like, still)),
-        residual,
-        load(work.impedance_moment[first], outer(0.0, still, like)),
-        load(work.impedance_turn[first], outer(0.0, still, still)),
-        load(work.impedance_force[first, len(like) :], still),
-    )
-
-
-@kernel
-def beside_haul_rope(carriage, force, impedance, residual, work):
-    """What the cable sees of a carriage that a haul rope pulls: force (dim,) in N, impedance D, and b of it.
-
-    The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
-    """
-    d = load(work.haul_direction[carriage], force)
-    stiff = -work.haul_by_way[carriage]
-    impedance = add_scaled(1.0, outer(stiff, d, d), impedance)
-    force = add_scaled(-work.haul_force[carriage], d, force)
-    return force, impedance, add_scaled(-work.haul_change[carriage], d, residual)
 
 
 @kernel

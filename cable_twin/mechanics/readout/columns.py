@@ -23,9 +23,12 @@ from cable_twin.mechanics.parameters import Cable, FloatArray
 from cable_twin.mechanics.rope.elastic_models import mean_tension
 from cable_twin.mechanics.rope.element import end_forces, rates_of_strain
 from cable_twin.mechanics.rope.flow import end_flow
+from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
 from cable_twin.mechanics.rope.rope_drag import drag_on_end
 from cable_twin.mechanics.rope.strand import rest_stretch, thickening
+
+KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
 
 @by_reference
@@ -100,7 +103,7 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
         columns: takes the result.
     """
     cable = system.cable
-    sample_positions(cable, state, arc_lengths, columns.rope_position)
+    sample_shape(system, state, arc_lengths, columns.rope_position)
     sample_tensions(cable, state, arc_lengths, columns.rope_tension, means)
     observe_vehicles(system, state, columns)
     observe_bodies(system, state, columns)
@@ -120,7 +123,7 @@ def observe_vehicles(system, state, columns):
     copy_array(state.joints.velocity, columns.speed)
     copy_array(state.drive_force, columns.drive_force)
     copy_array(state.payload, columns.payload)
-    sample_positions(system.cable, state, state.joints.position, columns.joint_position)
+    sample_shape(system, state, state.joints.position, columns.joint_position)
     for vehicle in range(columns.arc_length.size):
         contact, pull = joint_forces(system, state, vehicle)
         store_in_space(contact, columns.contact_force[vehicle])
@@ -204,6 +207,24 @@ def sample_positions(cable, state, arc_lengths, positions):
     """Fill `positions` (n, 3) in m at `arc_lengths` (n,) in m."""
     for k in range(arc_lengths.size):
         store_in_space(position_on_cable(cable, state, arc_lengths[k]), positions[k])
+
+
+@kernel
+def sample_shape(system, state, arc_lengths, positions):
+    """The same, with the kinks under vehicles that elements round off where they are sharp."""
+    cable = system.cable
+    sample_positions(cable, state, arc_lengths, positions)
+    for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
+        if state.attached[carriage]:
+            element, place = state.joint_element[carriage], state.joints.position[carriage]
+            way = kink(cable, element, place, joint_forces(system, state, carriage)[0]).way
+            reach = KINK_REACH * cable.element_length[element]
+            for k in range(arc_lengths.size):
+                share = max(1.0 - abs(arc_lengths[k] - place) / reach, 0.0)
+                positions[k, 0] -= share * share * way[0]
+                positions[k, 2] -= share * share * way[-1]
+                if len(way) == 3:
+                    positions[k, 1] -= share * share * way[1]
 
 
 @kernel

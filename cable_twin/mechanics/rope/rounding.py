@@ -12,6 +12,8 @@ on even meshes (`verification.meshes`).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
@@ -27,7 +29,7 @@ _POINTS, _WEIGHTS = leggauss(4)
 _POINTS, _WEIGHTS = 0.5 + 0.5 * _POINTS, 0.5 * _WEIGHTS
 
 
-def rounding(cable: Cable, tension: FloatArray) -> dict[str, FloatArray]:
+def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
     """The fields of `Cable` for joints that yield what its elements round off.
 
     Args:

@@ -31,6 +31,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.seen_carriage import pivot_way
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
     direction_above,
@@ -44,7 +45,6 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import foresee
-from cable_twin.mechanics.on_rope.yielding import pivot_way
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.kink import has_kinks

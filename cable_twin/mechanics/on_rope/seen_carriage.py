@@ -1,0 +1,140 @@
+"""A carriage as the cable has it: force and impedance, without haul rope and neighbours, its joint yielding or not.
+
+F is the force of the cable alone. Where its elements round off the kink under a joint, the pivot is at S(s) e - δ(s, F)
+(`rope.kink`). With the impedance Δ(F, m) = D Δ(x, θ) + b by the place x of the pivot, and the way u of the joint on
+the cable,
+
+    x = u - δ - ∂δ/∂F ΔF  gives  x = A u + B θ + a,
+
+and so the impedance by u.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.turns import no_turn
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    adjugate,
+    apply,
+    block,
+    determinant,
+    load,
+    multiply,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+)
+from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours
+from cable_twin.mechanics.rope.kink import has_kinks, kink
+
+
+class Seen(NamedTuple):
+    """A carriage as the cable has it: the force on it now, and its impedance Δ(F, m) = D Δ(place, θ) + b."""
+
+    force: Any  # F (dim,) N
+    by_place: Any  # (dim²) N/m
+    by_turn: Any  # (dim turns) N
+    left: Any  # b (dim,) N
+    moment_by_place: Any  # (turns dim) N
+    moment_by_turn: Any  # (turns²) N m
+    moment_left: Any  # b (turns,) N m
+
+
+@inlined_kernel
+def contact_force(system, state, carriage):
+    """Force (dim,) in N of the cable, and of a haul rope of its own, on a carriage: λ without what a clamp gives."""
+    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    if state.clamp_holds[carriage]:
+        force = subtract(force, load(state.clamp_force[carriage], force))
+    return force
+
+
+@inlined_kernel
+def seen_by_cable(system, state, carriage, work):
+    """A carriage by the place of its pivot, the force on it that of the cable alone (`Seen`)."""
+    first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
+    force = contact_force(system, state, carriage)
+    impedance = load(work.impedance[first], outer(0.0, like, like))
+    residual = load(work.impedance_force[first], like)
+    if system.haul_ropes.present:
+        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
+    if system.buffers.present:
+        force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
+    return Seen(
+        force,
+        impedance,
+        load(work.impedance_turning[first], outer(0.0, like, still)),
+        residual,
+        load(work.impedance_moment[first], outer(0.0, still, like)),
+        load(work.impedance_turn[first], outer(0.0, still, still)),
+        load(work.impedance_force[first, len(like) :], still),
+    )
+
+
+@kernel
+def beside_haul_rope(carriage, force, impedance, residual, work):
+    """What the cable sees of a carriage that a haul rope pulls: force (dim,) in N, impedance D, and b of it.
+
+    The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
+    """
+    d = load(work.haul_direction[carriage], force)
+    stiff = -work.haul_by_way[carriage]
+    impedance = add_scaled(1.0, outer(stiff, d, d), impedance)
+    force = add_scaled(-work.haul_force[carriage], d, force)
+    return force, impedance, add_scaled(-work.haul_change[carriage], d, residual)
+
+
+@inlined_kernel
+def yielding(cable, element, s, seen, r_x, carriage, work):
+    """A joint at `s` (m) on an element, as it yields, if it does, on a cable with the slope r_x (dim,).
+
+    Returns:
+        The carriage by the way of its joint on the cable, the place (dim,) of its pivot by s, the force (N) that pushes
+        it back along the cable, and that by s (N/m). Leaves what `pivot_way` needs.
+    """
+    if not has_kinks(cable):
+        return seen, r_x, 0.0, 0.0
+    bent = kink(cable, element, s, seen.force)
+    by_s = subtract(r_x, bent.by_place)
+    store(by_s, work.joint_by_s[carriage])
+    return let_yield(seen, bent, carriage, work), by_s, bent.along, bent.along_by_place
+
+
+@inlined_kernel
+def let_yield(seen, kink, carriage, work):
+    """The same carriage by the way of its joint on the cable."""
+    like, still = seen.force, seen.moment_left
+    giving = block(1.0, multiply(kink.by_force, seen.by_place), 1.0)
+    stiff = adjugate(1.0 / determinant(giving), giving)
+    soft = multiply(stiff, kink.by_force)
+    by_turn = scale(-1.0, product(soft, seen.by_turn, like))
+    right = scale(-1.0, add_scaled(1.0, apply(stiff, kink.way), apply(soft, seen.left)))
+    store(stiff, work.pivot_by_joint[carriage])
+    store(by_turn, work.pivot_by_turn[carriage])
+    store(right, work.pivot_right[carriage])
+    return Seen(
+        seen.force,
+        multiply(seen.by_place, stiff),
+        add_scaled(1.0, product(seen.by_place, by_turn, like), seen.by_turn),
+        add_scaled(1.0, apply(seen.by_place, right), seen.left),
+        product(seen.moment_by_place, stiff, like),
+        add_scaled(1.0, product(seen.moment_by_place, by_turn, like), seen.moment_by_turn),
+        add_scaled(1.0, product(seen.moment_by_place, right, like), still),
+    )
+
+
+@inlined_kernel
+def pivot_way(carriage, moved, turned, work):
+    """Way (dim,) in m of the pivot, for that of the joint on the cable and the turn (turns,) of the cable there."""
+    like = moved
+    by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))
+    by_turn = load(work.pivot_by_turn[carriage], outer(0.0, like, turned))
+    way = add_scaled(1.0, apply(by_joint, moved), product(by_turn, turned, turned))
+    way = add_scaled(1.0, load(work.pivot_right[carriage], like), way)
+    store(subtract(moved, way), work.joint_way[carriage])
+    return way
