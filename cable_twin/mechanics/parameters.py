@@ -43,7 +43,7 @@ class Cable(NamedTuple):
     cell_element: IntArray  # (cells,) the element at the start of each of its cells
     unstrained_length: float  # L, m
     rounding: FloatArray  # (elements, 2, 9) of x / l: c in m/N and d in m/N³ of `kink`, highest power first; or none
-    rounding_limit: FloatArray  # (elements,) 1/N², b of it
+    rounding_limit: float  # b of it, 1/N²
     mass_per_length: float  # rho A, kg/m
     axial_stiffness: float  # EA, N
     bending_stiffness: float  # EI, N m^2
@@ -74,7 +74,7 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
         "cell_element": np.clip(np.searchsorted(node_arc_length, starts, side="right") - 1, 0, lengths.size - 1),
         "unstrained_length": whole,
         "rounding": np.zeros((0, 2, 1)),
-        "rounding_limit": np.zeros(0),
+        "rounding_limit": 0.0,
     }
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.readout.columns import groups, observe
+from cable_twin.mechanics.readout.columns import observe
+from cable_twin.mechanics.readout.samples import groups
 from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engines import Engine

@@ -9,9 +9,9 @@ import numpy as np
 
 from cable_twin.geometry.clearance import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.columns import groups, sample_positions, sample_shape, sample_tensions
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
+from cable_twin.mechanics.readout.samples import groups, sample_positions, sample_shape, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
 from cable_twin.simulation.engines import Engine

@@ -13,7 +13,7 @@ from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
-from cable_twin.mechanics.readout.columns import groups, sample_tensions
+from cable_twin.mechanics.readout.samples import groups, sample_tensions
 from cable_twin.mechanics.rope.rounding import rounding
 from cable_twin.mechanics.solution.catenary import check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle

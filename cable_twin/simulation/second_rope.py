@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cable_twin.mechanics.parameters import FREE, FloatArray
-from cable_twin.mechanics.readout.columns import Columns, sample_positions, share_of_node
+from cable_twin.mechanics.readout.columns import Columns, share_of_node
+from cable_twin.mechanics.readout.samples import sample_positions
 from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario

@@ -8,7 +8,7 @@ from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution import equilibrium
-from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve_accelerations
+from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
@@ -82,7 +82,7 @@ def test_all_forces_balance_at_rest():
     settle(system, state, work)
     state.drive_mode[:] = SPEED
     state.reference.position[:] = state.joints.position
-    assert measure_gaps(system, state, work, True) < 1e-9
+    assert largest_gap(system, state, work, True) < 1e-9
     assemble(system, state, 0.0, 0.0, 1.0, work)
     # right_side holds minus the residual once what the carriages still have to close is taken off, which is nothing
     assert np.abs(work.right_side).max() < 1e-5

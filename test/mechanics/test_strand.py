@@ -6,7 +6,7 @@ from systems import dense_blocks, difference, disturbed_state, make_system, put
 from test_moving_rope import MOVING, changed
 
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.readout.columns import groups, sample_tensions
+from cable_twin.mechanics.readout.samples import groups, sample_tensions
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.strand import going_by, rest_stretch, rope_before
 

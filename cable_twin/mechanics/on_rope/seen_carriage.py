@@ -135,6 +135,4 @@ def pivot_way(carriage, moved, turned, work):
     by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))
     by_turn = load(work.pivot_by_turn[carriage], outer(0.0, like, turned))
     way = add_scaled(1.0, apply(by_joint, moved), product(by_turn, turned, turned))
-    way = add_scaled(1.0, load(work.pivot_right[carriage], like), way)
-    store(subtract(moved, way), work.joint_way[carriage])
-    return way
+    return add_scaled(1.0, load(work.pivot_right[carriage], like), way)

@@ -9,8 +9,7 @@ from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
-from cable_twin.mechanics.language.memory import copy_array, flat
+from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.orientations import orientation_in_space
 from cable_twin.mechanics.language.turns import cross, turn_in_space
 from cable_twin.mechanics.language.vectors import add_scaled, load, scale, store, subtract
@@ -19,16 +18,12 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
-from cable_twin.mechanics.parameters import Cable, FloatArray
-from cable_twin.mechanics.rope.elastic_models import mean_tension
-from cable_twin.mechanics.rope.element import end_forces, rates_of_strain
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.samples import sample_shape, sample_tensions, store_in_space
+from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
-from cable_twin.mechanics.rope.kink import has_kinks, kink
-from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
+from cable_twin.mechanics.rope.point import element_at, point_at
 from cable_twin.mechanics.rope.rope_drag import drag_on_end
-from cable_twin.mechanics.rope.strand import rest_stretch, thickening
-
-KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
 
 @by_reference
@@ -192,79 +187,6 @@ def observe_groove(system, state, tower, columns, row):
         columns.tower_lateral_ratio[row] = state.tower_lateral[tower, 1]
         columns.tower_derailed[row] = state.derailment[tower, 0]
         columns.tower_derailed_time[row] = round(state.derailment[tower, 1] * system.solver.step * 1e9) / 1e9
-
-
-@kernel
-def store_in_space(vector, row):
-    """Write a vector (dim,) into `row` (3,): the first entry along the track, the last one upwards."""
-    row[0], row[1], row[2] = vector[0], 0.0, vector[-1]
-    if len(vector) == 3:
-        row[1] = vector[1]
-
-
-@kernel
-def sample_positions(cable, state, arc_lengths, positions):
-    """Fill `positions` (n, 3) in m at `arc_lengths` (n,) in m."""
-    for k in range(arc_lengths.size):
-        store_in_space(position_on_cable(cable, state, arc_lengths[k]), positions[k])
-
-
-@kernel
-def sample_shape(system, state, arc_lengths, positions):
-    """The same, with the kinks under vehicles that elements round off where they are sharp."""
-    cable = system.cable
-    sample_positions(cable, state, arc_lengths, positions)
-    for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
-        if state.attached[carriage]:
-            element, place = state.joint_element[carriage], state.joints.position[carriage]
-            way = kink(cable, element, place, joint_forces(system, state, carriage)[0]).way
-            reach = KINK_REACH * cable.element_length[element]
-            for k in range(arc_lengths.size):
-                share = max(1.0 - abs(arc_lengths[k] - place) / reach, 0.0)
-                positions[k, 0] -= share * share * way[0]
-                positions[k, 2] -= share * share * way[-1]
-                if len(way) == 3:
-                    positions[k, 1] -= share * share * way[1]
-
-
-@kernel
-def sample_tensions(cable, state, arc_lengths, tensions, means):
-    """Fill `tensions` (n,) in N: linear between the means of the elements, placed at their middles.
-
-    `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
-    """
-    count, like, stretch = cable.element_count, cable.gravity, rest_stretch(cable, state)
-    taken_in = thickening(cable, state)
-    for group in range(means.shape[0]):
-        length = gather_numbers(cable.element_length, group * WIDTH)
-        r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
-        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
-        rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        rates = rates_of_strain(taken_in, (d, a, b), rates)
-        spread((mean_tension(cable, stretch * length, d, a, b, *rates),), means, group)
-    mean = flat(means)
-    for k in range(arc_lengths.size):
-        if count == 1:
-            tensions[k] = mean[0]
-        else:
-            element = element_at(cable, arc_lengths[k])
-            left = element if arc_lengths[k] >= middle(cable, element) else element - 1
-            left = min(max(left, 0), count - 2)
-            place = middle(cable, left)
-            share = (arc_lengths[k] - place) / (middle(cable, left + 1) - place)
-            tensions[k] = mean[left] + share * (mean[left + 1] - mean[left])
-
-
-@inlined_kernel
-def middle(cable, element):
-    """Arc length (m) of the middle of an element."""
-    return cable.node_arc_length[element] + 0.5 * cable.element_length[element]
-
-
-def groups(cable: Cable) -> tuple[int, int]:
-    """Shape of the scratch for the means of all elements."""
-    return -(-cable.element_count // WIDTH), WIDTH
 
 
 @kernel

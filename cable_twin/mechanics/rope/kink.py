@@ -38,7 +38,7 @@ def kink(cable, element, arc_length, force):
     """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it."""
     (c, c_s, c_ss), (d, d_s, d_ss) = rounded_off(cable, element, arc_length)
     squared = dot(force, force)
-    limited = 1.0 / (1.0 + cable.rounding_limit[element] * squared)
+    limited = 1.0 / (1.0 + cable.rounding_limit * squared)
     fourth = 0.25 * squared * squared * limited  # of d, in E
     cubed = squared * (0.5 + 0.5 * limited) * limited  # of d, in δ over F
     way = c + d * cubed
@@ -57,6 +57,8 @@ def rounded_off(cable, element, arc_length):
     """C in m/N and d in m/N³ at an arc length (m) on an element, each with two derivatives by it."""
     per_length = 1.0 / cable.element_length[element]
     u = (arc_length - cable.node_arc_length[element]) * per_length
+    if arc_length < 0.0 or arc_length > cable.unstrained_length:  # where nothing bends
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     return polynomial(cable.rounding[element, 0], u, per_length), polynomial(cable.rounding[element, 1], u, per_length)
 
 
@@ -76,7 +78,7 @@ def kink_energy(cable, element, arc_length, force):
     """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
     (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length)
     squared = dot(force, force)
-    limited = 1.0 / (1.0 + cable.rounding_limit[element] * squared)
+    limited = 1.0 / (1.0 + cable.rounding_limit * squared)
     return squared * (0.5 * c + d * squared * limited * (0.25 + 0.5 * limited))
 
 

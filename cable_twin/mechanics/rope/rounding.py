@@ -45,7 +45,28 @@ def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
         alike = numbers[(numbers - first == before) & (last - numbers == after)]
         patch = alike[:, None] + np.arange(-before, after + 1)
         table[alike] = _of_patches(cable, cable.element_length[patch], tension[patch], before)
-    return {"rounding": table, "rounding_limit": LIMIT * cable.axial_stiffness / tension**3}
+    _join(table, cable.element_length)
+    return {"rounding": table, "rounding_limit": LIMIT * cable.axial_stiffness / float(tension.mean()) ** 3}
+
+
+def _join(table: FloatArray, length: FloatArray) -> None:
+    """Make polynomials (elements, 2, PLACES) of neighbours meet in value and slope, which they do but for rounding.
+
+    Newton's method would go to and fro between two that do not. At the ends of the rope nothing yields.
+    """
+    powers = np.arange(PLACES - 1, -1, -1)
+    here, there = table[..., -1], table.sum(axis=-1)
+    by_here, by_there = table[..., -2] / length[:, None], (table * powers).sum(axis=-1) / length[:, None]
+    off = np.zeros((4, *here.shape))  # of value and slope at both ends of each element
+    off[0, 1:], off[2, :-1] = 0.5 * (there[:-1] - here[1:]), 0.5 * (here[1:] - there[:-1])
+    off[1, 1:], off[3, :-1] = 0.5 * (by_there[:-1] - by_here[1:]), 0.5 * (by_here[1:] - by_there[:-1])
+    off[0, 0], off[2, -1] = -here[0], -there[-1]
+    value, slope, value_there, slope_there = off
+    slope, slope_there = slope * length[:, None], slope_there * length[:, None]
+    table[..., -1] += value
+    table[..., -2] += slope
+    table[..., -3] += 3.0 * (value_there - value) - 2.0 * slope - slope_there
+    table[..., -4] += 2.0 * (value - value_there) + slope + slope_there
 
 
 def _of_patches(cable: Cable, length: FloatArray, tension: FloatArray, loaded: int) -> FloatArray:

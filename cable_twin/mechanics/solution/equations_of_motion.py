@@ -13,7 +13,13 @@ element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.pull import condense_drive, recover_drive, reference_acceleration, reference_gap
+from cable_twin.mechanics.drives.pull import (
+    condense_drive,
+    joint_forces,
+    recover_drive,
+    reference_acceleration,
+    reference_gap,
+)
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array, copy_array
 from cable_twin.mechanics.language.vectors import (
@@ -24,6 +30,7 @@ from cable_twin.mechanics.language.vectors import (
     load,
     multiply,
     outer,
+    scale,
     store,
     subtract,
     symmetric,
@@ -47,7 +54,7 @@ from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import foresee
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
@@ -56,12 +63,8 @@ from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiago
 def measure_gaps(system, state, work, place):
     """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
 
-    With `place` true, joints are first put on the element that holds them.
-
-    Returns:
-        The largest gap of a joint (m).
+    With `place` true, joints are first put on the element that holds them. What a joint yields is a part of its gap.
     """
-    worst = 0.0
     for carriage in range(system.carriages.fixed.size):
         if not state.attached[carriage]:
             leave_out(system.carriages, carriage, work)
@@ -71,21 +74,22 @@ def measure_gaps(system, state, work, place):
         joint, above = joint_position(system.cable, state, carriage), direction_above(system, state, carriage)
         close_joints(system.carriages, state, carriage, joint, above, work)
         reference_gap(state, carriage, work)
+
+
+@inlined_kernel
+def largest_gap(system, state, work, place):
+    """Largest gap (m) of a joint, of what it does not yield; measures all of them as `measure_gaps`."""
+    measure_gaps(system, state, work, place)
+    cable, worst = system.cable, 0.0
     for carriage in range(system.carriages.fixed.size):
-        worst = max(worst, largest_gap(system, carriage, work))
-    return worst
-
-
-@kernel
-def largest_gap(system, carriage, work):
-    """Largest gap (m) of the joints of a carriage, of what the first one does not yield."""
-    worst, first = 0.0, system.carriages.body_offset[carriage]
-    for body in range(first, system.carriages.body_offset[carriage + 1]):
-        for axis in range(work.joint_gap.shape[1]):
-            gap = work.joint_gap[body, axis]
-            if body == first and has_kinks(system.cable):
-                gap -= work.joint_way[carriage, axis]
-            worst = max(worst, abs(gap))
+        first = system.carriages.body_offset[carriage]
+        if has_kinks(cable) and state.attached[carriage]:
+            contact, element = joint_forces(system, state, carriage)[0], state.joint_element[carriage]
+            way = kink(cable, element, state.joints.position[carriage], contact).way
+            accumulate(scale(-1.0, way), work.joint_gap[first])
+        for body in range(first, system.carriages.body_offset[carriage + 1]):
+            for axis in range(work.joint_gap.shape[1]):
+                worst = max(worst, abs(work.joint_gap[body, axis]))
     return worst
 
 
@@ -96,7 +100,6 @@ def leave_out(carriages, carriage, work):
     work.joint_gap[bodies[0] : bodies[1]] = 0.0
     work.body_increment[bodies[0] : bodies[1]] = 0.0
     work.sliding_increment[carriage] = 0.0
-    work.joint_way[carriage] = 0.0
 
 
 @kernel

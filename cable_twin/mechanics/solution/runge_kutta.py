@@ -21,7 +21,7 @@ from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.solution.equations_of_motion import measure_gaps, solve_accelerations
+from cable_twin.mechanics.solution.equations_of_motion import largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.increments import worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, settle
 from cable_twin.mechanics.state import copy_state
@@ -229,7 +229,7 @@ def advance(system, state, start, total, work, steps):
                 if left > 1e-12 * system.solver.step:
                     copy_state(state, total)
                     copy_state(total, start)
-        gap = measure_gaps(system, state, work, False)
+        gap = largest_gap(system, state, work, False)
         kinetic, elastic, gravitational = energies(system, state)
         if not healthy or not isfinite(gap) or not isfinite(kinetic + elastic + gravitational):
             copy_state(start, state)

@@ -12,7 +12,7 @@ from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import settle_buffers
 from cable_twin.mechanics.on_rope.wind import blow
-from cable_twin.mechanics.solution.equations_of_motion import measure_gaps
+from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 
 
 class Outcome(NamedTuple):
@@ -43,7 +43,7 @@ def begin_step(system, state, h):
 @kernel_part
 def end_step(system, state, work):
     """Keep what friction and contacts have become, and attach what has come onto the rope; the largest gap (m)."""
-    gap = measure_gaps(system, state, work, True)
+    gap = largest_gap(system, state, work, True)
     settle(system, state)
     take_up(state)
     if system.moving_cable.moving:
