@@ -134,6 +134,7 @@ class Workspace(NamedTuple):
     pivot_by_joint: FloatArray  # (carriages, dim²) A of `seen_carriage`: place of the pivot by that of the joint
     pivot_by_turn: FloatArray  # (carriages, dim turns) B of it: by the turn of the cable
     pivot_right: FloatArray  # (carriages, dim) m, a of it
+    joint_along: FloatArray  # (carriages, dim) unit tangent of the cable, across which a joint yields in this step
     joint_by_s: FloatArray  # (carriages, dim) r_x - ∂δ/∂s: place of the pivot by the arc length
     grip_row: FloatArray  # (carriages, 4, turns dim) turn of the cable as the hinge sees it, by the nodal coordinates
     grip_by_s: FloatArray  # (carriages, turns) rad/m, the same by the arc length
@@ -280,6 +281,7 @@ def allocate_workspace(system: System) -> Workspace:
         pivot_by_joint=np.zeros((carriages, dim * dim)),
         pivot_by_turn=np.zeros((carriages, dim * turns)),
         pivot_right=np.zeros((carriages, dim)),
+        joint_along=np.zeros((carriages, dim)),
         joint_by_s=np.zeros((carriages, dim)),
         grip_row=np.zeros((carriages, 4, turns * dim)),
         grip_by_s=np.zeros((carriages, turns)),

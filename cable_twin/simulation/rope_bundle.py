@@ -129,21 +129,17 @@ class RopeBundle:
             else:
                 with _of_rope(name):
                     part.lay(work)
-                    if part.sharpen():
-                        part.lay(work)
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
-        for row, part in enumerate(self.parts):
-            self._addresses.write(row, SYSTEM, without_friction(part.system))
-        longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
-        first = self.parts[0]
-        relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
-        if self._scenario.sheaves:
-            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
-        else:
-            settle_bundle(relaxed, SLACKEST_REST * longest)
+        self._settle()
+        sharpened = False
+        for name, part in zip(self._scenario.ropes, self.parts, strict=True):
+            with _of_rope(name):
+                sharpened = part.sharpen() or sharpened
+        if sharpened:
+            self._settle()
         note_clamps(self.parts, self.bundle.clamps)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
@@ -154,6 +150,22 @@ class RopeBundle:
             self.bundle.wires.tension[row] = part.mean_tension()
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
         self.commands = self.loop.set_in_motion()
+
+    def _settle(self) -> None:
+        """Bring all ropes to rest together, as if nothing rubbed.
+
+        Raises:
+            EquilibriumError: there is no such rest.
+        """
+        for row, part in enumerate(self.parts):
+            self._addresses.write(row, SYSTEM, without_friction(part.system))
+        longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
+        first = self.parts[0]
+        relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
+        if self._scenario.sheaves:
+            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
+        else:
+            settle_bundle(relaxed, SLACKEST_REST * longest)
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""

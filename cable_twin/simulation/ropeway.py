@@ -15,7 +15,7 @@ from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.samples import groups, sample_tensions
 from cable_twin.mechanics.rope.rounding import rounding
-from cable_twin.mechanics.solution.catenary import check_rest
+from cable_twin.mechanics.solution.catenary import EquilibriumError, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
@@ -25,6 +25,7 @@ from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.snapshot_file import FullState
 
 TENSION_PLACES = np.array([0.125, 0.375, 0.625, 0.875])  # of an element
+LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
@@ -100,13 +101,22 @@ class Ropeway:
             settle(self.system, self.state, work)
 
     def sharpen(self) -> bool:
-        """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all."""
+        """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all.
+
+        Raises:
+            EquilibriumError: it has none.
+        """
         if self.scenario.cable.kinks == "rounded":
             return False
         cable = self._empty.cable
         places = cable.node_arc_length[:-1, None] + cable.element_length[:, None] * TENSION_PLACES
         tensions = np.empty(places.size)
         sample_tensions(cable, self.state, places.ravel(), tensions, np.empty(groups(cable)))
+        if not tensions.mean() > LEAST_STRAIN * cable.axial_stiffness:
+            raise EquilibriumError(
+                f"cable.kinks: given 'sharp' where the rope rests with {tensions.mean():.3g} N; allowed: rounded, or a "
+                f"tension above {LEAST_STRAIN * cable.axial_stiffness:.3g} N"
+            )
         table = rounding(cable, tensions.reshape(places.shape).mean(axis=1))
         self._empty = self._empty._replace(cable=cable._replace(**table))
         self.carry(self._first_loads)

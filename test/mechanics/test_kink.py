@@ -14,16 +14,24 @@ YIELDING = {  # of three elements: centimetres under some ten N, a third of them
 }
 
 
-def energy(cable, element, s, force):
-    """E (J) of what yields under a `force` (dim,) in N at arc length `s` (m), as its definition has it."""
+def unit(dim):
+    """A tangent (dim,)."""
+    along = np.array([0.9, 0.2, 0.4])[[0, 2] if dim == 2 else [0, 1, 2]]
+    return along / np.linalg.norm(along)
+
+
+def energy(cable, element, s, force, along):
+    """E (J) of what yields under a `force` (dim,) in N at arc length `s` (m) across `along` (dim,), as defined."""
+    force = force - (force @ along) * along
     u = (s - cable.node_arc_length[element]) / cable.element_length[element]
     c, d = (np.polyval(row, u) for row in cable.rounding[element])
     squared = force @ force
     return 0.5 * c * squared + 0.25 * d * squared**2 / (1.0 + cable.rounding_limit * squared)
 
 
-def way_and_push(cable, element, s, force):
+def way_and_push(cable, element, s, force, along):
     """∂E/∂F (dim,) in m and ∂E/∂s (N), written out by hand."""
+    force = force - (force @ along) * along
     length, limit = cable.element_length[element], cable.rounding_limit
     u, squared = (s - cable.node_arc_length[element]) / length, force @ force
     c, d = (np.polyval(row, u) for row in cable.rounding[element])
@@ -37,33 +45,34 @@ def way_and_push(cable, element, s, force):
 def test_derivatives_are_those_of_one_energy(dim):
     """The way is ∂E/∂F, the push -∂E/∂s, and their tangents are their derivatives: differences, to 1e-8."""
     cable = make_cable(dim, **YIELDING)
-    force, s = np.array([9.0, 14.0, 30.0])[-dim:], 1.13
-    got = kink(cable, 1, s, tuple(force))
-    by_force = difference(lambda f: np.array([energy(cable, 1, s, f)]), force, 1e-2)[0]
-    by_place = difference(lambda x: np.array([energy(cable, 1, x[0], force)]), np.array([s]), 1e-3)[0, 0]
+    force, s, along = np.array([9.0, 14.0, 30.0])[-dim:], 1.13, unit(dim)
+    got = kink(cable, 1, s, tuple(force), tuple(along))
+    by_force = difference(lambda f: np.array([energy(cable, 1, s, f, along)]), force, 1e-2)[0]
+    by_place = difference(lambda x: np.array([energy(cable, 1, x[0], force, along)]), np.array([s]), 1e-3)[0, 0]
     np.testing.assert_allclose(got.way, by_force, rtol=1e-8)
     np.testing.assert_allclose(got.along, by_place, rtol=1e-8)
-    way, push = way_and_push(cable, 1, s, force)
+    way, push = way_and_push(cable, 1, s, force, along)
     np.testing.assert_allclose(got.way, way, rtol=1e-12)
     np.testing.assert_allclose(got.along, push, rtol=1e-12)
-    tangent = difference(lambda f: way_and_push(cable, 1, s, f)[0], force, 1e-2)
+    assert abs(np.array(got.way) @ along) < 1e-15  # nothing yields along the rope
+    tangent = difference(lambda f: way_and_push(cable, 1, s, f, along)[0], force, 1e-2)
     np.testing.assert_allclose(np.reshape(got.by_force, (dim, dim)), tangent, rtol=1e-7)
-    along = difference(lambda x: np.append(*way_and_push(cable, 1, x[0], force)), np.array([s]), 1e-3)[:, 0]
+    along = difference(lambda x: np.append(*way_and_push(cable, 1, x[0], force, along)), np.array([s]), 1e-3)[:, 0]
     np.testing.assert_allclose([*got.by_place, got.along_by_place], along, rtol=1e-7)
 
 
 def test_energy_is_the_work_that_the_force_has_done():
     """∫F·dδ as a force grows, by Simpson's rule: to 1e-9."""
-    cable, force, s = make_cable(2, **YIELDING), np.array([14.0, 30.0]), 1.13
+    cable, force, s, along = make_cable(2, **YIELDING), np.array([14.0, 30.0]), 1.13, unit(2)
     shares = np.linspace(0.0, 1.0, 401)
 
     def way(share):
-        return way_and_push(cable, 1, s, share[0] * force)[0]
+        return way_and_push(cable, 1, s, share[0] * force, along)[0]
 
     rates = np.array([difference(way, np.array([share]), 1e-3)[:, 0] for share in shares])
     power = (shares[:, None] * force * rates).sum(axis=1)
     work = (power[:-1:2] + 4.0 * power[1::2] + power[2::2]).sum() * shares[1] / 3.0
-    assert kink_energy(cable, 1, s, tuple(force)) == pytest.approx(work, rel=1e-9)
+    assert kink_energy(cable, 1, s, tuple(force), tuple(along)) == pytest.approx(work, rel=1e-9)
 
 
 def test_a_linear_string_lacks_what_its_cubics_round_off():

@@ -14,7 +14,7 @@ from test_kink import YIELDING, way_and_push
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, place_joint
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
@@ -92,25 +92,25 @@ def direction(system, state):
     return r_x / np.linalg.norm(r_x), spin, r_x, r_xx, turn
 
 
-def chain(system, state):
+def chain(system, state, work=None):
     """The carriage where it is now, as its definitions see it."""
     still = np.zeros((system.carriages.mass.size, 6))
     tangent, spin, *_ = direction(system, state)
     place = weights(system, state, shape_functions) @ state.nodes.position.reshape(-1, 3)
-    return Moved(system, state, still, tangent, spin, np.zeros(3), place - yielded(system, state)[0])
+    return Moved(system, state, still, tangent, spin, np.zeros(3), place - yielded(system, state, work)[0])
 
 
-def yielded(system, state):
+def yielded(system, state, work):
     """Way (3,) in m by which the joint yields, and what that pushes it back with along the cable (N)."""
-    if not system.cable.rounding.size:
+    if work is None or not system.cable.rounding.size:
         return np.zeros(3), 0.0
     element = int(state.joint_element[0])
-    return way_and_push(system.cable, element, state.joints.position[0], state.multipliers[0])
+    return way_and_push(system.cable, element, state.joints.position[0], state.multipliers[0], work.joint_along[0])
 
 
 def rows(system, state, holding, work):
     """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinate, joints and what they hold."""
-    carriages, moved = system.carriages, chain(system, state)
+    carriages, moved = system.carriages, chain(system, state, work)
     add_cable(system, state, 0.0, 0.0, 0.0, work)
     add_loads(system.cable, state, 0.0, work)
     add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
@@ -128,7 +128,7 @@ def rows(system, state, holding, work):
     else:
         pull = state.drive_force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
         pull += friction_force(carriages, state, 0, np.linalg.norm(force - along * r_x / norm))[0]
-        sliding = norm * (along - pull) + moment @ turn @ r_xx - yielded(system, state)[1]
+        sliding = norm * (along - pull) + moment @ turn @ r_xx - yielded(system, state, work)[1]
     for end, node in ((0, 0), (1, -2)):
         for slot in range(2):
             on_cable[node + slot] = system.cable.end_projector[end, slot].reshape(3, 3) @ on_cable[node + slot]
@@ -180,6 +180,7 @@ def dense_newton_step(system, state, work):
 
 def check_newton_step(system, state, work, tolerance=1e-5):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
+    direct_kinks(system, state, work)
     exact = dense_newton_step(system, state, work)
     before, start = state.multipliers.copy(), chain(system, state)
     holding = stored_holding(start, state)

@@ -12,10 +12,10 @@ from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load
-from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, joint_tangent
+from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, joint_kink, joint_tangent
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import point_at, slope
 from cable_twin.mechanics.rope.strand import going_by
 
@@ -39,7 +39,7 @@ def moving_rope_force(system, state):
             pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             force += dot(pull, r_x)
             if has_kinks(cable):
-                force -= kink(cable, state.joint_element[carriage], state.joints.position[carriage], pull).along
+                force -= joint_kink(cable, state, carriage, pull).along
             force += grip_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)

@@ -99,21 +99,21 @@ def yielding(cable, element, s, seen, r_x, carriage, work):
     """
     if not has_kinks(cable):
         return seen, r_x, 0.0, 0.0
-    bent = kink(cable, element, s, seen.force)
+    bent = kink(cable, element, s, seen.force, load(work.joint_along[carriage], r_x))
     by_s = subtract(r_x, bent.by_place)
     store(by_s, work.joint_by_s[carriage])
     return let_yield(seen, bent, carriage, work), by_s, bent.along, bent.along_by_place
 
 
 @inlined_kernel
-def let_yield(seen, kink, carriage, work):
+def let_yield(seen, bent, carriage, work):
     """The same carriage by the way of its joint on the cable."""
     like, still = seen.force, seen.moment_left
-    giving = block(1.0, multiply(kink.by_force, seen.by_place), 1.0)
+    giving = block(1.0, multiply(bent.by_force, seen.by_place), 1.0)
     stiff = adjugate(1.0 / determinant(giving), giving)
-    soft = multiply(stiff, kink.by_force)
+    soft = multiply(stiff, bent.by_force)
     by_turn = scale(-1.0, product(soft, seen.by_turn, like))
-    right = scale(-1.0, add_scaled(1.0, apply(stiff, kink.way), apply(soft, seen.left)))
+    right = scale(-1.0, add_scaled(1.0, apply(stiff, bent.way), apply(soft, seen.left)))
     store(stiff, work.pivot_by_joint[carriage])
     store(by_turn, work.pivot_by_turn[carriage])
     store(right, work.pivot_right[carriage])

@@ -8,7 +8,7 @@ Where elements round off the kink of the rope, r_p is beside S(s) e by δ, and r
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.turns import along_track, no_turn
@@ -57,6 +57,22 @@ def joint_position(cable, state, carriage):
 def joint_tangent(cable, state, carriage):
     """S_x(n) e (dim,), way along the cable by arc length."""
     return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
+
+
+@inlined_kernel
+def joint_kink(cable, state, carriage, force):
+    """What a joint yields under a force (dim,) in N, as `rope.kink`."""
+    r_x = joint_tangent(cable, state, carriage)
+    along = scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
+    return kink(cable, state.joint_element[carriage], state.joints.position[carriage], force, along)
+
+
+@kernel
+def direct_kinks(system, state, work):
+    """Choose across what each joint yields in a step: the rope as it is now, or is predicted to be."""
+    for carriage in range(system.carriages.fixed.size):
+        r_x = joint_tangent(system.cable, state, carriage)
+        store(scale(1.0 / sqrt(dot(r_x, r_x)), r_x), work.joint_along[carriage])
 
 
 @kernel
@@ -223,13 +239,12 @@ def driven_force(system, state, carriage):
     force = contact_force(system, state, carriage)
     if system.buffers.present:
         force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
-    norm, tangential, normal_force, normal = along_and_across(force, r_x)
+    norm, tangential, _, normal = along_and_across(force, r_x)
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     _, turning = grip_moment(system, state, carriage)
     if has_kinks(cable):
-        hauled = system.haul_ropes.axial_stiffness[carriage] > 0.0  # and its rope, not the cable, bears what is along
-        turning -= kink(cable, state.joint_element[carriage], s, normal_force if hauled else force).along
+        turning -= joint_kink(cable, state, carriage, force).along
     return tangential + turning / norm - f_friction - f_stop
 
 

@@ -19,7 +19,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.samples import sample_shape, sample_tensions, store_in_space
+from cable_twin.mechanics.readout.samples import sample_joints, sample_shape, sample_tensions, store_in_space
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
 from cable_twin.mechanics.rope.point import element_at, point_at
@@ -118,7 +118,7 @@ def observe_vehicles(system, state, columns):
     copy_array(state.joints.velocity, columns.speed)
     copy_array(state.drive_force, columns.drive_force)
     copy_array(state.payload, columns.payload)
-    sample_shape(system, state, state.joints.position, columns.joint_position)
+    sample_joints(system, state, columns.joint_position)
     for vehicle in range(columns.arc_length.size):
         contact, pull = joint_forces(system, state, vehicle)
         store_in_space(contact, columns.contact_force[vehicle])

@@ -6,11 +6,12 @@ from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
 from cable_twin.mechanics.language.memory import flat
-from cable_twin.mechanics.language.vectors import scale, subtract
+from cable_twin.mechanics.language.vectors import dot, load, scale, subtract
+from cable_twin.mechanics.on_rope.sliding_joint import joint_kink
 from cable_twin.mechanics.parameters import Cable
 from cable_twin.mechanics.rope.elastic_models import mean_tension
 from cable_twin.mechanics.rope.element import rates_of_strain
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import element_at, position_on_cable
 from cable_twin.mechanics.rope.strand import rest_stretch, thickening
 
@@ -39,15 +40,34 @@ def sample_shape(system, state, arc_lengths, positions):
     sample_positions(cable, state, arc_lengths, positions)
     for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
         if state.attached[carriage]:
-            element, place = state.joint_element[carriage], state.joints.position[carriage]
-            way = kink(cable, element, place, joint_forces(system, state, carriage)[0]).way
-            reach = KINK_REACH * cable.element_length[element]
+            way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
+            reach = KINK_REACH * cable.element_length[state.joint_element[carriage]]
             for k in range(arc_lengths.size):
-                share = max(1.0 - abs(arc_lengths[k] - place) / reach, 0.0)
-                positions[k, 0] -= share * share * way[0]
-                positions[k, 2] -= share * share * way[-1]
-                if len(way) == 3:
-                    positions[k, 1] -= share * share * way[1]
+                share = max(1.0 - abs(arc_lengths[k] - state.joints.position[carriage]) / reach, 0.0)
+                if share > 0.0:
+                    bend_down(cable, state, arc_lengths[k], scale(share * share, way), positions[k])
+
+
+@kernel
+def bend_down(cable, state, arc_length, way, position):
+    """Put a point (3,) in m of the rope by `way` (dim,) in m beside its element, where it is not further away yet."""
+    like, base = cable.gravity, position_on_cable(cable, state, arc_length)
+    now = load(position, like) if len(like) == 3 else (position[0], position[2])
+    moved = subtract(base, now)
+    if dot(way, way) > dot(moved, moved):
+        store_in_space(subtract(base, way), position)
+
+
+@kernel
+def sample_joints(system, state, positions):
+    """Fill `positions` (vehicles, 3) in m with the places where vehicles hang on the rope, in their kinks."""
+    cable = system.cable
+    sample_positions(cable, state, state.joints.position, positions)
+    for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
+        if state.attached[carriage]:
+            way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
+            place = position_on_cable(cable, state, state.joints.position[carriage])
+            store_in_space(subtract(place, way), positions[carriage])
 
 
 @kernel

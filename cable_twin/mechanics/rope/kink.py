@@ -4,9 +4,10 @@ A force F across a taut rope bends it at one place. Elements bend over their len
 under the force by what `rounding` works out, depending on the place: a vehicle rides over waves, from node to node.
 What they lack is put between rope and joint as a massless spring without a length, of the complementary energy
 
-    E(F, s) = ½ c F² + ¼ d F⁴ / (1 + b F²),    F² = F·F,
+    E(F, s) = ½ c F² + ¼ d F⁴ / (1 + b F²)
 
-of which ∂E/∂F is the way δ from the joint to its place on the rope, and -∂E/∂s what pushes the joint along the rope.
+of what F is across the rope. ∂E/∂F is the way δ from the joint to its place on the rope, and -∂E/∂s what pushes the
+joint along the rope.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import block, dot, outer, scale
+from cable_twin.mechanics.language.vectors import add_scaled, block, dot, outer, scale
 
 
 class Kink(NamedTuple):
@@ -34,9 +35,13 @@ def has_kinks(cable):
 
 
 @inlined_kernel
-def kink(cable, element, arc_length, force):
-    """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it."""
+def kink(cable, element, arc_length, force, along):
+    """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it.
+
+    The unit vector `along` (dim,) is that of the rope there.
+    """
     (c, c_s, c_ss), (d, d_s, d_ss) = rounded_off(cable, element, arc_length)
+    force = add_scaled(-dot(force, along), along, force)
     squared = dot(force, force)
     limited = 1.0 / (1.0 + cable.rounding_limit * squared)
     fourth = 0.25 * squared * squared * limited  # of d, in E
@@ -45,7 +50,7 @@ def kink(cable, element, arc_length, force):
     by_force = outer(2.0 * d * limited * limited * limited, force, force)
     return Kink(
         scale(way, force),
-        block(1.0, by_force, way),
+        block(1.0, add_scaled(1.0, outer(-way, along, along), by_force), way),
         scale(c_s + d_s * cubed, force),
         0.5 * c_s * squared + d_s * fourth,
         0.5 * c_ss * squared + d_ss * fourth,
@@ -74,10 +79,10 @@ def polynomial(coefficients, u, factor):
 
 
 @kernel
-def kink_energy(cable, element, arc_length, force):
+def kink_energy(cable, element, arc_length, force, along):
     """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
     (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length)
-    squared = dot(force, force)
+    squared = dot(force, force) - dot(force, along) ** 2
     limited = 1.0 / (1.0 + cable.rounding_limit * squared)
     return squared * (0.5 * c + d * squared * limited * (0.25 + 0.5 * limited))
 

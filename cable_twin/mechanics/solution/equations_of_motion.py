@@ -84,8 +84,8 @@ def largest_gap(system, state, work, place):
     for carriage in range(system.carriages.fixed.size):
         first = system.carriages.body_offset[carriage]
         if has_kinks(cable) and state.attached[carriage]:
-            contact, element = joint_forces(system, state, carriage)[0], state.joint_element[carriage]
-            way = kink(cable, element, state.joints.position[carriage], contact).way
+            contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
+            way = kink(cable, state.joint_element[carriage], state.joints.position[carriage], contact, along).way
             accumulate(scale(-1.0, way), work.joint_gap[first])
         for body in range(first, system.carriages.body_offset[carriage + 1]):
             for axis in range(work.joint_gap.shape[1]):

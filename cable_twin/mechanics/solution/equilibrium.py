@@ -12,10 +12,11 @@ from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, driven_force, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
+from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import slope, value
 from cable_twin.mechanics.rope.strand import rope_before
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
@@ -97,6 +98,8 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         copy_state(state, good)
         if system.air.varies:
             blow(system, state, 0.0)
+        if has_kinks(cable):
+            direct_kinks(system, state, work)
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, 0.0, 1.0, work)
         solvable = solve(system, state, work)
