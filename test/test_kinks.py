@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -54,6 +55,65 @@ def _turned(body, arm):
         return np.array([c * arm[0] + s * arm[1], -s * arm[0] + c * arm[1]])
     x, y, z, w = body[3:]
     return arm + 2.0 * np.cross([x, y, z], np.cross([x, y, z], arm) + w * arm)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3, 0.6, 0.9])
+def test_a_load_rides_over_no_waves_on_a_rope_that_climbs(slope):
+    """A load of 14 kN held on a weightless rope at 240 kN: how far across the rope it hangs, on an element of 5 m."""
+    tension, force, length, count = 240e3, 14e3, 80.0, 16
+    axes = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
+    spread = {}
+    for kinks in ("rounded", "sharp"):
+        ways = []
+        for place in (8.0, 8.125, 8.25, 8.375, 8.5):
+            changes = {
+                "gravity": 10.0,
+                "cable.unstrained_length": length,
+                "cable.mass_per_length": 1e-6,
+                "cable.axial_stiffness": 97e6,
+                "cable.bending_stiffness": 7.5e3,
+                "cable.elements": count,
+                "cable.kinks": kinks,
+                "cable.initial_shape": "equilibrium",
+                "cable.start": {"position": [0.0, 0.0], "support": "pinned"},
+                "cable.end": {
+                    "position": (length * (1.0 + tension / 97e6) * axes[0]).tolist(),
+                    "support": "counterweight",
+                    "direction": axes[0].tolist(),
+                    "mass": tension / 10.0,
+                },
+                "carriages": {
+                    "load": {
+                        "arc_length": place * length / count,
+                        "drive": {"mode": "speed"},
+                        "bodies": {"body": {"mass": force / 10.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}},
+                    }
+                },
+            }
+            simulation = Simulation(load_scenario("single_span", changes))
+            hangs = axes @ simulation.state.bodies.position[0, :2]
+            across, x = force * np.cos(slope), place * length / count
+            below = tension - force * np.sin(slope)  # the counterweight is above
+            string = across / (below / x + tension / (length - x))
+            ways.append((hangs[1] + string) * tension / (across * length / count))
+        spread[kinks] = 0.5 * np.ptp(ways)
+    assert spread["rounded"] > 0.008
+    assert spread["sharp"] < 0.0015
+
+
+def test_a_rope_without_tension_is_refused_in_a_line():
+    """Without gravity as long as its span: there is nothing that a kink could be worked out by."""
+    changes = {
+        "gravity": 0.0,
+        "cable.unstrained_length": 100.0,
+        "cable.end.position": [100.0, 0.0],
+        "cable.bending_stiffness": 0.0,
+        "cable.kinks": "sharp",
+    }
+    with pytest.raises(
+        EquilibriumError, match=r"cable.kinks: given 'sharp' where the rope rests with .* N; allowed: rounded"
+    ):
+        Simulation(load_scenario("single_span", changes))
 
 
 def test_a_start_does_not_depend_on_the_step():
