@@ -160,7 +160,7 @@ def sharp_kinks() -> Iterator[Result]:
             heights = np.array([_height_of_load(force, 25.0 + share, kinks) for share in np.linspace(0.0, 1.0, 9)])
             text, waves = f"kinks {kinks}, {1e-3 * force:g} kN", 0.5 * float(np.ptp(heights))
             if kinks == "sharp":
-                yield Result(f"{text}: height above the kink, mean", "l F / T", 0.0, float(heights.mean()), 0.002)
+                yield Result(f"{text}: height above the kink, mean", "l F / T", 0.0, float(heights.mean()), 0.003)
             yield Result(f"{text}: waves up and down", "l F / T", 0.0, waves, bound)
 
 

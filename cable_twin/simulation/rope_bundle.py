@@ -28,7 +28,7 @@ from cable_twin.mechanics.solution.bundle.rest import relax_bundle, settle_bundl
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, relax, without_friction
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
+from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
@@ -118,11 +118,28 @@ class RopeBundle:
                     part.check_bare()
 
     def find_rest(self) -> None:
-        """Bring each rope to rest by itself, then all of them together.
+        """Bring all ropes to rest, and again where joints yield by the tension of the first time.
 
         Raises:
             EquilibriumError: there is none.
         """
+        laid = [clone_state(part.state) for part in self.parts], clone_bundle_state(self.moving)
+        self._find_rest()
+        sharpened = [self._sharpen(name, part) for name, part in zip(self._scenario.ropes, self.parts, strict=True)]
+        if any(sharpened):
+            for part, state in zip(self.parts, laid[0], strict=True):
+                write_state(state, part.state)
+            for before, now in zip(fields_of(laid[1]).values(), fields_of(self.moving).values(), strict=True):
+                now[...] = before
+            self._find_rest()
+
+    @staticmethod
+    def _sharpen(name: str, part: Ropeway) -> bool:
+        with _of_rope(name):
+            return part.sharpen()
+
+    def _find_rest(self) -> None:
+        """Bring each rope to rest by itself, then all of them together."""
         for name, part, work in zip(self._scenario.ropes, self.parts, self._works, strict=True):
             if part.is_taut:
                 lay_taut(part.system, part.state)
@@ -134,12 +151,6 @@ class RopeBundle:
         check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         self._settle()
-        sharpened = False
-        for name, part in zip(self._scenario.ropes, self.parts, strict=True):
-            with _of_rope(name):
-                sharpened = part.sharpen() or sharpened
-        if sharpened:
-            self._settle()
         note_clamps(self.parts, self.bundle.clamps)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)

@@ -238,5 +238,6 @@ def test_wrong_rates_and_names_are_a_line_each(tmp_path):
     scenario = ("--scenario", str(write_lift(tmp_path)))
     starts = [(*scenario, *arguments) for arguments in expected]
     for parts, lines in zip(expected.values(), refused_starts(tmp_path, *starts), strict=True):
-        (line,) = lines
+        assert len(lines) == 1, lines
+        line = lines[0]
         assert all(part in line for part in parts)
