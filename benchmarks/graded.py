@@ -75,6 +75,7 @@ def run(effort: Effort, progress: Progress) -> Part:
             faults += [] if effort.quick else _faults(row, found)
     notes = [
         note,
+        "`chairlift` and `gondola` are loops of two strands now, where the unit has one strand of each.",
         "All meshes have the kinks that the scenario has, sharp ones, but where rounded ones are named.",
         "Key figures are those of the ropeway: what the solver says of its own losses is left out.",
         f"The trip: drive at the speed of the part `frame` from rest, emergency stop at {STOP:g} s, until {END:g} s. "
