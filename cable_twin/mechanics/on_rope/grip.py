@@ -121,7 +121,7 @@ def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stif
     residual = add_scaled(1.0, joint.moment, seen.moment_left)
     free = 1.0 if dot(along, along) > 0.0 else 0.0
 
-    # the turn as the hinge sees it: seen_j Δe_j + by_s Δs
+    # the turn as the hinge sees it: turned_j Δe_j + by_s Δs
     rated = joint.steep[1] > 0.0 and joint.by_turn[0] > 0.0
     share = stiffness_factor * joint.steep[1] / joint.by_turn[0] if rated else 0.0
     by_slope = add_scaled(share, spin_by_slope(turning, r_x), g)
@@ -134,16 +134,16 @@ def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stif
     on_s = scale(free, add_scaled(1.0, product(along, pt, like), product(lever, tt, still)))  # of row s, by the turn
     pull = add_scaled(1.0, product(tp, joint_by_s, like), product(tt, by_s, still))  # of the moment, by Δs
     for j in range(4):
-        seen = add_scaled(shape_x[j], by_slope, scale(share * s_dot * shape_xx[j], g))
-        store(seen, work.grip_row[carriage, j])
+        turned = add_scaled(shape_x[j], by_slope, scale(share * s_dot * shape_xx[j], g))
+        store(turned, work.grip_row[carriage, j])
         row = add_scaled(shape_x[j], bent_back, scale(shape_xx[j], force))
         row = add_scaled(shape[j], product(lever, tp, still), row)
-        accumulate(add_scaled(1.0, product(on_s, seen, still), scale(free, row)), work.sliding_row[carriage, j])
+        accumulate(add_scaled(1.0, product(on_s, turned, still), scale(free, row)), work.sliding_row[carriage, j])
         column = add_scaled(shape_x[j], bent, scale(shape_xx[j], force))
         column = add_scaled(shape_x[j], product(pull, g, still), column)
         accumulate(add_scaled(shape[j], product(pt, by_s, still), column), work.sliding_column[carriage, j])
-        moved = add_scaled(shape[j], tp, product(tt, seen, still))  # of the moment, by Δe_j
-        on_node, on_slope = product(pt, seen, still), product(flipped(g, like), moved, still)
+        moved = add_scaled(shape[j], tp, product(tt, turned, still))  # of the moment, by Δe_j
+        on_node, on_slope = product(pt, turned, still), product(flipped(g, like), moved, still)
         for i in range(4):
             tangent = add_scaled(shape_x[i] * shape_x[j], stiff, scale(shape[i], on_node))
             add_block(add_scaled(shape_x[i], on_slope, tangent), point.element, i, j, work)
