@@ -60,19 +60,24 @@ def joint_tangent(cable, state, carriage):
 
 
 @inlined_kernel
+def joint_along(cable, state, carriage):
+    """Unit tangent (dim,) of the cable at a joint."""
+    r_x = joint_tangent(cable, state, carriage)
+    return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
+
+
+@inlined_kernel
 def joint_kink(cable, state, carriage, force):
     """What a joint yields under a force (dim,) in N, as `rope.kink`."""
-    r_x = joint_tangent(cable, state, carriage)
-    along = scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
-    return kink(cable, state.joint_element[carriage], state.joints.position[carriage], force, along)
+    element, place = state.joint_element[carriage], state.joints.position[carriage]
+    return kink(cable, element, place, force, joint_along(cable, state, carriage))
 
 
 @kernel
 def direct_kinks(system, state, work):
     """Choose across what each joint yields in a step: the rope as it is now, or is predicted to be."""
     for carriage in range(system.carriages.fixed.size):
-        r_x = joint_tangent(system.cable, state, carriage)
-        store(scale(1.0 / sqrt(dot(r_x, r_x)), r_x), work.joint_along[carriage])
+        store(joint_along(system.cable, state, carriage), work.joint_along[carriage])
 
 
 @kernel

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 from cable_twin.mechanics.drives.haul_rope import haul_energies
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.orientations import inertia_of
-from cable_twin.mechanics.language.vectors import dot, load, product, scale
+from cable_twin.mechanics.language.vectors import dot, load, product
 from cable_twin.mechanics.on_rope.chain import axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
-from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent, spring_energy
+from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
 from cable_twin.mechanics.rope.elastic_models import elastic_energy
@@ -61,8 +59,7 @@ def energies(system, state):
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
         if has_kinks(cable) and state.attached[carriage]:
             contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
-            r_x = joint_tangent(cable, state, carriage)
-            along = scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
+            along = joint_along(cable, state, carriage)
             elastic += kink_energy(cable, state.joint_element[carriage], place, contact, along)
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
