@@ -42,8 +42,9 @@ class Cable(NamedTuple):
     cell_length: float  # m, of the even grid by which the element at an arc length is looked up
     cell_element: IntArray  # (cells,) the element at the start of each of its cells
     unstrained_length: float  # L, m
-    rounding: FloatArray  # (elements, 2, 9) of x / l: c in m/N and d in m/N³ of `kink`, highest power first; or none
-    rounding_limit: float  # b of it, 1/N²
+    rounding: FloatArray  # (elements, 3, 9) of x / l, highest power first: c_0 in m/N, d_0 in m/N³, k in m/N of `kink`
+    rounding_limit: float  # b_0 of it, 1/N²
+    rounding_tension: FloatArray  # T_0 of it, (elements,) N
     mass_per_length: float  # rho A, kg/m
     axial_stiffness: float  # EA, N
     bending_stiffness: float  # EI, N m^2
@@ -73,8 +74,9 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
         "cell_length": whole / cells,
         "cell_element": np.clip(np.searchsorted(node_arc_length, starts, side="right") - 1, 0, lengths.size - 1),
         "unstrained_length": whole,
-        "rounding": np.zeros((0, 2, 1)),
+        "rounding": np.zeros((0, 3, 1)),
         "rounding_limit": 0.0,
+        "rounding_tension": np.zeros(0),
     }
 
 

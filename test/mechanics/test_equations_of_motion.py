@@ -12,7 +12,7 @@ from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
@@ -24,6 +24,7 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     solve,
     solve_accelerations,
 )
+from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.state import clone_state
 
 ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
@@ -65,7 +66,7 @@ def yielded(system, state, carriage, work):
         return np.zeros(2), 0.0
     force = state.multipliers[system.carriages.body_offset[carriage]]
     element, s = int(state.joint_element[carriage]), state.joints.position[carriage]
-    return way_and_push(system.cable, element, s, force, work.joint_along[carriage])
+    return way_and_push(system.cable, element, s, force, work.joint_along[carriage], work.joint_slackness[carriage])
 
 
 def constraints(system, state, work=None):
@@ -188,7 +189,7 @@ def dense_newton_step(system, state, work, mass_factor, rate_factor):
 def check_newton_step(system, state, work, tolerance=1e-8):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
     mass_factor, rate_factor = 400.0, 25.0
-    direct_kinks(system, state, work)
+    hold_kinks(system, state, work)
     exact = split(system, dense_newton_step(system, state, work, mass_factor, rate_factor))
     before = state.multipliers.copy()
     measure_gaps(system, state, work, True)

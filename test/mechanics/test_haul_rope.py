@@ -18,9 +18,10 @@ from cable_twin.mechanics.drives.haul_rope import (
 )
 from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.language.turns import cross
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, joint_position, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
+from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.state import Motion
 
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
@@ -104,7 +105,7 @@ def check_newton_step(system, state, work, residual, tolerance=3e-8):
     size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
     total = size + 5 * system.carriages.mass.size + 3 * count
     still = held(system)
-    direct_kinks(system, state, work)
+    hold_kinks(system, state, work)
     matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
     right = -residual(state)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from systems import difference, make_cable
 
-from cable_twin.mechanics.rope.kink import kink, kink_energy
+from cable_twin.mechanics.rope.kink import kink, kink_energy, kink_length
 from cable_twin.mechanics.rope.rounding import rounding
 
 _RNG = np.random.default_rng(8)
 YIELDING = {  # of three elements: centimetres under some ten N, a third of them by d, half of which the limit takes
-    "rounding": _RNG.uniform(0.5, 1.0, (3, 2, 9)) * np.array([3e-4, 3e-7])[:, None],
+    "rounding": np.concatenate(
+        [_RNG.uniform(0.5, 1.0, (3, 2, 9)) * np.array([3e-4, 3e-7])[:, None], np.full((3, 1, 9), 1e-6)], axis=1
+    ),
     "rounding_limit": 2e-3,
+    "rounding_tension": np.array([300.0, 310.0, 320.0]),
 }
 
 
@@ -20,59 +23,80 @@ def unit(dim):
     return along / np.linalg.norm(along)
 
 
-def energy(cable, element, s, force, along):
+def tables(cable, element, tau):
+    """Polynomials of c and d, and b, at a tension of 1 / `tau` times that at rest."""
+    c, d, k = cable.rounding[element]
+    return tau * c + (tau - tau**2) * k, tau**4 * d, tau**3 * cable.rounding_limit
+
+
+def energy(cable, element, s, force, along, tau=1.0):
     """E (J) of what yields under a `force` (dim,) in N at arc length `s` (m) across `along` (dim,), as defined."""
     force = force - (force @ along) * along
     u = (s - cable.node_arc_length[element]) / cable.element_length[element]
-    c, d = (np.polyval(row, u) for row in cable.rounding[element])
-    squared = force @ force
-    return 0.5 * c * squared + 0.25 * d * squared**2 / (1.0 + cable.rounding_limit * squared)
+    c, d, limit = tables(cable, element, tau)
+    c, d, squared = np.polyval(c, u), np.polyval(d, u), force @ force
+    return 0.5 * c * squared + 0.25 * d * squared**2 / (1.0 + limit * squared)
 
 
-def way_and_push(cable, element, s, force, along):
+def way_and_push(cable, element, s, force, along, tau=1.0):
     """∂E/∂F (dim,) in m and ∂E/∂s (N), written out by hand."""
     force = force - (force @ along) * along
-    length, limit = cable.element_length[element], cable.rounding_limit
+    length, (c, d, limit) = cable.element_length[element], tables(cable, element, tau)
     u, squared = (s - cable.node_arc_length[element]) / length, force @ force
-    c, d = (np.polyval(row, u) for row in cable.rounding[element])
-    c_s, d_s = (np.polyval(np.polyder(row), u) / length for row in cable.rounding[element])
+    c_s, d_s = (np.polyval(np.polyder(row), u) / length for row in (c, d))
+    c, d = np.polyval(c, u), np.polyval(d, u)
     over = 1.0 + limit * squared
     way = (c + d * (squared / over - 0.5 * limit * squared**2 / over**2)) * force
     return way, 0.5 * c_s * squared + 0.25 * d_s * squared**2 / over
 
 
+@pytest.mark.parametrize("tau", [1.0, 0.7])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_derivatives_are_those_of_one_energy(dim):
+def test_derivatives_are_those_of_one_energy(dim, tau):
     """The way is ∂E/∂F, the push -∂E/∂s, and their tangents are their derivatives: differences, to 1e-8."""
     cable = make_cable(dim, **YIELDING)
     force, s, along = np.array([9.0, 14.0, 30.0])[-dim:], 1.13, unit(dim)
-    got = kink(cable, 1, s, tuple(force), tuple(along))
-    by_force = difference(lambda f: np.array([energy(cable, 1, s, f, along)]), force, 1e-2)[0]
-    by_place = difference(lambda x: np.array([energy(cable, 1, x[0], force, along)]), np.array([s]), 1e-3)[0, 0]
+    got = kink(cable, 1, s, tuple(force), tuple(along), tau)
+    by_force = difference(lambda f: np.array([energy(cable, 1, s, f, along, tau)]), force, 1e-2)[0]
+    by_place = difference(lambda x: np.array([energy(cable, 1, x[0], force, along, tau)]), np.array([s]), 1e-3)[0, 0]
     np.testing.assert_allclose(got.way, by_force, rtol=1e-8)
     np.testing.assert_allclose(got.along, by_place, rtol=1e-8)
-    way, push = way_and_push(cable, 1, s, force, along)
+    way, push = way_and_push(cable, 1, s, force, along, tau)
     np.testing.assert_allclose(got.way, way, rtol=1e-12)
     np.testing.assert_allclose(got.along, push, rtol=1e-12)
     assert abs(np.array(got.way) @ along) < 1e-15  # nothing yields along the rope
-    tangent = difference(lambda f: way_and_push(cable, 1, s, f, along)[0], force, 1e-2)
+    tangent = difference(lambda f: way_and_push(cable, 1, s, f, along, tau)[0], force, 1e-2)
     np.testing.assert_allclose(np.reshape(got.by_force, (dim, dim)), tangent, rtol=1e-7)
-    along = difference(lambda x: np.append(*way_and_push(cable, 1, x[0], force, along)), np.array([s]), 1e-3)[:, 0]
+    along = difference(lambda x: np.append(*way_and_push(cable, 1, x[0], force, along, tau)), np.array([s]), 1e-3)[:, 0]
     np.testing.assert_allclose([*got.by_place, got.along_by_place], along, rtol=1e-7)
 
 
 def test_energy_is_the_work_that_the_force_has_done():
     """∫F·dδ as a force grows, by Simpson's rule: to 1e-9."""
-    cable, force, s, along = make_cable(2, **YIELDING), np.array([14.0, 30.0]), 1.13, unit(2)
+    cable, force, s, along, tau = make_cable(2, **YIELDING), np.array([14.0, 30.0]), 1.13, unit(2), 0.7
     shares = np.linspace(0.0, 1.0, 401)
 
     def way(share):
-        return way_and_push(cable, 1, s, share[0] * force, along)[0]
+        return way_and_push(cable, 1, s, share[0] * force, along, tau)[0]
 
     rates = np.array([difference(way, np.array([share]), 1e-3)[:, 0] for share in shares])
     power = (shares[:, None] * force * rates).sum(axis=1)
     work = (power[:-1:2] + 4.0 * power[1::2] + power[2::2]).sum() * shares[1] / 3.0
-    assert kink_energy(cable, 1, s, tuple(force), tuple(along)) == pytest.approx(work, rel=1e-9)
+    assert kink_energy(cable, 1, s, tuple(force), tuple(along), tau) == pytest.approx(work, rel=1e-9)
+
+
+@pytest.mark.parametrize(("force", "within"), [(8.0, 1e-4), (150.0, 2e-2)])
+def test_the_rope_that_a_kink_takes_is_what_its_energy_loses_with_tension(force, within):
+    """-∂E/∂T, from tables of two tensions: small forces, and large ones where d and its limit tell (as T⁻⁴ and T⁻³)."""
+    mesh = {"element_count": 40, "element_length": 2.0, "even": True, "bending_stiffness": 20.0}
+    cable, force, along = make_cable(2, **mesh), np.array([0.0, force]), np.array([1.0, 0.0])
+    for u in (0.0, 0.3, 0.5, 0.8):
+        s = 2.0 * (20 + u)
+        tabled = {t: cable._replace(**rounding(cable, np.full(40, t))) for t in (499.0, 500.0, 501.0, 600.0)}
+        less, _, more, much = (energy(one, 20, s, force, along) for one in tabled.values())
+        got = kink_length(tabled[500.0], 20, s, tuple(force), tuple(along), 1.0)
+        assert got == pytest.approx(0.5 * (less - more), rel=within)
+        assert energy(tabled[500.0], 20, s, force, along, 500.0 / 600.0) == pytest.approx(much, rel=max(0.01, within))
 
 
 def test_a_linear_string_lacks_what_its_cubics_round_off():

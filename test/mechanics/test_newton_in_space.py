@@ -14,7 +14,7 @@ from test_kink import YIELDING, way_and_push
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
@@ -27,6 +27,7 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     measure_gaps,
     solve,
 )
+from cable_twin.mechanics.solution.kinks import hold_kinks
 
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact
@@ -105,7 +106,14 @@ def yielded(system, state, work):
     if work is None or not system.cable.rounding.size:
         return np.zeros(3), 0.0
     element = int(state.joint_element[0])
-    return way_and_push(system.cable, element, state.joints.position[0], state.multipliers[0], work.joint_along[0])
+    return way_and_push(
+        system.cable,
+        element,
+        state.joints.position[0],
+        state.multipliers[0],
+        work.joint_along[0],
+        work.joint_slackness[0],
+    )
 
 
 def rows(system, state, holding, work):
@@ -180,7 +188,7 @@ def dense_newton_step(system, state, work):
 
 def check_newton_step(system, state, work, tolerance=1e-5):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
-    direct_kinks(system, state, work)
+    hold_kinks(system, state, work)
     exact = dense_newton_step(system, state, work)
     before, start = state.multipliers.copy(), chain(system, state)
     holding = stored_holding(start, state)

@@ -99,7 +99,8 @@ def yielding(cable, element, s, seen, r_x, carriage, work):
     """
     if not has_kinks(cable):
         return seen, r_x, 0.0, 0.0
-    bent = kink(cable, element, s, seen.force, load(work.joint_along[carriage], r_x))
+    along = load(work.joint_along[carriage], r_x)
+    bent = kink(cable, element, s, seen.force, along, work.joint_slackness[carriage])
     by_s = subtract(r_x, bent.by_place)
     store(by_s, work.joint_by_s[carriage])
     return let_yield(seen, bent, carriage, work), by_s, bent.along, bent.along_by_place

@@ -31,7 +31,7 @@ from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, tur
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.on_rope.seen_carriage import contact_force, seen_by_cable, yielding
 from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.rope.kink import has_kinks, kink, slackness
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -70,14 +70,8 @@ def joint_along(cable, state, carriage):
 def joint_kink(cable, state, carriage, force):
     """What a joint yields under a force (dim,) in N, as `rope.kink`."""
     element, place = state.joint_element[carriage], state.joints.position[carriage]
-    return kink(cable, element, place, force, joint_along(cable, state, carriage))
-
-
-@kernel
-def direct_kinks(system, state, work):
-    """Choose across what each joint yields in a step: the rope as it is now, or is predicted to be."""
-    for carriage in range(system.carriages.fixed.size):
-        store(joint_along(system.cable, state, carriage), work.joint_along[carriage])
+    tau = slackness(cable, state, element, place)
+    return kink(cable, element, place, force, joint_along(cable, state, carriage), tau)
 
 
 @kernel

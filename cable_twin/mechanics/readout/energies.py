@@ -12,9 +12,9 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
-from cable_twin.mechanics.rope.elastic_models import elastic_energy
+from cable_twin.mechanics.rope.elastic_models import elastic_energy, tension_of
 from cable_twin.mechanics.rope.flow import flow_energy
-from cable_twin.mechanics.rope.kink import has_kinks, kink_energy
+from cable_twin.mechanics.rope.kink import has_kinks, kink_energy, slackness
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.rope.strand import rest_stretch
@@ -32,6 +32,8 @@ def energies(system, state):
     gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
+        if state.kink_length[element] > 0.0:  # which the tension has given to joints as they yielded
+            elastic -= tension_of(cable, state, element) * state.kink_length[element]
         length = cable.element_length[element]
         for i in range(4):
             scale_i = length if i % 2 else 1.0
@@ -59,8 +61,9 @@ def energies(system, state):
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
         if has_kinks(cable) and state.attached[carriage]:
             contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
-            along = joint_along(cable, state, carriage)
-            elastic += kink_energy(cable, state.joint_element[carriage], place, contact, along)
+            along, element = joint_along(cable, state, carriage), state.joint_element[carriage]
+            tau = slackness(cable, state, element, place)
+            elastic += kink_energy(cable, element, place, contact, along, tau)
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):

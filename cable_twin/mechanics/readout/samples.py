@@ -85,7 +85,8 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
         r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
         rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         rates = rates_of_strain(taken_in, (d, a, b), rates)
-        spread((mean_tension(cable, stretch * length, d, a, b, *rates),), means, group)
+        at_rest = stretch * length - gather_numbers(state.kink_length, group * WIDTH)
+        spread((mean_tension(cable, at_rest, d, a, b, *rates),), means, group)
     mean = flat(means)
     for k in range(arc_lengths.size):
         if count == 1:

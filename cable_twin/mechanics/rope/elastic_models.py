@@ -29,7 +29,7 @@ from cable_twin.mechanics.rope.shape_functions import (
     BENDING_SLOPES,
     BENDING_WEIGHT,
 )
-from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.rope.strand import rest_length
 
 
 @kernel
@@ -284,9 +284,17 @@ def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
 
 
 @kernel
+def tension_of(cable, state, element):
+    """Mean tension (N) of an element, without what damps it."""
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
+    still = scale(0.0, d)
+    return mean_tension(cable, rest_length(cable, state, element), d, a, b, still, still, still)
+
+
+@kernel
 def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
-    length = rest_stretch(cable, state) * cable.element_length[element]
+    length = rest_length(cable, state, element)
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0

@@ -26,7 +26,7 @@ from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flows
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_stretch, thickening
+from cable_twin.mechanics.rope.strand import rest_length, rest_stretch, thickening
 
 
 @kernel
@@ -67,7 +67,8 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
         inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
-        elastic = elastic_force(cable, stretch * length, *shape, *strain_rates, rate_factor, stiffness_factor)
+        at_rest = stretch * length - gather_numbers(state.kink_length, first)
+        elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if system.moving_cable.moving and flowing:
             factors = flow_factors(cable, state, gather_numbers(cable.node_arc_length, first) + 0.5 * length)
@@ -96,7 +97,8 @@ def end_forces(cable, state, element):
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     rates = chord_and_slopes(state.nodes.velocity, element, cable)
     d_dot, a_dot, b_dot = rates_of_strain(thickening(cable, state), (d, a, b), rates)
-    force, _, _, _, _, _, _, _, _ = elastic_force(cable, stretch * length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
+    at_rest = rest_length(cable, state, element)
+    force, _, _, _, _, _, _, _, _ = elastic_force(cable, at_rest, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
     like, e_ddot = cable.gravity, state.nodes.acceleration
     on_r_a, _, on_r_b, _ = inertia(
         cable,

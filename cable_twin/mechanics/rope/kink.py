@@ -4,10 +4,12 @@ A force F across a taut rope bends it at one place. Elements bend over their len
 under the force by what `rounding` works out, depending on the place: a vehicle rides over waves, from node to node.
 What they lack is put between rope and joint as a massless spring without a length, of the complementary energy
 
-    E(F, s) = ½ c F² + ¼ d F⁴ / (1 + b F²)
+    E(F, s, T) = ½ c F² + ¼ d F⁴ / (1 + b F²)
 
-of what F is across the rope. ∂E/∂F is the way δ from the joint to its place on the rope, and -∂E/∂s what pushes the
-joint along the rope.
+of what F is across the rope. ∂E/∂F is the way δ from the joint to its place on the rope, -∂E/∂s what pushes the joint
+along the rope, and -∂E/∂T the rope that the kink takes. With the tension T_0 at rest and τ = T_0 / T,
+
+    c = c_0 τ + k (τ - τ²),  k = c_0 + T_0 ∂c/∂T,  d = d_0 τ⁴,  b = b_0 τ³.
 """
 
 from __future__ import annotations
@@ -16,6 +18,9 @@ from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, block, dot, outer, scale
+from cable_twin.mechanics.rope.elastic_models import tension_of
+
+SLACKEST = 2.0  # τ of a rope that has less: it is no string any more
 
 
 class Kink(NamedTuple):
@@ -35,15 +40,37 @@ def has_kinks(cable):
 
 
 @inlined_kernel
-def kink(cable, element, arc_length, force, along):
+def shares(cable, element, arc_length):
+    """Three elements around a place (m) on the middle one, each with its share (-): smooth from element to element."""
+    off = (arc_length - cable.node_arc_length[element]) / cable.element_length[element] - 0.5
+    off = min(max(off, -0.5), 0.5)
+    return (
+        (max(element - 1, 0), 0.5 * (0.5 - off) ** 2),
+        (element, 0.75 - off * off),
+        (min(element + 1, cable.element_count - 1), 0.5 * (0.5 + off) ** 2),
+    )
+
+
+@kernel
+def slackness(cable, state, element, arc_length):
+    """Tension at rest over that now, τ, at an arc length (m) on an element."""
+    now, rest = 0.0, 0.0
+    for number, share in shares(cable, element, arc_length):
+        now += share * tension_of(cable, state, number)
+        rest += share * cable.rounding_tension[number]
+    return rest / max(now, rest / SLACKEST)
+
+
+@inlined_kernel
+def kink(cable, element, arc_length, force, along, tau):
     """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it.
 
     The unit vector `along` (dim,) is that of the rope there.
     """
-    (c, c_s, c_ss), (d, d_s, d_ss) = rounded_off(cable, element, arc_length)
+    (c, c_s, c_ss), (d, d_s, d_ss), _ = rounded_off(cable, element, arc_length, tau)
     force = add_scaled(-dot(force, along), along, force)
     squared = dot(force, force)
-    limited = 1.0 / (1.0 + cable.rounding_limit * squared)
+    limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
     fourth = 0.25 * squared * squared * limited  # of d, in E
     cubed = squared * (0.5 + 0.5 * limited) * limited  # of d, in δ over F
     way = c + d * cubed
@@ -58,13 +85,16 @@ def kink(cable, element, arc_length, force, along):
 
 
 @inlined_kernel
-def rounded_off(cable, element, arc_length):
-    """C in m/N and d in m/N³ at an arc length (m) on an element, each with two derivatives by it."""
+def rounded_off(cable, element, arc_length, tau):
+    """C in m/N and d in m/N³ at an arc length (m) on an element, each with two derivatives by it; -T ∂c/∂T in m/N."""
     per_length = 1.0 / cable.element_length[element]
     u = (arc_length - cable.node_arc_length[element]) * per_length
     if arc_length < 0.0 or arc_length > cable.unstrained_length:  # where nothing bends
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    return polynomial(cable.rounding[element, 0], u, per_length), polynomial(cable.rounding[element, 1], u, per_length)
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
+    c = polynomial(cable.rounding[element, 0], u, per_length)
+    d = scale(tau**4, polynomial(cable.rounding[element, 1], u, per_length))
+    k = polynomial(cable.rounding[element, 2], u, per_length)
+    return add_scaled(tau - tau * tau, k, scale(tau, c)), d, tau * (c[0] + k[0] - 2.0 * tau * k[0])
 
 
 @inlined_kernel
@@ -79,12 +109,22 @@ def polynomial(coefficients, u, factor):
 
 
 @kernel
-def kink_energy(cable, element, arc_length, force, along):
-    """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
-    (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length)
+def kink_length(cable, element, arc_length, force, along, tau):
+    """Rope (m) that a kink takes beyond what its elements have, -∂E/∂T."""
+    _, (d, _, _), by_tension = rounded_off(cable, element, arc_length, tau)
     squared = dot(force, force) - dot(force, along) ** 2
-    limited = 1.0 / (1.0 + cable.rounding_limit * squared)
+    limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
+    fourth = 0.25 * d * squared * squared * limited * (1.0 + 3.0 * limited)
+    return tau * (0.5 * by_tension * squared + fourth) / cable.rounding_tension[element]
+
+
+@kernel
+def kink_energy(cable, element, arc_length, force, along, tau):
+    """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
+    (c, _, _), (d, _, _), _ = rounded_off(cable, element, arc_length, tau)
+    squared = dot(force, force) - dot(force, along) ** 2
+    limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
     return squared * (0.5 * c + d * squared * limited * (0.25 + 0.5 * limited))
 
 
-__all__ = ["Kink", "has_kinks", "kink", "kink_energy"]
+__all__ = ["Kink", "has_kinks", "kink", "kink_energy", "kink_length", "shares", "slackness"]

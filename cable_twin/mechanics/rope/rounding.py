@@ -22,6 +22,7 @@ from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_fun
 
 REACH = 6  # elements on either side that are looked at
 LIMIT = 0.1  # -
+CHANGE = 1e-3  # of the tension, for derivatives by it
 PLACES = 9  # on an element, through which polynomials of degree 8 go
 LEAST_TENSION = 1e-3  # of the highest one: a rope that is slacker is no string
 
@@ -40,17 +41,21 @@ def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
     numbers = np.arange(cable.element_count)
     first = np.maximum(numbers - REACH, 0)
     last = np.minimum(numbers + REACH, cable.element_count - 1)
-    table = np.zeros((cable.element_count, 2, PLACES))
+    table = np.zeros((cable.element_count, 3, PLACES))
     for before, after in {*zip((numbers - first).tolist(), (last - numbers).tolist(), strict=True)}:
         alike = numbers[(numbers - first == before) & (last - numbers == after)]
         patch = alike[:, None] + np.arange(-before, after + 1)
-        table[alike] = _of_patches(cable, cable.element_length[patch], tension[patch], before)
+        lengths, tensions = cable.element_length[patch], tension[patch]
+        table[alike, :2] = _of_patches(cable, lengths, tensions, before)
+        less, more = (_of_patches(cable, lengths, (1.0 + change) * tensions, before) for change in (-CHANGE, CHANGE))
+        table[alike, 2] = table[alike, 0] + (more - less)[:, 0] / (2.0 * CHANGE)
     _join(table, cable.element_length)
-    return {"rounding": table, "rounding_limit": LIMIT * cable.axial_stiffness / float(tension.mean()) ** 3}
+    limit = LIMIT * cable.axial_stiffness / float(tension.mean()) ** 3
+    return {"rounding": table, "rounding_limit": limit, "rounding_tension": tension}
 
 
 def _join(table: FloatArray, length: FloatArray) -> None:
-    """Make polynomials (elements, 2, PLACES) of neighbours meet in value and slope, which they do but for rounding.
+    """Make polynomials (elements, 3, PLACES) of neighbours meet in value and slope, which they do but for rounding.
 
     Newton's method would go to and fro between two that do not. At the ends of the rope nothing yields.
     """

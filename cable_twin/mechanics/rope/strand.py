@@ -22,6 +22,12 @@ def rest_stretch(cable, state):
 
 
 @inlined_kernel
+def rest_length(cable, state, element):
+    """Unstrained length (m) of the rope on an element, less what sharp kinks take of it."""
+    return rest_stretch(cable, state) * cable.element_length[element] - state.kink_length[element]
+
+
+@inlined_kernel
 def thickening(cable, state):
     """λ_t / λ (1/s): rate at which what is between two places of the mesh takes in rope, of the rope there."""
     speed = state.rope.velocity

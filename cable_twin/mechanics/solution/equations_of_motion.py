@@ -85,8 +85,9 @@ def largest_gap(system, state, work, place):
         first = system.carriages.body_offset[carriage]
         if has_kinks(cable) and state.attached[carriage]:
             contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
-            way = kink(cable, state.joint_element[carriage], state.joints.position[carriage], contact, along).way
-            accumulate(scale(-1.0, way), work.joint_gap[first])
+            element, place = state.joint_element[carriage], state.joints.position[carriage]
+            bent = kink(cable, element, place, contact, along, work.joint_slackness[carriage])
+            accumulate(scale(-1.0, bent.way), work.joint_gap[first])
         for body in range(first, system.carriages.body_offset[carriage + 1]):
             for axis in range(work.joint_gap.shape[1]):
                 worst = max(worst, abs(work.joint_gap[body, axis]))

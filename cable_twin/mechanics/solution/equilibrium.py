@@ -12,16 +12,16 @@ from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks, driven_force, joint_point, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import slope, value
 from cable_twin.mechanics.rope.strand import rope_before
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.state import State, WindField, Workspace, clone_state, copy_state, fields_of
 
 MAX_RELAXATIONS = 5000
@@ -98,8 +98,7 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         copy_state(state, good)
         if system.air.varies:
             blow(system, state, 0.0)
-        if has_kinks(cable):
-            direct_kinks(system, state, work)
+        hold_kinks(system, state, work)
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, 0.0, 1.0, work)
         solvable = solve(system, state, work)

@@ -15,12 +15,11 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, ke
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.orientations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import Vector
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
-from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
+from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 from cable_twin.mechanics.state import copy_state
 
@@ -156,8 +155,7 @@ def predict_all(c, h, system, state, work):
     predict_massless(c, h, state.hauled)
     predict(c, h, state.sheaves)
     prescribe(state)
-    if has_kinks(system.cable):
-        direct_kinks(system, state, work)
+    hold_kinks(system, state, work)
     direct_haul(system, state, work)
 
 

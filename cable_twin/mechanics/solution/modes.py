@@ -18,7 +18,7 @@ from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.rope.strand import rest_length, rest_stretch
 from cable_twin.mechanics.solution.carriage_modes import Hanging, hanging_carriages
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
 
@@ -138,22 +138,21 @@ def _cable_mass(system: System) -> csc_array:
 
 def _cable_stiffness(system: System, state: State) -> csc_array:
     """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
-    cable, stretch = system.cable, rest_stretch(system.cable, state)
-    dim = len(cable.gravity)
+    cable, dim = system.cable, len(system.cable.gravity)
     zero = (0.0,) * dim
     matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
 
-    def force(length: float, vectors: FloatArray) -> FloatArray:
+    def force(at_rest: float, vectors: FloatArray) -> FloatArray:
         d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
-        return np.concatenate(elastic_force(cable, stretch * length, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
+        return np.concatenate(elastic_force(cable, at_rest, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
     for element, length in enumerate(cable.element_length.tolist()):
         # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
         shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
         vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable))
-        tangent = np.empty((3 * dim, 3 * dim))
+        tangent, at_rest = np.empty((3 * dim, 3 * dim)), rest_length(cable, state, element)
         for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
-            both = force(length, vectors + change) - force(length, vectors - change)
+            both = force(at_rest, vectors + change) - force(at_rest, vectors - change)
             tangent[:, column] = both / (2.0 * DIFFERENCE * length)
         matrices[element] = shape.T @ tangent @ shape
     return _assemble(system, matrices)

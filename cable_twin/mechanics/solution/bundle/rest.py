@@ -9,14 +9,13 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_record
 from cable_twin.mechanics.language.orientations import move_bodies
-from cable_twin.mechanics.on_rope.sliding_joint import direct_kinks
-from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.generalized_alpha import copy_ropes
 from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
+from cable_twin.mechanics.solution.kinks import hold_kinks
 
 FIRST_STEP = 1e-2  # s, of the pseudo-transient
 CLOSED = 1e-6  # m, gap of a clamp
@@ -39,8 +38,7 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
         copy_record(moving, moving_good)
         for rope in range(bundle.records.shape[0]):
             own, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
-            if has_kinks(own.cable):
-                direct_kinks(own, here, record_at(bundle.records[rope, WORK], work))
+            hold_kinks(own, here, record_at(bundle.records[rope, WORK], work))
         solvable, increment, changed = solve_increments(
             bundle, moving, scratch, system, state, work, mass_factor, 0.0, 1.0
         )
