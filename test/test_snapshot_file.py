@@ -291,6 +291,14 @@ def test_what_version_6_added_is_zero_in_files_of_version_5(content, tmp_path):
     assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
 
 
+def test_what_version_7_added_is_zero_in_files_of_version_6(content, tmp_path):
+    header, arrays = content
+    older = {key: array for key, array in arrays.items() if not key.endswith("/kink_length")}
+    assert len(older) == len(arrays) - 2
+    path = write(tmp_path / "state.npz", {**header, "format_version": 6}, older)
+    assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
+
+
 @pytest.mark.parametrize("header", [{}, {"scenario": 3}, {"commands": {"cabin": 3}}, {"time": "noon"}])
 def test_header_without_its_keys_is_damaged(content, tmp_path, header):
     whole = {key: value for key, value in content[0].items() if key in ("format", "format_version")}

@@ -157,15 +157,23 @@ def sharp_kinks() -> Iterator[Result]:
     """With `kinks: sharp` it hangs as low as on a rope with a kink, wherever it is on an element, a large one too."""
     for force in (2.0e3, 14.0e3, 28.0e3):
         for kinks, bound in (("rounded", 0.02), ("sharp", 0.0015)):
-            heights = np.array([_height_of_load(force, 25.0 + share, kinks) for share in np.linspace(0.0, 1.0, 9)])
+            places = 25.0 + np.linspace(0.0, 1.0, 9)
+            heights, travels = np.array([_beside_string(force, place, kinks) for place in places]).T
             text, waves = f"kinks {kinks}, {1e-3 * force:g} kN", 0.5 * float(np.ptp(heights))
             if kinks == "sharp":
                 yield Result(f"{text}: height above the kink, mean", "l F / T", 0.0, float(heights.mean()), 0.003)
+                far = float(np.abs(travels).max())
+                yield Result(f"{text}: counterweight, largest way from its place", "m", 0.0, far, 3e-4)
             yield Result(f"{text}: waves up and down", "l F / T", 0.0, waves, bound)
 
 
-def _height_of_load(force: float, place: float, kinks: str) -> float:
-    """Height in l F / T of a load on a rope of 50 elements at `place` (elements), above the kink of a rope as it is."""
+def _beside_string(force: float, place: float, kinks: str) -> tuple[float, float]:
+    """A load on a rope of 50 elements at `place` (elements), beside two straight lines of rope that meet at it.
+
+    Returns:
+        How much higher it hangs, in l F / T, and how much further out the counterweight is (m), less what the bending
+        stiffness rounds off: √(EI / T) / 2 of F / T and, of the length, 3/8 of it times (F / T)².
+    """
     length, count, tension, axial, bending = 250.0, 50, 240e3, 97e6, 7.5e3
     s, unit = place * length / count, length / count * force / tension
     changes = {
@@ -202,8 +210,11 @@ def _height_of_load(force: float, place: float, kinks: str) -> float:
             (-t * z / before - t_after * z / after) / force - 1.0,
         ]
 
-    kink = root(unbalanced, [1.0, -0.25, 1.0], tol=1e-13).x[1] * unit * count
-    return (height - kink) / unit - 0.5 * float(np.sqrt(bending / tension)) * count / length
+    _, kink, end = root(unbalanced, [1.0, -0.25, 1.0], tol=1e-13).x
+    round_off = float(np.sqrt(bending / tension))
+    further = simulation.advance_to(0.0).supports["end"].travel - length * (end - 1.0 - tension / axial)
+    higher = (height - kink * unit * count) / unit - 0.5 * round_off * count / length
+    return higher, further - 0.375 * round_off * (force / tension) ** 2
 
 
 @case("kinks sharp, a load rolls over elements without a drive", "energy, which nothing takes or gives", needs_jit=True)

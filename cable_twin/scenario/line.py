@@ -62,7 +62,7 @@ class Cable(Section):
     kinks: Literal["rounded", "sharp"] = Field(
         default="rounded",
         description="the bend of the rope under a vehicle: as its elements round it off, or with what they lack of a "
-        "sharp one as a way of the joint, worked out at the tension at rest",
+        "sharp one as a way of the joint",
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
     mass_damping: float = quantity("1/s", "of a rope among several: damping per mass", 0.0, ge=0)

@@ -48,6 +48,8 @@ def brought_up(arrays: Mapping[str, Any], version: int) -> dict[str, Any]:
         arrays |= _in_grooves(arrays) | _even_wind(arrays)
     if version < 6:
         arrays |= _one_speed(arrays) | _unclamped(arrays)
+    if version < 7:
+        arrays |= _whole_rope(arrays)
     return arrays
 
 
@@ -123,6 +125,14 @@ def _unclamped(arrays: Mapping[str, Any]) -> dict[str, Any]:
             found |= {f"{part}/clamp_rope": np.zeros(0, np.int64), f"{part}/clamp_place": np.zeros(0)}
             found |= {f"{part}/clamp_slack": np.zeros((0, wide))}
     return found
+
+
+def _whole_rope(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What version 7 added: the rope that sharp kinks take, which is worked out anew in each step."""
+    elements = {
+        key.rpartition("/")[0]: len(array) - 1 for key, array in arrays.items() if key.endswith("nodes.position")
+    }
+    return {f"{part}/kink_length": np.zeros(count) for part, count in elements.items()}
 
 
 __all__ = ["PARTS", "brought_up"]

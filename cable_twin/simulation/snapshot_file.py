@@ -25,7 +25,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation.older_snapshots import PARTS, brought_up
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 SUFFIX = ".npz"
 BETWEEN = "between"  # what is on no rope alone
 # what zipfile, numpy and json raise on the way

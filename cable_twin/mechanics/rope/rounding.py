@@ -31,7 +31,7 @@ _POINTS, _WEIGHTS = 0.5 + 0.5 * _POINTS, 0.5 * _WEIGHTS
 
 
 def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
-    """The fields of `Cable` for joints that yield what its elements round off.
+    """The fields of `Cable` for joints that yield what its elements round off: c_0, d_0 and k of `kink`, and b_0.
 
     Args:
         cable: its mesh and its stiffness.
