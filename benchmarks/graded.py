@@ -1,9 +1,9 @@
 """Graded meshes beside even ones: what they cost, and how far key figures and the shape of the rope are apart.
 
 What they cost is measured on one strand where the unit has one: the scenarios of `test/one_strand`, with the elements
-and kinks of the lifts. The trip: under way from rest, an emergency stop, and what comes after it. What the even mesh of
-twice as many elements differs by from the same even mesh is shown beside, as the measure of what that one is worth
-itself, and so is what the graded mesh differs by from the even one whose elements round off the kinks under vehicles.
+and kinks of the lifts. The trip: under way from rest, an emergency stop, and what comes after it. What all meshes
+differ by from the even one of twice as many elements is shown beside, as the measure of what each is worth itself, also
+that of the even one whose elements round off the kinks under vehicles.
 """
 
 from __future__ import annotations
@@ -70,10 +70,12 @@ def run(effort: Effort, progress: Progress) -> Part:
                 f"of the cost of {YARDSTICK} [%]": 100.0 * costs,
             }
             rows.append(row)
-            found = _difference(name, "graded", graded, even)
+            found = _difference(name, "graded, from even", graded, even)
             differences += [
                 found,
-                _difference(name, "even, twice as fine", fine, even),
+                _difference(name, "graded, from twice as fine", graded, fine),
+                _difference(name, "even, from twice as fine", even, fine),
+                _difference(name, "even with rounded kinks, from twice as fine", rounded, fine),
                 _difference(name, "graded, from even with rounded kinks", graded, rounded),
             ]
             faults += [] if effort.quick else _faults(row, found)
@@ -88,9 +90,7 @@ def run(effort: Effort, progress: Progress) -> Part:
         f"Allowed: {MOST_ELEMENTS:g} % of the elements, {MOST_COST:g} % of the cost, {MOST_FIGURE:g} % in a key "
         f"figure, {MOST_SHAPE:g} mm root mean square.",
     ]
-    return Part(
-        "Graded meshes", [Table("cost", rows), Table("difference to the even mesh", differences)], notes, faults
-    )
+    return Part("Graded meshes", [Table("cost", rows), Table("differences", differences)], notes, faults)
 
 
 def _costs(name: str, effort: Effort, sources: Any, done: Any) -> float:
