@@ -81,6 +81,7 @@ class State(NamedTuple):
     rope_target: FloatArray  # (1,) m/s
     rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
     kink_length: FloatArray  # (elements,) m, rope of each that sharp kinks take in this step (`solution.kinks`)
+    slackness: FloatArray  # (1,) -, mean tension of the rope at rest over that in this step, where kinks are sharp
     contact_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
     contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
     contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
@@ -136,7 +137,6 @@ class Workspace(NamedTuple):
     pivot_by_turn: FloatArray  # (carriages, dim turns) B of it: by the turn of the cable
     pivot_right: FloatArray  # (carriages, dim) m, a of it
     joint_along: FloatArray  # (carriages, dim) unit tangent of the cable, across which a joint yields in this step
-    joint_slackness: FloatArray  # (carriages,) -, tension of the cable at rest over that in this step
     joint_by_s: FloatArray  # (carriages, dim) r_x - ∂δ/∂s: place of the pivot by the arc length
     grip_row: FloatArray  # (carriages, 4, turns dim) turn of the cable as the hinge sees it, by the nodal coordinates
     grip_by_s: FloatArray  # (carriages, turns) rad/m, the same by the arc length
@@ -203,6 +203,7 @@ def allocate_state(system: System) -> State:
         rope_target=np.zeros(1),
         rope_braking=np.zeros(1, dtype=np.bool_),
         kink_length=np.zeros(nodes - 1),
+        slackness=np.ones(1),
         contact_arc_length=np.zeros(contacts),
         contact_deflection=np.zeros(contacts),
         contact_origin=np.zeros(contacts),
@@ -285,7 +286,6 @@ def allocate_workspace(system: System) -> Workspace:
         pivot_by_turn=np.zeros((carriages, dim * turns)),
         pivot_right=np.zeros((carriages, dim)),
         joint_along=np.zeros((carriages, dim)),
-        joint_slackness=np.ones(carriages),
         joint_by_s=np.zeros((carriages, dim)),
         grip_row=np.zeros((carriages, 4, turns * dim)),
         grip_by_s=np.zeros((carriages, turns)),

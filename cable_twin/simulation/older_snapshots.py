@@ -128,11 +128,10 @@ def _unclamped(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _whole_rope(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What version 7 added: the rope that sharp kinks take, which is worked out anew in each step."""
-    elements = {
-        key.rpartition("/")[0]: len(array) - 1 for key, array in arrays.items() if key.endswith("nodes.position")
-    }
-    return {f"{part}/kink_length": np.zeros(count) for part, count in elements.items()}
+    """What version 7 added: the rope that sharp kinks take, and how slack it is, which each step works out anew."""
+    nodes = {key.rpartition("/")[0]: len(array) for key, array in arrays.items() if key.endswith("nodes.position")}
+    taken = {f"{part}/kink_length": np.zeros(count - 1) for part, count in nodes.items()}
+    return taken | {f"{part}/slackness": np.ones(1) for part in nodes}
 
 
 __all__ = ["PARTS", "brought_up"]

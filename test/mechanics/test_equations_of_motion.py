@@ -66,7 +66,7 @@ def yielded(system, state, carriage, work):
         return np.zeros(2), 0.0
     force = state.multipliers[system.carriages.body_offset[carriage]]
     element, s = int(state.joint_element[carriage]), state.joints.position[carriage]
-    return way_and_push(system.cable, element, s, force, work.joint_along[carriage], work.joint_slackness[carriage])
+    return way_and_push(system.cable, element, s, force, work.joint_along[carriage], state.slackness[0])
 
 
 def constraints(system, state, work=None):

@@ -89,14 +89,18 @@ def test_energy_is_the_work_that_the_force_has_done():
 def test_the_rope_that_a_kink_takes_is_what_its_energy_loses_with_tension(force, within):
     """-∂E/∂T, from tables of two tensions: small forces, and large ones where d and its limit tell (as T⁻⁴ and T⁻³)."""
     mesh = {"element_count": 40, "element_length": 2.0, "even": True, "bending_stiffness": 20.0}
-    cable, force, along = make_cable(2, **mesh), np.array([0.0, force]), np.array([1.0, 0.0])
+    cable, across, along = make_cable(2, **mesh), np.array([0.0, force]), np.array([1.0, 0.0])
+    tabled = {t: cable._replace(**rounding(cable, np.full(40, t))) for t in (499.0, 500.0, 501.0, 600.0)}
     for u in (0.0, 0.3, 0.5, 0.8):
         s = 2.0 * (20 + u)
-        tabled = {t: cable._replace(**rounding(cable, np.full(40, t))) for t in (499.0, 500.0, 501.0, 600.0)}
-        less, _, more, much = (energy(one, 20, s, force, along) for one in tabled.values())
-        got = kink_length(tabled[500.0], 20, s, tuple(force), tuple(along), 1.0)
-        assert got == pytest.approx(0.5 * (less - more), rel=within)
-        assert energy(tabled[500.0], 20, s, force, along, 500.0 / 600.0) == pytest.approx(much, rel=max(0.01, within))
+        less, _, more, much = (energy(one, 20, s, across, along) for one in tabled.values())
+        assert kink_length(tabled[500.0], 20, s, force, 1.0) == pytest.approx(0.5 * (less - more), rel=within)
+        assert energy(tabled[500.0], 20, s, across, along, 500.0 / 600.0) == pytest.approx(much, rel=max(0.01, within))
+        for tension in (400.0, 600.0):
+            less, more = (energy(tabled[500.0], 20, s, across, along, 500.0 / (tension + h)) for h in (-1.0, 1.0))
+            assert kink_length(tabled[500.0], 20, s, force, 500.0 / tension) == pytest.approx(
+                0.5 * (less - more), rel=1e-4
+            )
 
 
 def test_a_linear_string_lacks_what_its_cubics_round_off():

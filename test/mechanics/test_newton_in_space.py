@@ -112,7 +112,7 @@ def yielded(system, state, work):
         state.joints.position[0],
         state.multipliers[0],
         work.joint_along[0],
-        work.joint_slackness[0],
+        state.slackness[0],
     )
 
 

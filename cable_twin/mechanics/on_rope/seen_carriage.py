@@ -90,8 +90,8 @@ def beside_haul_rope(carriage, force, impedance, residual, work):
 
 
 @inlined_kernel
-def yielding(cable, element, s, seen, r_x, carriage, work):
-    """A joint at `s` (m) on an element, as it yields, if it does, on a cable with the slope r_x (dim,).
+def yielding(cable, state, point, seen, r_x, carriage, work):
+    """A joint at a `point`, as it yields, if it does, on a cable with the slope r_x (dim,).
 
     Returns:
         The carriage by the way of its joint on the cable, the place (dim,) of its pivot by s, the force (N) that pushes
@@ -99,8 +99,8 @@ def yielding(cable, element, s, seen, r_x, carriage, work):
     """
     if not has_kinks(cable):
         return seen, r_x, 0.0, 0.0
-    along = load(work.joint_along[carriage], r_x)
-    bent = kink(cable, element, s, seen.force, along, work.joint_slackness[carriage])
+    along, s = load(work.joint_along[carriage], r_x), state.joints.position[carriage]
+    bent = kink(cable, point.element, s, seen.force, along, state.slackness[0])
     by_s = subtract(r_x, bent.by_place)
     store(by_s, work.joint_by_s[carriage])
     return let_yield(seen, bent, carriage, work), by_s, bent.along, bent.along_by_place

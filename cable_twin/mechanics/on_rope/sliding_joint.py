@@ -31,7 +31,7 @@ from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, tur
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.on_rope.seen_carriage import contact_force, seen_by_cable, yielding
 from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
-from cable_twin.mechanics.rope.kink import has_kinks, kink, slackness
+from cable_twin.mechanics.rope.kink import has_kinks, kink
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -70,8 +70,7 @@ def joint_along(cable, state, carriage):
 def joint_kink(cable, state, carriage, force):
     """What a joint yields under a force (dim,) in N, as `rope.kink`."""
     element, place = state.joint_element[carriage], state.joints.position[carriage]
-    tau = slackness(cable, state, element, place)
-    return kink(cable, element, place, force, joint_along(cable, state, carriage), tau)
+    return kink(cable, element, place, force, joint_along(cable, state, carriage), state.slackness[0])
 
 
 @kernel
@@ -170,7 +169,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
     seen, by_s, pushed, pushed_by_s = yielding(
-        cable, point.element, s, seen_by_cable(system, state, carriage, work), r_x, carriage, work
+        cable, state, point, seen_by_cable(system, state, carriage, work), r_x, carriage, work
     )
     force = seen.force
 

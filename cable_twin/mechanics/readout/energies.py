@@ -14,7 +14,7 @@ from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, tension_of
 from cable_twin.mechanics.rope.flow import flow_energy
-from cable_twin.mechanics.rope.kink import has_kinks, kink_energy, slackness
+from cable_twin.mechanics.rope.kink import has_kinks, kink_energy
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.rope.strand import rest_stretch
@@ -32,7 +32,7 @@ def energies(system, state):
     gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
-        if state.kink_length[element] > 0.0:  # which the tension has given to joints as they yielded
+        if state.kink_length[element] > 0.0:  # rope that the tension has given to kinks
             elastic -= tension_of(cable, state, element) * state.kink_length[element]
         length = cable.element_length[element]
         for i in range(4):
@@ -62,8 +62,7 @@ def energies(system, state):
         if has_kinks(cable) and state.attached[carriage]:
             contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
             along, element = joint_along(cable, state, carriage), state.joint_element[carriage]
-            tau = slackness(cable, state, element, place)
-            elastic += kink_energy(cable, element, place, contact, along, tau)
+            elastic += kink_energy(cable, element, place, contact, along, state.slackness[0])
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):

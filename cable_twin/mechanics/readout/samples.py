@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, spread
+from cable_twin.mechanics.language.lanes import WIDTH, spread
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.vectors import dot, load, scale, subtract
 from cable_twin.mechanics.on_rope.sliding_joint import joint_kink
 from cable_twin.mechanics.parameters import Cable
-from cable_twin.mechanics.rope.elastic_models import mean_tension
-from cable_twin.mechanics.rope.element import rates_of_strain
+from cable_twin.mechanics.rope.element import group_tension
 from cable_twin.mechanics.rope.kink import has_kinks
 from cable_twin.mechanics.rope.point import element_at, position_on_cable
-from cable_twin.mechanics.rope.strand import rest_stretch, thickening
 
 KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
@@ -76,18 +74,9 @@ def sample_tensions(cable, state, arc_lengths, tensions, means):
 
     `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
     """
-    count, like, stretch = cable.element_count, cable.gravity, rest_stretch(cable, state)
-    taken_in = thickening(cable, state)
+    count, mean = cable.element_count, flat(means)
     for group in range(means.shape[0]):
-        length = gather_numbers(cable.element_length, group * WIDTH)
-        r_a, slope_a, r_b, slope_b = gather(state.nodes.position, group * WIDTH, like)
-        d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, group * WIDTH, like)
-        rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        rates = rates_of_strain(taken_in, (d, a, b), rates)
-        at_rest = stretch * length - gather_numbers(state.kink_length, group * WIDTH)
-        spread((mean_tension(cable, at_rest, d, a, b, *rates),), means, group)
-    mean = flat(means)
+        spread((group_tension(cable, state, group * WIDTH),), means, group)
     for k in range(arc_lengths.size):
         if count == 1:
             tensions[k] = mean[0]

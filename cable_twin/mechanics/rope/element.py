@@ -21,7 +21,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force
+from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force, mean_tension
 from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flows
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
@@ -78,6 +78,19 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
             add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
             add_element(group, lane, first + lane, like, work)
+
+
+@inlined_kernel
+def group_tension(cable, state, first):
+    """Mean tension (N) of `WIDTH` elements from `first` on, with what damps it."""
+    length, like = gather_numbers(cable.element_length, first), cable.gravity
+    r_a, slope_a, r_b, slope_b = gather(state.nodes.position, first, like)
+    d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+    r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, first, like)
+    rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
+    rates = rates_of_strain(thickening(cable, state), (d, a, b), rates)
+    at_rest = rest_stretch(cable, state) * length - gather_numbers(state.kink_length, first)
+    return mean_tension(cable, at_rest, d, a, b, *rates)
 
 
 @formula

@@ -7,7 +7,8 @@ What they lack is put between rope and joint as a massless spring without a leng
     E(F, s, T) = ½ c F² + ¼ d F⁴ / (1 + b F²)
 
 of what F is across the rope. ∂E/∂F is the way δ from the joint to its place on the rope, -∂E/∂s what pushes the joint
-along the rope, and -∂E/∂T the rope that the kink takes. With the tension T_0 at rest and τ = T_0 / T,
+along the rope, and -∂E/∂T the rope that the kink takes. With the tension T_0 at rest and the slackness τ = T_0 / T (-)
+of the rope,
 
     c = c_0 τ + k (τ - τ²),  k = c_0 + T_0 ∂c/∂T,  d = d_0 τ⁴,  b = b_0 τ³.
 """
@@ -18,9 +19,6 @@ from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, block, dot, outer, scale
-from cable_twin.mechanics.rope.elastic_models import tension_of
-
-SLACKEST = 2.0  # τ of a rope that has less: it is no string any more
 
 
 class Kink(NamedTuple):
@@ -41,7 +39,7 @@ def has_kinks(cable):
 
 @inlined_kernel
 def shares(cable, element, arc_length):
-    """Three elements around a place (m) on the middle one, each with its share (-): smooth from element to element."""
+    """Three elements around a place (m) on the middle one, each with its share (-): a quadratic spline."""
     off = (arc_length - cable.node_arc_length[element]) / cable.element_length[element] - 0.5
     off = min(max(off, -0.5), 0.5)
     return (
@@ -51,23 +49,13 @@ def shares(cable, element, arc_length):
     )
 
 
-@kernel
-def slackness(cable, state, element, arc_length):
-    """Tension at rest over that now, τ, at an arc length (m) on an element."""
-    now, rest = 0.0, 0.0
-    for number, share in shares(cable, element, arc_length):
-        now += share * tension_of(cable, state, number)
-        rest += share * cable.rounding_tension[number]
-    return rest / max(now, rest / SLACKEST)
-
-
 @inlined_kernel
 def kink(cable, element, arc_length, force, along, tau):
     """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it.
 
-    The unit vector `along` (dim,) is that of the rope there.
+    The unit vector `along` (dim,) is that of the rope there, `tau` its slackness (-).
     """
-    (c, c_s, c_ss), (d, d_s, d_ss), _ = rounded_off(cable, element, arc_length, tau)
+    (c, c_s, c_ss), (d, d_s, d_ss) = rounded_off(cable, element, arc_length, tau)
     force = add_scaled(-dot(force, along), along, force)
     squared = dot(force, force)
     limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
@@ -86,15 +74,23 @@ def kink(cable, element, arc_length, force, along, tau):
 
 @inlined_kernel
 def rounded_off(cable, element, arc_length, tau):
-    """C in m/N and d in m/N³ at an arc length (m) on an element, each with two derivatives by it; -T ∂c/∂T in m/N."""
+    """C in m/N and d in m/N³ at an arc length (m) on an element and a slackness (-), each with two derivatives by s."""
+    c, d, k = at_rest(cable, element, arc_length)
+    return add_scaled(tau - tau * tau, k, scale(tau, c)), scale(tau**4, d)
+
+
+@inlined_kernel
+def at_rest(cable, element, arc_length):
+    """c_0 in m/N, d_0 in m/N³ and k in m/N there, each with two derivatives by s; none where nothing bends."""
     per_length = 1.0 / cable.element_length[element]
     u = (arc_length - cable.node_arc_length[element]) * per_length
-    if arc_length < 0.0 or arc_length > cable.unstrained_length:  # where nothing bends
-        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
-    c = polynomial(cable.rounding[element, 0], u, per_length)
-    d = scale(tau**4, polynomial(cable.rounding[element, 1], u, per_length))
-    k = polynomial(cable.rounding[element, 2], u, per_length)
-    return add_scaled(tau - tau * tau, k, scale(tau, c)), d, tau * (c[0] + k[0] - 2.0 * tau * k[0])
+    if arc_length < 0.0 or arc_length > cable.unstrained_length:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    return (
+        polynomial(cable.rounding[element, 0], u, per_length),
+        polynomial(cable.rounding[element, 1], u, per_length),
+        polynomial(cable.rounding[element, 2], u, per_length),
+    )
 
 
 @inlined_kernel
@@ -109,22 +105,25 @@ def polynomial(coefficients, u, factor):
 
 
 @kernel
-def kink_length(cable, element, arc_length, force, along, tau):
-    """Rope (m) that a kink takes beyond what its elements have, -∂E/∂T."""
-    _, (d, _, _), by_tension = rounded_off(cable, element, arc_length, tau)
-    squared = dot(force, force) - dot(force, along) ** 2
+def kink_length(cable, element, arc_length, force, tau):
+    """Rope (m) that a kink takes under a force (N) across it, at a slackness (-): -∂E/∂T, at least 0."""
+    (c, _, _), (d, _, _), (k, _, _) = at_rest(cable, element, arc_length)
+    tension = 0.0
+    for number, share in shares(cable, element, arc_length):
+        tension += share * cable.rounding_tension[number]
+    squared = force * force
     limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
-    fourth = 0.25 * d * squared * squared * limited * (1.0 + 3.0 * limited)
-    return tau * (0.5 * by_tension * squared + fourth) / cable.rounding_tension[element]
+    fourth = 0.25 * d * tau**4 * squared * squared * limited * (1.0 + 3.0 * limited)
+    return tau * max(0.5 * tau * (c + k - 2.0 * tau * k) * squared + fourth, 0.0) / tension
 
 
 @kernel
 def kink_energy(cable, element, arc_length, force, along, tau):
-    """Energy (J) of that: F·δ - E, what a load gives the rope on its way down into the kink."""
-    (c, _, _), (d, _, _), _ = rounded_off(cable, element, arc_length, tau)
+    """Energy (J) of what a joint yields, F·δ - E, with the arguments of `kink`."""
+    (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length, tau)
     squared = dot(force, force) - dot(force, along) ** 2
     limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)
     return squared * (0.5 * c + d * squared * limited * (0.25 + 0.5 * limited))
 
 
-__all__ = ["Kink", "has_kinks", "kink", "kink_energy", "kink_length", "shares", "slackness"]
+__all__ = ["Kink", "has_kinks", "kink", "kink_energy", "kink_length", "shares"]

@@ -86,7 +86,7 @@ def largest_gap(system, state, work, place):
         if has_kinks(cable) and state.attached[carriage]:
             contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
             element, place = state.joint_element[carriage], state.joints.position[carriage]
-            bent = kink(cable, element, place, contact, along, work.joint_slackness[carriage])
+            bent = kink(cable, element, place, contact, along, state.slackness[0])
             accumulate(scale(-1.0, bent.way), work.joint_gap[first])
         for body in range(first, system.carriages.body_offset[carriage + 1]):
             for axis in range(work.joint_gap.shape[1]):
