@@ -169,12 +169,7 @@ def test_a_heavy_load_that_rolls_gains_no_energy(step):
     """28 kN, EA F² / T³ = 5.5, on a rope without damping at 240 kN, 40 m in 4 s: no waves along the rope grow."""
     body = {"mass": 2800.0, "inertia": 100.0, "upper_pivot": [0.0, 0.6]}
     load = {"arc_length": 20.0, "speed": 10.0, "drive": {"mode": "free"}, "bodies": {"body": body}}
-    changes = {
-        "cable.mass_per_length": 9.4,
-        "cable.damping_time": 0.0,
-        "solver.step": step,
-        "carriages": {"load": load},
-    }
+    rope = {"cable.mass_per_length": 9.4, "cable.damping_time": 0.0}
     simulation = loaded_rope("sharp", 4.0, **rope, **{"solver.step": step, "carriages": {"load": load}})
     energies = [simulation.advance_to(0.1 * frame) and simulation.energy().total for frame in range(1, 41)]
     moved = 0.5 * 2800.0 * 10.0**2
