@@ -283,19 +283,12 @@ def test_what_version_5_added_is_zero_in_files_of_version_4(content, tmp_path):
     assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
 
 
-def test_what_version_6_added_is_zero_in_files_of_version_5(content, tmp_path):
+@pytest.mark.parametrize(("version", "added"), [(6, ("/push", "/touch")), (7, ("/kink_length", "/slackness"))])
+def test_what_a_version_added_is_nothing_in_files_of_the_one_before(content, tmp_path, version, added):
     header, arrays = content
-    older = {key: array for key, array in arrays.items() if not key.endswith(("/push", "/touch"))}
+    older = {key: array for key, array in arrays.items() if not key.endswith(added)}
     assert len(older) == len(arrays) - 4
-    path = write(tmp_path / "state.npz", {**header, "format_version": 5}, older)
-    assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
-
-
-def test_what_version_7_added_is_zero_in_files_of_version_6(content, tmp_path):
-    header, arrays = content
-    older = {key: array for key, array in arrays.items() if not key.endswith(("/kink_length", "/slackness"))}
-    assert len(older) == len(arrays) - 4
-    path = write(tmp_path / "state.npz", {**header, "format_version": 6}, older)
+    path = write(tmp_path / "state.npz", {**header, "format_version": version - 1}, older)
     assert_same_bits(Simulation.load(path).snapshot, Simulation.load(write(path, header, arrays)).snapshot)
 
 
