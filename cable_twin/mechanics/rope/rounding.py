@@ -28,6 +28,7 @@ LEAST_TENSION = 1e-3  # of the highest one: a rope that is slacker is no string
 
 _POINTS, _WEIGHTS = leggauss(4)
 _POINTS, _WEIGHTS = 0.5 + 0.5 * _POINTS, 0.5 * _WEIGHTS
+_PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(PLACES) / (PLACES - 1))
 
 
 def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
@@ -46,9 +47,11 @@ def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
         alike = numbers[(numbers - first == before) & (last - numbers == after)]
         patch = alike[:, None] + np.arange(-before, after + 1)
         lengths, tensions = cable.element_length[patch], tension[patch]
-        table[alike, :2] = _of_patches(cable, lengths, tensions, before)
-        less, more = (_of_patches(cable, lengths, (1.0 + change) * tensions, before) for change in (-CHANGE, CHANGE))
-        table[alike, 2] = table[alike, 0] + (more - less)[:, 0] / (2.0 * CHANGE)
+        here, bent = _lacking(cable, lengths, tensions, before)
+        less, more = (_lacking(cable, lengths, (1.0 + change) * tensions, before)[0] for change in (-CHANGE, CHANGE))
+        stiff = _stiffness(cable, lengths, tensions[:, before], bent)
+        values = np.stack([here, stiff, here + (more - less) / (2.0 * CHANGE)], axis=1)
+        table[alike] = values @ np.linalg.inv(np.vander(_PLACES, PLACES)).T
     _join(table, cable.element_length)
     limit = LIMIT * cable.axial_stiffness / float(tension.mean()) ** 3
     return {"rounding": table, "rounding_limit": limit, "rounding_tension": tension}
@@ -74,15 +77,21 @@ def _join(table: FloatArray, length: FloatArray) -> None:
     table[..., -4] += 2.0 * (value - value_there) + slope + slope_there
 
 
-def _of_patches(cable: Cable, length: FloatArray, tension: FloatArray, loaded: int) -> FloatArray:
-    """Coefficients (patches, 2, PLACES) of c and d of element `loaded` of patches (patches, elements) in m and N."""
-    places = 0.5 - 0.5 * np.cos(np.pi * np.arange(PLACES) / (PLACES - 1))
-    here, pull = length[:, loaded, None], tension[:, loaded, None]
-    points = _POINTS * length[..., None]
-    slopes = np.stack(shape_functions_x(points, length[..., None]), axis=-2)
-    bends = np.stack(shape_functions_xx(points, length[..., None]), axis=-2)
+def _slopes(length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Slopes (patches, elements, 4, points) of the cubics, their weights, and their stiffness under a unit tension."""
+    slopes = np.stack(shape_functions_x(_POINTS * length[..., None], length[..., None]), axis=-2)
     weights = _WEIGHTS * length[..., None]
-    axial = np.einsum("peig,pejg,peg->peij", slopes, slopes, weights)
+    return slopes, weights, np.einsum("peig,pejg,peg->peij", slopes, slopes, weights)
+
+
+def _lacking(cable: Cable, length: FloatArray, tension: FloatArray, loaded: int) -> tuple[FloatArray, FloatArray]:
+    """Heights c (patches, PLACES) in m/N at places on element `loaded` of patches (patches, elements) in m and N.
+
+    Beside it the coordinates (patches, 2 nodes, PLACES) of the cubics under a load of 1 N.
+    """
+    here = length[:, loaded, None]
+    _, weights, axial = _slopes(length)
+    bends = np.stack(shape_functions_xx(_POINTS * length[..., None], length[..., None]), axis=-2)
     across = tension[..., None, None] * axial
     across += cable.bending_stiffness * np.einsum("peig,pejg,peg->peij", bends, bends, weights)
 
@@ -90,40 +99,45 @@ def _of_patches(cable: Cable, length: FloatArray, tension: FloatArray, loaded: i
     size = 2 * length.shape[1] + 2
     free = np.delete(np.arange(size), [0, size - 2])
     load = np.zeros((len(length), size, PLACES))
-    load[:, 2 * loaded : 2 * loaded + 4] = np.stack(shape_functions(places * here, here), axis=-2)
+    load[:, 2 * loaded : 2 * loaded + 4] = np.stack(shape_functions(_PLACES * here, here), axis=-2)
     bent = np.zeros_like(load)
     bent[:, free] = np.linalg.solve(_assembled(across)[:, free[:, None], free], load[:, free])
     cubic = np.einsum("pks,pks->ps", load, bent)
 
     # the exact string, whose kink its bending stiffness rounds off by λ / 2, less near an end
     yields = length / tension
-    before = yields[:, :loaded].sum(axis=1, keepdims=True) + places * yields[:, loaded, None]
+    before = yields[:, :loaded].sum(axis=1, keepdims=True) + _PLACES * yields[:, loaded, None]
     whole = yields.sum(axis=1, keepdims=True)
     beside = [np.maximum(loaded - 1, 0), loaded, np.minimum(loaded + 1, length.shape[1] - 1)]
     first, last = (0.5 * (tension[:, beside[k], None] + tension[:, beside[k + 1], None]) for k in range(2))
-    smooth = first + places * (last - first)  # so that nothing jumps at nodes
+    smooth = first + _PLACES * (last - first)  # so that nothing jumps at nodes
     reach = np.sqrt(cable.bending_stiffness / smooth)
-    way = length[:, :loaded].sum(axis=1, keepdims=True) + places * here
+    way = length[:, :loaded].sum(axis=1, keepdims=True) + _PLACES * here
     end = np.minimum(way, length.sum(axis=1, keepdims=True) - way)
     near = np.exp(-2.0 * end / np.maximum(reach, 1e-9 * here))
     lacking = np.maximum(before * (whole - before) / whole - 0.5 * reach / smooth * (1.0 - near) - cubic, 0.0)
+    return lacking, bent
 
-    # what the cubics along the rope leave of ½ w'², seen along the line that halves the kink
+
+def _stiffness(cable: Cable, length: FloatArray, pull: FloatArray, bent: FloatArray) -> FloatArray:
+    """Factors d (patches, PLACES) in m/N³ under the tension `pull` (patches,) in N, from the cubics of `_lacking`.
+
+    What the cubics along the rope leave of ½ w'², seen along the line that halves the kink.
+    """
+    slopes, weights, axial = _slopes(length)
+    pull = pull[:, None]
     nodal = np.stack([bent[:, 2 * k : 2 * k + 4] for k in range(length.shape[1])], axis=1)
     turn = pull[..., None, None] * np.einsum("peig,peis->pegs", slopes, nodal)
     half = 0.5 * (turn - 0.5 * (turn[:, :1, :1] + turn[:, -1:, -1:])) ** 2
     pushed = np.einsum("peig,pegs,peg->peis", slopes, half, weights)
-    right = np.zeros_like(load)
+    right = np.zeros_like(bent)
     for k in range(length.shape[1]):
         right[:, 2 * k : 2 * k + 4] += pushed[:, k]
-    along = np.zeros_like(load)
+    along = np.zeros_like(bent)
     along[:, 1:] = np.linalg.solve(_assembled(axial)[:, 1:, 1:], right[:, 1:])
     nodal = np.stack([along[:, 2 * k : 2 * k + 4] for k in range(length.shape[1])], axis=1)
     left = half - np.einsum("peig,peis->pegs", slopes, nodal)
-    stiff = 2.0 * cable.axial_stiffness / pull**4 * np.einsum("pegs,peg->ps", left**2, weights)
-
-    through = np.linalg.inv(np.vander(places, PLACES))
-    return np.stack([lacking @ through.T, stiff @ through.T], axis=1)
+    return 2.0 * cable.axial_stiffness / pull**4 * np.einsum("pegs,peg->ps", left**2, weights)
 
 
 def _assembled(blocks: FloatArray) -> FloatArray:
