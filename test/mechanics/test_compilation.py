@@ -37,6 +37,26 @@ print(compiled(), compiled(), coefficients(1.0).gamma)
 """
 
 
+BRIEF = """
+import numba
+from cable_twin.mechanics.language.compilation import brief_kernel, kernel
+
+@kernel
+def part(x):
+    return 2.0 * x
+
+@brief_kernel
+def outer(x):
+    return part(x) + 1.0
+
+assert outer(3.0) == 7.0
+(compiled,) = outer._from_python.overloads.values()
+engine = numba.core.registry.cpu_target.target_context.codegen()._engine._ee
+(symbol,) = (one.fndesc.mangled_name for one in part._from_kernels.overloads.values())
+print(*(engine.get_function_address(name) != 0 for name in (compiled.fndesc.mangled_name, symbol)))
+"""
+
+
 @pytest.mark.parametrize("disabled", ["0", "1"])
 def test_kernels_are_compiled_once_and_called_from_both_sides(tmp_path, disabled):
     program = tmp_path / "program.py"
@@ -255,3 +275,14 @@ def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_star
         assert result.returncode == 0, result.stderr
         outputs.append(float(result.stdout))
     assert outputs == [2.5, 3.5, 2.5, 2.5]
+
+
+def test_nothing_gets_the_parts_of_a_brief_kernel(tmp_path):
+    """What is compiled well asks for its parts by their names, and would get those that were loaded before."""
+    program = tmp_path / "program.py"
+    program.write_text(BRIEF)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    found = subprocess.run(
+        [sys.executable, str(program)], env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (found.returncode, found.stdout.split()) == (0, ["True", "False"]), found.stderr

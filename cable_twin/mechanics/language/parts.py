@@ -78,9 +78,15 @@ class _Library(JITCodeLibrary):
 
 
 class _BriefLibrary(_Library):
-    """A kernel in whose optimisation numba's first round is the only one."""
+    """A kernel in whose optimisation numba's first round is the only one.
+
+    Its parts are its own: what is loaded after it with parts of the same names would get these in place of better ones.
+    """
 
     def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.linkonce_odr:
+                function.linkage = "private"
         passes, builder = self._codegen._module_pass_manager(
             opt=0, loop_vectorize=False, slp_vectorize=False, cost="cheap"
         )
