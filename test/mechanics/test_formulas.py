@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.formulas import formula, square_root
+from cable_twin.mechanics.language.formulas import beside, first_of, formula, second_of, square_root
+from cable_twin.mechanics.language.vectors import load
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -94,6 +95,30 @@ def test_entries_of_an_array_are_read_and_written_in_their_order():
         outcomes.append((function(array, 2, row), whole, row))
     for here, there in zip(*outcomes, strict=True):
         np.testing.assert_array_equal(there, here)
+
+
+@formula
+def root_of_sum(a, b):
+    """Every operation that pairs have, with numbers on both sides."""
+    return -(2.0 * a + b / 3) * (a - 1.5), 1.0 / b, square_root(a * a + b * b)
+
+
+@kernel
+def in_pairs(one, other, like, outcome):
+    """The same of two rows at once."""
+    pairs = beside(load(one, like), load(other, like))
+    found = root_of_sum(pairs[0], pairs[1])
+    first, second = first_of(found), second_of(found)
+    for i in range(3):
+        outcome[0, i], outcome[1, i] = first[i], second[i]
+
+
+def test_pairs_have_the_bits_of_numbers_by_themselves():
+    one, other = np.array([0.3, -1.7]), np.array([-2.25, 1e-9])
+    outcome = np.zeros((2, 3))
+    in_pairs(one, other, (0.0, 0.0), outcome)
+    for row, numbers in zip(outcome, (one, other), strict=True):
+        assert tuple(row) == root_of_sum(*numbers)
 
 
 @compiled

@@ -19,10 +19,10 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
 
-from cable_twin.mechanics.language.lanes import LANES, WIDTH
+from cable_twin.mechanics.language.lanes import LANES, PAIR, LanesType, put_beside, take_lane
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-_RANKS = types.int64, types.float64, LANES  # what one of them and another one make is the later of both
+_RANKS = types.int64, types.float64, LANES, PAIR  # what one of them and another one make is the later of both
 _INSTRUCTIONS = {  # of integers and of all others; division of integers is of what is not negative
     "add": ("add", "fadd"),
     "sub": ("sub", "fsub"),
@@ -125,9 +125,23 @@ class _Number:
         if self.place is None:
             return self
         context, builder = self.place
-        kind, name = context.get_value_type(self.kind), f"v{WIDTH}f64" if self.kind == LANES else "f64"
+        kind, name = context.get_value_type(self.kind), "f64"
+        if isinstance(self.kind, LanesType):
+            name = f"v{self.kind.width}f64"
         root = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), f"llvm.sqrt.{name}")
         return _Number(self.kind, builder.call(root, [self.value]), self.place)
+
+    def beside(self, other: Any) -> Any:
+        """Both floats, of a pair."""
+        if self.place is None:
+            return _Number(PAIR, None, None)
+        floats = [number.cast(types.float64) for number in (self, other)]
+        return _Number(PAIR, put_beside(self.place[1], floats), self.place)
+
+    def lane(self, number: int) -> Any:
+        """One float of a pair."""
+        value = None if self.place is None else take_lane(self.place[1], self.value, number)
+        return _Number(types.float64, value, self.place)
 
     def __bool__(self) -> bool:
         raise TypeError("a formula may not ask for the value of a number")
@@ -145,34 +159,61 @@ class _Number:
 
 
 class _Array:
-    """An array, or what some indices leave of it."""
+    """An array, or what some indices leave of it.
 
-    __slots__ = ("indices", "kind", "place", "value")
+    Where it starts is worked out once, for all its entries: by numba's own way a third of the instructions of a kernel
+    were of that.
+    """
+
+    __slots__ = ("_steps", "_where", "axis", "before", "index", "kind", "place", "value")
     __iter__ = None  # by its entries it would go on for ever
 
-    def __init__(self, kind: types.Array, value: ir.Value | None, place: Any, indices: tuple[Any, ...] = ()) -> None:
-        self.kind, self.value, self.place, self.indices = kind, value, place, indices
+    def __init__(self, kind: types.Array, value: ir.Value | None, place: Any) -> None:
+        self.kind, self.value, self.place, self.axis = kind, value, place, 0
+        self.before: _Array | None = None
+        self.index: _Number | None = None
+        self._where: ir.Value | None = None
+        self._steps: list[ir.Value] = []  # bytes from one entry of an axis to the next
 
     def _at(self, index: Any) -> _Array:
-        indices = index if isinstance(index, tuple) else (index,)
-        return _Array(self.kind, self.value, self.place, self.indices + indices)
+        entry = self
+        for one in index if isinstance(index, tuple) else (index,):
+            after = _Array(self.kind, self.value, self.place)
+            after.before, after.index, after.axis = entry, _as_number(one, self.place), entry.axis + 1
+            entry = after
+        return entry
 
-    def _pointer(self) -> ir.Value:
-        context, builder = self.place
-        array = make_array(self.kind)(context, builder, self.value)
-        indices = [_as_number(index, self.place).cast(types.intp) for index in self.indices]
-        return cgutils.get_item_pointer(context, builder, self.kind, array, indices)
+    def _start(self) -> ir.Value:
+        """Pointer to its first entry."""
+        if self._where is None:
+            context, builder = self.place
+            if self.before is None or self.index is None:
+                array = make_array(self.kind)(context, builder, self.value)
+                self._where = array.data
+                self._steps = cgutils.unpack_tuple(builder, array.strides, self.kind.ndim)
+            else:
+                before, index = self.before._start(), self.index.cast(types.intp)
+                self._steps = self.before._steps
+                last = self.kind.layout == "C" and self.axis == self.kind.ndim
+                if isinstance(index, ir.Constant) and index.constant == 0:
+                    self._where = before
+                elif last:
+                    self._where = builder.gep(before, [index])
+                else:
+                    way = builder.mul(index, self._steps[self.axis - 1])
+                    self._where = cgutils.pointer_add(builder, before, way, before.type)
+        return self._where
 
     def __getitem__(self, index: Any) -> Any:
         entry = self._at(index)
-        if len(entry.indices) < self.kind.ndim:
+        if entry.axis < self.kind.ndim:
             return entry
-        value = None if self.place is None else self.place[1].load(entry._pointer())
+        value = None if self.place is None else self.place[1].load(entry._start())
         return _Number(self.kind.dtype, value, self.place)
 
     def __setitem__(self, index: Any, value: Any) -> None:
         if self.place is not None:
-            self.place[1].store(_as_number(value, self.place).cast(self.kind.dtype), self._at(index)._pointer())
+            self.place[1].store(_as_number(value, self.place).cast(self.kind.dtype), self._at(index)._start())
 
 
 def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
@@ -224,3 +265,29 @@ def _value_of(outcome: Any, kind: Any, place: Any) -> ir.Value:
 def square_root(value: Any) -> Any:
     """Square root of a float, or of each lane."""
     return value.square_root() if isinstance(value, _Number) else np.sqrt(value)
+
+
+@formula
+def beside(one: Any, other: Any) -> Any:
+    """Pairs of the numbers of two tuples of one form, with which a formula does the same at once."""
+    if isinstance(one, tuple):
+        return tuple(beside(*both) for both in zip(one, other, strict=True))
+    return one.beside(other) if isinstance(one, _Number) else np.array([one, other])
+
+
+@formula
+def first_of(pairs: Any) -> Any:
+    """What a tuple of pairs holds at their first places."""
+    return _lanes_of(pairs, 0)
+
+
+@formula
+def second_of(pairs: Any) -> Any:
+    """What it holds at their second places."""
+    return _lanes_of(pairs, 1)
+
+
+def _lanes_of(pairs: Any, place: int) -> Any:
+    if isinstance(pairs, tuple):
+        return tuple(_lanes_of(pair, place) for pair in pairs)
+    return pairs.lane(place) if isinstance(pairs, _Number) else pairs[place]

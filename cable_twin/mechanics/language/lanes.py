@@ -8,7 +8,7 @@ lanes are arrays of numpy.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,33 +26,48 @@ WIDTH = 4  # lanes; a processor with registers of two numbers takes two
 
 
 class LanesType(types.Type):
-    """numba's type of `WIDTH` floats that are computed together."""
+    """numba's type of `width` floats that are computed together."""
 
-    def __init__(self) -> None:
-        super().__init__(name=f"lanes{WIDTH}")
+    def __init__(self, width: int) -> None:
+        self.width, self.vector = width, ir.VectorType(ir.DoubleType(), width)
+        super().__init__(name=f"lanes{width}")
 
     def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
         """A number stands for the same in all lanes."""
         return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
 
 
-LANES = LanesType()
-_VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+LANES = LanesType(WIDTH)
+PAIR = LanesType(2)  # in formulas alone
+_VECTOR = LANES.vector
 _WORD = ir.IntType(32)
 
 
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: LanesType) -> None:
-        super().__init__(manager, kind, _VECTOR)
+        super().__init__(manager, kind, kind.vector)
 
 
 @lower_cast(types.Float, LanesType)
 @lower_cast(types.Integer, LanesType)
 def _repeat(context: Any, builder: ir.IRBuilder, source: Any, target: Any, value: ir.Value) -> ir.Value:
     number = context.cast(builder, value, source, types.float64)
-    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), number, ir.Constant(_WORD, 0))
-    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(_WORD, WIDTH), [0] * WIDTH))
+    first = builder.insert_element(ir.Constant(target.vector, ir.Undefined), number, ir.Constant(_WORD, 0))
+    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(_WORD, target.width), [0] * target.width))
+
+
+def put_beside(builder: ir.IRBuilder, numbers: Sequence[ir.Value]) -> ir.Value:
+    """Floats of compiled code as the lanes of one value."""
+    lanes = ir.Constant(ir.VectorType(ir.DoubleType(), len(numbers)), ir.Undefined)
+    for lane, number in enumerate(numbers):
+        lanes = builder.insert_element(lanes, number, ir.Constant(_WORD, lane))
+    return lanes
+
+
+def take_lane(builder: ir.IRBuilder, lanes: ir.Value, lane: int) -> ir.Value:
+    """One of them."""
+    return builder.extract_element(lanes, ir.Constant(_WORD, lane))
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:
@@ -88,14 +103,13 @@ def _read(typingctx, coordinates, first, end, slot, entry):
         nodes, slots, dim = cgutils.unpack_tuple(builder, array.shape, 3)
         last = builder.sub(nodes, ir.Constant(first.type, 2))
         within = builder.add(builder.mul(slot, dim), entry)
-        lanes = ir.Constant(_VECTOR, ir.Undefined)
+        numbers = []
         for lane in range(WIDTH):
             element = builder.add(first, ir.Constant(first.type, lane))
             element = builder.select(builder.icmp_signed("<", element, last), element, last)
             place = builder.add(builder.mul(builder.add(element, end), builder.mul(slots, dim)), within)
-            value = builder.load(builder.gep(array.data, [place]))
-            lanes = builder.insert_element(lanes, value, ir.Constant(_WORD, lane))
-        return lanes
+            numbers.append(builder.load(builder.gep(array.data, [place])))
+        return put_beside(builder, numbers)
 
     return LANES(coordinates, types.intp, types.intp, types.intp, types.intp), generate
 
@@ -140,13 +154,12 @@ def _read_numbers(typingctx, numbers, first):
         array = context.make_array(kinds.args[0])(context, builder, values[0])
         first = values[1]
         last = builder.sub(array.nitems, ir.Constant(first.type, 1))
-        lanes = ir.Constant(_VECTOR, ir.Undefined)
+        numbers = []
         for lane in range(WIDTH):
             place = builder.add(first, ir.Constant(first.type, lane))
             place = builder.select(builder.icmp_signed("<", place, last), place, last)
-            value = builder.load(builder.gep(array.data, [place]))
-            lanes = builder.insert_element(lanes, value, ir.Constant(_WORD, lane))
-        return lanes
+            numbers.append(builder.load(builder.gep(array.data, [place])))
+        return put_beside(builder, numbers)
 
     return LANES(numbers, types.intp), generate
 
