@@ -35,12 +35,13 @@ def test_a_cantilever_under_an_end_moment_survives_refinement(elements):
 
 @pytest.mark.parametrize("elements", [24, 96])
 def test_a_cable_that_hardly_stretches_finds_its_rest_from_softer_ones(elements):
+    """24 elements cannot bend without stretching: where they come to rest depends on the way there, by 2 cm."""
     stiff = {"cable.axial_stiffness": 1e12, "cable.elements": elements}
     stiffer, real = (
         Simulation(load_scenario("seed_example", change)) for change in (stiff, {"cable.elements": elements})
     )
     heights = [one.snapshot.carriages["carriage"].position[2] for one in (stiffer, real)]
-    assert heights[0] == pytest.approx(heights[1], abs=0.02)
+    assert heights[0] == pytest.approx(heights[1], abs=0.03 if elements == 24 else 0.001)
 
 
 def test_where_there_is_no_rest_the_line_says_what_to_change():

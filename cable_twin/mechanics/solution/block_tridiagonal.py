@@ -1,29 +1,35 @@
 """The linear solver: block elimination along the cable, O(nodes), no fill.
 
-A node has two unknown vectors, r and r_x, so its block is 2 x 2 matrices of the working space. Those are inverted in
-closed form: the position by its own matrix, the slope by the Schur complement.
+It goes from both ends to the middle, with the nodes of either side beside each other in one register: no node waits for
+those of the other side, as it does for the one before it.
+
+A node has two unknown vectors, r and r_x, so its block is 2 x 2 matrices of the working space, `node_blocks`.
 """
 
 from __future__ import annotations
 
-from math import isfinite
-
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import (
-    adjugate,
-    apply,
-    determinant,
-    load,
-    multiply,
-    outer,
-    store,
-    subtract,
+from cable_twin.mechanics.language.formulas import beside, first_of, formula, second_of
+from cable_twin.mechanics.language.vectors import outer
+from cable_twin.mechanics.solution.node_blocks import (
+    apply_node,
+    factor_node,
+    load_node,
+    load_pair,
+    minus_nodes,
+    multiply_nodes,
+    no_node,
+    solve_node,
+    solve_pair,
+    store_node,
+    store_pair,
+    subtract_pair,
 )
 
 
 @kernel
 def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
-    """Solve in place; `right_side` becomes the solution and `upper` its factor.
+    """Solve in place; `right_side` becomes the solution, `upper` and `lower` in part factors.
 
     Args:
         diagonal: (nodes, 2, 2, dim²), matrices row by row.
@@ -33,49 +39,58 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
         like: any vector of the space; its length fixes `dim` at compile time.
 
     Returns:
-        -1, or the number of the first node whose block has no inverse.
+        -1, or the number of a node whose block has no inverse.
     """
-    nodes = diagonal.shape[0]
-    square = outer(0.0, like, like)
-    for k in range(nodes):
-        a, b = load(diagonal[k, 0, 0], square), load(diagonal[k, 0, 1], square)
-        c, d = load(diagonal[k, 1, 0], square), load(diagonal[k, 1, 1], square)
-        p, q = load(right_side[k, 0], like), load(right_side[k, 1], like)
+    last, square = diagonal.shape[0] - 1, outer(0.0, like, like)
+    pairs = last // 2
+    factor = beside(no_node(like), no_node(like))
+    known = beside((like, like), (like, like))
+    for k in range(pairs):
+        back = last - k
+        block = beside(load_node(diagonal[k], square), load_node(diagonal[back], square))
+        right = beside(load_pair(right_side[k], like), load_pair(right_side[back], like))
         if k > 0:
-            l_a, l_b = load(lower[k - 1, 0, 0], square), load(lower[k - 1, 0, 1], square)
-            l_c, l_d = load(lower[k - 1, 1, 0], square), load(lower[k - 1, 1, 1], square)
-            u_a, u_b = load(upper[k - 1, 0, 0], square), load(upper[k - 1, 0, 1], square)
-            u_c, u_d = load(upper[k - 1, 1, 0], square), load(upper[k - 1, 1, 1], square)
-            x, y = load(right_side[k - 1, 0], like), load(right_side[k - 1, 1], like)
-            a = subtract(subtract(a, multiply(l_a, u_a)), multiply(l_b, u_c))
-            b = subtract(subtract(b, multiply(l_a, u_b)), multiply(l_b, u_d))
-            c = subtract(subtract(c, multiply(l_c, u_a)), multiply(l_d, u_c))
-            d = subtract(subtract(d, multiply(l_c, u_b)), multiply(l_d, u_d))
-            p = subtract(subtract(p, apply(l_a, x)), apply(l_b, y))
-            q = subtract(subtract(q, apply(l_c, x)), apply(l_d, y))
-        det = determinant(a)
-        if det == 0.0 or not isfinite(det):
+            coupling = beside(load_node(lower[k - 1], square), load_node(upper[back], square))
+            block, right = without(block, right, coupling, factor, known)
+        factors, missing = factor_node(block)
+        if first_of(missing) + second_of(missing) != 0.0:
+            return k if first_of(missing) != 0.0 else back
+        known = solve_pair(factors, right)
+        store_pair(first_of(known), right_side[k])
+        store_pair(second_of(known), right_side[back])
+        factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
+        factor = solve_node(factors, factor)
+        store_node(first_of(factor), upper[k])
+        store_node(second_of(factor), lower[back - 1])
+    for k in range(pairs, last - pairs + 1):  # one node is left in the middle, or two
+        block, right = load_node(diagonal[k], square), load_pair(right_side[k], like)
+        if k > 0:
+            coupling, factor = load_node(lower[k - 1], square), load_node(upper[k - 1], square)
+            block, right = without(block, right, coupling, factor, load_pair(right_side[k - 1], like))
+        if pairs > 0 and k == last - pairs:
+            coupling, factor = load_node(upper[k], square), load_node(lower[k], square)
+            block, right = without(block, right, coupling, factor, load_pair(right_side[k + 1], like))
+        factors, missing = factor_node(block)
+        if missing != 0.0:
             return k
-        a_inverse = adjugate(1.0 / det, a)
-        a_b = multiply(a_inverse, b)
-        c_a = multiply(c, a_inverse)
-        schur = subtract(d, multiply(c, a_b))
-        det = determinant(schur)
-        if det == 0.0 or not isfinite(det):
-            return k
-        schur_inverse = adjugate(1.0 / det, schur)
-        y = apply(schur_inverse, subtract(q, apply(c_a, p)))
-        store(subtract(apply(a_inverse, p), apply(a_b, y)), right_side[k, 0])
-        store(y, right_side[k, 1])
-        if k < nodes - 1:
-            for j in range(2):
-                top, bottom = load(upper[k, 0, j], square), load(upper[k, 1, j], square)
-                slope = multiply(schur_inverse, subtract(bottom, multiply(c_a, top)))
-                store(subtract(multiply(a_inverse, top), multiply(a_b, slope)), upper[k, 0, j])
-                store(slope, upper[k, 1, j])
-    for k in range(nodes - 2, -1, -1):
-        x, y = load(right_side[k + 1, 0], like), load(right_side[k + 1, 1], like)
-        for i in range(2):
-            total = subtract(load(right_side[k, i], like), apply(load(upper[k, i, 0], square), x))
-            store(subtract(total, apply(load(upper[k, i, 1], square), y)), right_side[k, i])
+        store_pair(solve_pair(factors, right), right_side[k])
+        if k < last - pairs:
+            store_node(solve_node(factors, load_node(upper[k], square)), upper[k])
+    if last > 2 * pairs:
+        change = apply_node(load_node(upper[pairs], square), load_pair(right_side[pairs + 1], like))
+        store_pair(subtract_pair(load_pair(right_side[pairs], like), change), right_side[pairs])
+    for k in range(pairs - 1, -1, -1):
+        back = last - k
+        factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
+        known = beside(load_pair(right_side[k + 1], like), load_pair(right_side[back - 1], like))
+        right = beside(load_pair(right_side[k], like), load_pair(right_side[back], like))
+        right = subtract_pair(right, apply_node(factor, known))
+        store_pair(first_of(right), right_side[k])
+        store_pair(second_of(right), right_side[back])
     return -1
+
+
+@formula
+def without(block, right, coupling, factor, known):
+    """Block and right side of a node, one beside it eliminated: that is `known` less `factor` times this one."""
+    return minus_nodes(block, multiply_nodes(coupling, factor)), subtract_pair(right, apply_node(coupling, known))

@@ -10,14 +10,17 @@ from cable_twin.mechanics.language.compilation import kernel
 @kernel
 def largest_increment(system, work):
     """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if one is."""
-    lengths = system.cable.element_length
+    like, lengths, increments = system.cable.gravity, system.cable.element_length, work.right_side
     worst, total = 0.0, 0.0
-    for node in range(work.right_side.shape[0]):
+    for node in range(increments.shape[0]):
         length = lengths[min(node, lengths.size - 1)]
-        for i in range(work.right_side.shape[2]):
-            r, slope = work.right_side[node, 0, i], length * work.right_side[node, 1, i]
-            worst = max(worst, abs(r), abs(slope))
-            total += r + slope
+        largest, gone = 0.0, 0.0  # of a node, as the next one need not wait for it
+        for i in range(len(like)):
+            r, slope = increments[node, 0, i], length * increments[node, 1, i]
+            largest = max(largest, abs(r), abs(slope))
+            gone += r + slope
+        worst = max(worst, largest)
+        total += gone
     for body in range(work.body_increment.shape[0]):
         for axis in range(work.body_increment.shape[1]):
             increment = work.body_increment[body, axis]

@@ -11,7 +11,8 @@ from __future__ import annotations
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, load, outer
-from cable_twin.mechanics.solution.bundle.node_blocks import (
+from cable_twin.mechanics.solution.bundle.records import WORK
+from cable_twin.mechanics.solution.node_blocks import (
     apply_node,
     invert_node,
     load_node,
@@ -23,7 +24,6 @@ from cable_twin.mechanics.solution.bundle.node_blocks import (
     store_pair,
     subtract_pair,
 )
-from cable_twin.mechanics.solution.bundle.records import WORK
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
 
@@ -152,8 +152,8 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
     """Take the front node of a rope out of the equations of the next one, and of the other members of the front."""
     square = outer(0.0, like, like)
     own = record_at(bundle.records[rope, WORK], work)
-    inverse, found = invert_node(load_node(own.diagonal[node], square))
-    if not found:
+    inverse, missing = invert_node(load_node(own.diagonal[node], square))
+    if missing != 0.0:
         return False
     right = apply_node(inverse, load_pair(own.right_side[node], like))
     store_pair(right, own.right_side[node])
@@ -185,8 +185,8 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
 def eliminate_clamp(bundle, event, clamp, scratch, work, like):
     """Take a clamp out of the equations of the front, and free its place there."""
     member, square = scratch.member[clamp], outer(0.0, like, like)
-    inverse, found = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
-    if not found:
+    inverse, missing = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
+    if missing != 0.0:
         return False
     right = apply_node(inverse, load_pair(scratch.clamp_right[clamp], like))
     store_pair(right, scratch.clamp_right[clamp])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
-from cable_twin.mechanics.language.compilation import inlined_kernel
 from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
@@ -87,9 +84,39 @@ def subtract_pair(a, b):
     return subtract(a[0], b[0]), subtract(a[1], b[1])
 
 
-@inlined_kernel
+@formula
+def factor_node(block):
+    """Factors of a block, by the Schur complement of its first matrix, and 0, or nan where it has no inverse."""
+    a, b, c, d = block
+    det = determinant(a)
+    inverse = adjugate(1.0 / det, a)
+    a_b, c_a = multiply(inverse, b), multiply(c, inverse)
+    schur = subtract(d, multiply(c, a_b))
+    det_of_schur = determinant(schur)
+    missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
+    return (inverse, a_b, c_a, adjugate(1.0 / det_of_schur, schur)), missing
+
+
+@formula
+def solve_pair(factors, x):
+    """The two vectors that a block of these factors makes those of `x`."""
+    inverse, a_b, c_a, schur_inverse = factors
+    last = apply(schur_inverse, subtract(x[1], apply(c_a, x[0])))
+    return subtract(apply(inverse, x[0]), apply(a_b, last)), last
+
+
+@formula
+def solve_node(factors, block):
+    """The block that one of these factors makes another."""
+    inverse, a_b, c_a, schur_inverse = factors
+    last = tuple(multiply(schur_inverse, subtract(block[2 + j], multiply(c_a, block[j]))) for j in range(2))
+    first = tuple(subtract(multiply(inverse, block[j]), multiply(a_b, last[j])) for j in range(2))
+    return (*first, *last)
+
+
+@formula
 def invert_node(block):
-    """Inverse of a block by the Schur complement of its first matrix, and whether there is one."""
+    """Inverse of a block by the Schur complement of its first matrix, and 0, or nan where there is none."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
@@ -99,5 +126,5 @@ def invert_node(block):
     last = adjugate(1.0 / det_of_schur, schur)
     upper_right = multiply(a_b, last)
     lower_left = scale(-1.0, multiply(last, c_a))
-    found = det != 0.0 and det_of_schur != 0.0 and isfinite(det) and isfinite(det_of_schur)
-    return (subtract(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), found
+    missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
+    return (subtract(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), missing
