@@ -24,6 +24,7 @@ from benchmarks import (
     scaling,
     space,
     startup,
+    uniform,
 )
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, read, write
@@ -41,6 +42,7 @@ PARTS = {
     "startup": (startup.run, "memory, import, cold and warm start of a fresh process"),
     "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),
     "graded": (graded.run, "graded meshes beside even ones: cost, key figures, shape of the rope"),
+    "uniform": (uniform.run, "even meshes, whose model is as it was, beside the unit: cost of the solver alone"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
