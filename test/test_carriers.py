@@ -29,6 +29,7 @@ def lift(carriers, **overrides):
     return load_scenario(data, {"drives.haul_rope.speed": 2.5, **overrides})
 
 
+@pytest.mark.long
 def test_carriers_are_loaded_in_one_station_and_unloaded_in_the_other():
     """The masses take part in the motion, whatever the frames are."""
     ends = []

@@ -103,6 +103,7 @@ def test_the_haul_rope_is_back_on_its_rollers_when_a_cabin_has_passed_them(trip)
     assert [figure for figure in heights if not figure.kept] == []
 
 
+@pytest.mark.long
 @needs_kernels
 def test_it_goes_back_and_stops_where_it_began(trip):
     simulation, *_ = trip
@@ -190,6 +191,7 @@ def test_a_way_of_the_drive_ends_before_the_end_stops(travel, cabin):
     assert len(caught.value.faults) == 1
 
 
+@pytest.mark.long
 @needs_kernels
 def test_a_rollback_brakes_cabins_too_at_the_same_step_always():
     """The full cabin goes up, its drive is lost, and it pulls the empty one back up."""

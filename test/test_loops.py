@@ -132,7 +132,7 @@ def test_a_lost_drive_lets_the_full_strand_turn_the_lift_back():
     assert not simulation.emergency_stopped
 
 
-@pytest.mark.parametrize("brake", [None, {"force": 25e3}])
+@pytest.mark.parametrize("brake", [{"force": 25e3}, pytest.param(None, marks=pytest.mark.long)])
 def test_going_back_is_noticed_and_stopped(brake):
     """From a run at 1.5 m/s: half a metre behind where it turned, then the way to stop. At the same step always."""
     places = []

@@ -119,9 +119,8 @@ def test_who_can_meet_whom():
     assert buffers.stiffness[buffers.offset[1] + 1] == pytest.approx(3e5)  # of a point against b: of b alone
 
 
-@pytest.mark.parametrize(
-    "changes", [{"space": 3}, pytest.param({"solver.integrator": "runge_kutta"}, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("changes", [{"space": 3}, {"solver.integrator": "runge_kutta"}])
 def test_space_and_runge_kutta_agree_with_the_plane(changes):
     plane = level([vehicle(4.0, 1.5, 100.0, 0.6), vehicle(7.0, -0.5, 100.0, 0.6)], step=2e-4)
     other = Simulation(load_scenario(plane.scenario.resolved(), changes))

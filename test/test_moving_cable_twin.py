@@ -253,6 +253,7 @@ def test_a_carrier_enters_at_the_speed_of_the_rope_and_hangs_on():
     assert entered == 6  # 116 m go by
 
 
+@pytest.mark.long
 @needs_jit
 def test_a_day_in_eleven_minutes():
     """800 m with chairs: starts, stops, emergency stops, back and forth. No failed or halved step, spacing kept."""

@@ -26,7 +26,12 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "scenarios.md"
 KEPT = ("rope safety factor", "tension over transverse load", "swing along the track", "drive force")
 
 
-@pytest.mark.parametrize("name", SPEEDS)
+OF_SEVERAL_ROPES = {"jig_back", "bicable"}  # with tests of their own in files of their own
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if name in OF_SEVERAL_ROPES else ()) for name in SPEEDS]
+)
 def test_it_runs_and_keeps_its_limits(name):
     scenario = load_scenario(name)
     simulation, figures = Simulation(scenario), KeyFigures(scenario)

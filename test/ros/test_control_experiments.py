@@ -333,6 +333,7 @@ def test_without_a_twin_it_says_so(domain, tmp_path):
     )
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_it_goes_slower_in_the_wind_of_a_running_twin_and_stands_in_a_storm(tmp_path):
     """Wind as an anemometer's node would send it: before the trip, so that it is known from `air/wind` alone."""
