@@ -194,10 +194,9 @@ class _Array:
             else:
                 before, index = self.before._start(), self.index.cast(types.intp)
                 self._steps = self.before._steps
-                last = self.kind.layout == "C" and self.axis == self.kind.ndim
                 if isinstance(index, ir.Constant) and index.constant == 0:
                     self._where = before
-                elif last:
+                elif self.kind.layout == "C" and self.axis == self.kind.ndim:
                     self._where = builder.gep(before, [index])
                 else:
                     way = builder.mul(index, self._steps[self.axis - 1])
