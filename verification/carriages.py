@@ -211,8 +211,11 @@ def fixed_joint() -> Iterator[Result]:
 
 @case("rope goes slack and taut again", "none: it must go on", needs_jit=True)
 def slack_rope() -> Iterator[Result]:
-    """A level span thrown up at 6 m/s goes slack, falls and snaps taut, with a carriage on it."""
-    simulation = light_rope({"car": particle(0.2, 1.5)}, elements=48)
+    """A level span thrown up at 6 m/s goes slack, falls and snaps taut, with a carriage on it.
+
+    Without any damping a fifth of all throws that differ by 1e-9 m/s end in a step that finds no solution.
+    """
+    simulation = light_rope({"car": particle(0.2, 1.5)}, elements=48, damping_time=1e-4)
     with changing(simulation) as state:
         interior = state.nodes.velocity[1:-1, 0, 1]
         interior += 6.0 * np.sin(np.pi * np.linspace(0.0, 1.0, 49)[1:-1])
