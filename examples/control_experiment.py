@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
-from cable_twin.ros.middleware import keep_types_to_itself
+from cable_twin.ros.middleware import prepare_middleware
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
 DISCOVERY = 10.0  # s of the clock to find the twin, where --wait does not say it
@@ -338,7 +338,7 @@ def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, 
         print_hint(command, error)
         return 1
     ending.starting = False
-    keep_types_to_itself()
+    prepare_middleware(command)
     rclpy.init(args=[command], signal_handler_options=SignalHandlerOptions.NO)
     link = None
     try:

@@ -17,6 +17,7 @@ from twin_process import COMPILING, PATIENCE, check_alive
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.messages import decode, serialize
 from cable_twin.records import AppliedCommand
+from cable_twin.ros.middleware import remove_unfinished_ports
 
 
 class Participant:
@@ -24,6 +25,7 @@ class Participant:
 
     def __init__(self, domain: int, node: str = "/cable_twin") -> None:
         self.twin, self.domain = node, domain
+        remove_unfinished_ports()  # of twins that were killed
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("test_participant", context=self.context)

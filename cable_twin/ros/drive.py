@@ -16,7 +16,7 @@ from rich.status import Status
 from cable_twin.command_line import INTERRUPTED
 from cable_twin.commands import KINDS, Kind
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
-from cable_twin.ros.middleware import keep_types_to_itself
+from cable_twin.ros.middleware import prepare_middleware
 from cable_twin.ros.repeated_drive import Driver
 from cable_twin.ros.trip import Trip
 from cable_twin.ros.twin_client import TwinClient, TwinError
@@ -119,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print_hint("drive", error)
         return 1
     ending.starting = False
-    keep_types_to_itself()
+    prepare_middleware("drive")
     try:
         rclpy.init(args=["drive", *for_ros], signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node("cable_twin_drive")

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import os
+import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 OLDER_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+SHARED_MEMORY = Path("/dev/shm")
+READY = 2  # in the first word of memory that its maker has finished: boost::interprocess, managed_open_or_create_impl
+MAKING = 5.0  # s that nobody needs to make a port, which takes microseconds
+
+
+def prepare_middleware(command: str) -> None:
+    """What a command does before its first context; what it had to remove is a line each on stderr."""
+    keep_types_to_itself()
+    for line in remove_unfinished_ports():
+        print(f"{command}: {line}", file=sys.stderr)
 
 
 def keep_types_to_itself() -> None:
@@ -19,3 +32,30 @@ def keep_types_to_itself() -> None:
     """
     if PROFILES not in os.environ and OLDER_PROFILES not in os.environ:
         os.environ[PROFILES] = str(Path(__file__).with_name("fastdds.xml"))
+
+
+def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
+    """Remove shared memory of Fast DDS whose maker was killed before it was done; returns a line for each.
+
+    Whoever opens such a port waits for its maker, five minutes, deaf to signals, and holds up all who come after.
+    Ports from 7000 on are opened by each participant of a machine, whatever its domain, so that a process killed at
+    the wrong moment stops all ROS 2 there. (`SharedMemGlobal::open_port_internal` removes other broken ports itself.)
+    """
+    lines = []
+    for port in sorted(directory.glob("fastdds_port*")):
+        if port.name.removeprefix("fastdds_port").isdecimal() and _is_unfinished(port):
+            try:
+                port.unlink(missing_ok=True)
+            except PermissionError:
+                lines.append(f"{port}: a process was killed while it made it; its owner may remove it if all wait")
+            else:
+                lines.append(f"removed {port}: a process was killed while it made it, and others would wait for it")
+    return lines
+
+
+def _is_unfinished(port: Path) -> bool:
+    """Whether nobody makes it any more; what cannot be looked at passes for finished."""
+    with suppress(OSError), port.open("rb") as memory:
+        ready = int.from_bytes(memory.read(4), sys.byteorder) == READY
+        return not ready and time.time() - os.fstat(memory.fileno()).st_mtime > MAKING
+    return False

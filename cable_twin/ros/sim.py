@@ -83,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
         from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415
-        from cable_twin.ros.middleware import keep_types_to_itself  # noqa: PLC0415
+        from cable_twin.ros.middleware import prepare_middleware  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
     except ImportError as error:
@@ -92,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
     from cable_twin.simulation import EquilibriumError, SnapshotError  # noqa: PLC0415
 
-    keep_types_to_itself()
+    prepare_middleware("sim")
     try:
         rclpy.init(args=["sim", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:

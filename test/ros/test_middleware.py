@@ -7,11 +7,20 @@ import socket
 import struct
 import time
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 from twin_process import COMPILING, write_quick_scenario
 
-from cable_twin.ros.middleware import OLDER_PROFILES, PROFILES, keep_types_to_itself
+from cable_twin.ros.middleware import (
+    MAKING,
+    OLDER_PROFILES,
+    PROFILES,
+    READY,
+    SHARED_MEMORY,
+    keep_types_to_itself,
+    remove_unfinished_ports,
+)
 
 rclpy = pytest.importorskip("rclpy")
 
@@ -29,6 +38,35 @@ def test_profiles_of_the_user_are_left_alone(monkeypatch):
         keep_types_to_itself()
         assert os.environ.get(name) == "mine.xml"
         assert (PROFILES in os.environ) == (name == PROFILES)
+
+
+def write_port(path: Path, word: int, age: float) -> Path:
+    """As much as a killed process leaves of a port, some seconds after it."""
+    path.write_bytes(word.to_bytes(4, "little") + bytes(52396))
+    then = time.time() - age
+    os.utime(path, (then, then))
+    return path
+
+
+def test_only_ports_that_nobody_makes_any_more_are_removed(tmp_path):
+    left = [
+        write_port(tmp_path / "fastdds_port7000", READY, 2.0 * MAKING),
+        write_port(tmp_path / "fastdds_port7001", 0, 0.0),
+        write_port(tmp_path / "fastdds_port7002_el", 0, 2.0 * MAKING),
+    ]
+    unfinished = [write_port(tmp_path / f"fastdds_port{7003 + word}", word, 2.0 * MAKING) for word in (0, 1)]
+    said = remove_unfinished_ports(tmp_path)
+    assert [line.split(":")[0] for line in said] == [f"removed {port}" for port in unfinished]
+    assert sorted(tmp_path.iterdir()) == left
+
+
+@pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")
+def test_twin_starts_where_a_killed_process_left_a_port_half_made(processes, domain, tmp_path):
+    port = write_port(SHARED_MEMORY / f"fastdds_port{7400 + 250 * domain + 11}", 0, 2.0 * MAKING)
+    Path(f"{port}_el").unlink(missing_ok=True)  # of a twin before, by which Fast DDS would know that it is dead
+    twin = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", domain=domain)
+    twin.wait_for("runs at")
+    assert f"sim: removed {port}: a process was killed while it made it" in twin.output
 
 
 @pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")
