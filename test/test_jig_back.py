@@ -121,6 +121,7 @@ def test_it_goes_back_and_stops_where_it_began(trip):
     simulation.restore(there)
 
 
+@pytest.mark.long
 @needs_kernels
 def test_the_next_passengers_get_in_and_out_where_it_stands(trip):
     simulation, *_ = trip

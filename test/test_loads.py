@@ -24,8 +24,9 @@ DRIVE = {
 }
 
 
-def scenario(**changes):
-    """A cabin of 200 kg on 60 m of rope that rises 10 m, in the lower station."""
+def scenario(*, alone=False, **changes):
+    """A cabin of 200 kg on 60 m of rope that rises 10 m, in the lower station; and a trolley, if it is not alone."""
+    trolley = {"arc_length": 30.0, "drive": {"mode": "speed"}, "bodies": {"trolley": CABIN}}
     return load_scenario(
         {
             "cable": {
@@ -45,7 +46,7 @@ def scenario(**changes):
                     "payload": {"capacity": 400.0, "position": [0.2, -0.5], "station_distance": 4.0},
                     "bodies": {"cabin": CABIN},
                 },
-                "trolley": {"arc_length": 30.0, "drive": {"mode": "speed"}, "bodies": {"trolley": CABIN}},
+                **({} if alone else {"trolley": trolley}),
             },
             "solver": {"step": 0.01},
         },

@@ -38,6 +38,7 @@ def rows(text):
     return [line.split() for line in text.splitlines() if line.startswith(("continuum ", "element_frame "))]
 
 
+@pytest.mark.long
 def test_writes_figures_recordings_and_table(tmp_path):
     output = tmp_path / "new" / "study"
     result = run("--output", output, "--duration", 0.1, "--elements", 12)

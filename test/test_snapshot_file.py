@@ -122,7 +122,7 @@ def loaded_cabin():
 
 def cabin_in_space():
     changes = {"space": 3, "air.wind": [2.0, 12.0, 0.0], "carriages.cabin.payload.position": [0.3, 0.4, -0.8]}
-    return Simulation(test_loads.scenario(**changes)), [
+    return Simulation(test_loads.scenario(alone=True, **changes)), [
         (0.1, lambda simulation: simulation.payload("cabin", 120.0)),
         (0.2, lambda simulation: simulation.command("cabin", speed=3.0)),
         (0.4, lambda simulation: simulation.wind(9.0, -1.0, -15.0)),

@@ -42,6 +42,7 @@ def test_a_part_that_is_none_is_refused_with_those_that_are(name):
     assert PARTS[name] in error
 
 
+@pytest.mark.long
 def test_one_section_is_verified_and_its_rows_printed():
     page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
     result = tool("verification", "hinges")

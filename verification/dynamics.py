@@ -37,7 +37,7 @@ def seed_positions() -> Iterator[Result]:
             yield Result(f"z, {where}", "m", z, float(got[2]), 3e-3)
 
 
-@case("paper's integrator against the default", "Seo et al. 2004, eq. 16", needs_jit=True)
+@case("paper's integrator against the default", "Seo et al. 2004, eq. 16", needs_jit=True, long=True)
 def integrators_agree() -> Iterator[Result]:
     """The paper's three meshes; 0.8 of the stable step against 50 µs."""
     for model in ("continuum", "element_frame"):

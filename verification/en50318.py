@@ -235,7 +235,12 @@ def at_250() -> Iterator[Result]:
     yield from _compared(250)
 
 
-@case("EN 50318 at 300 km/h", "independent solution of the reference model; ranges of EN 50318:2002", needs_jit=True)
+@case(
+    "EN 50318 at 300 km/h",
+    "independent solution of the reference model; ranges of EN 50318:2002",
+    needs_jit=True,
+    long=True,
+)
 def at_300() -> Iterator[Result]:
     """Contact force, uplift and slack droppers."""
     yield from _compared(300)

@@ -255,7 +255,7 @@ def order() -> Iterator[Result]:
     yield Result("observed order", "-", 2.0, observed_order(errors), 0.3)
 
 
-@case("rope of a loop", "no rope is lost: Σ λ L, and the way from carrier to carrier", needs_jit=True)
+@case("rope of a loop", "no rope is lost: Σ λ L, and the way from carrier to carrier", needs_jit=True, long=True)
 def conserved() -> Iterator[Result]:
     """The shipped chairlift for 70 s: start, emergency stop, reversal, stop. An hour of it: docs/long_runs.md."""
     simulation = Simulation(load_scenario("chairlift"))

@@ -190,7 +190,7 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
     return start, end
 
 
-@case("cabin over a tower", "weight goes straight into the tower; energy", needs_jit=True)
+@case("cabin over a tower", "weight goes straight into the tower; energy", needs_jit=True, long=True)
 def passing_cabin() -> Iterator[Result]:
     """12 t at rest on the saddle, and at 7 m/s over it, in steps of 5 ms: no friction, damped only in the contacts."""
     # both spans alike, so that nothing of the cabin's weight acts along the rope

@@ -22,6 +22,7 @@ from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
+from cable_twin.simulation.engines import leave_out_absent
 
 MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
@@ -198,6 +199,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
             **changes,
         },
     )._replace(moving_cable=MOVING)
+    (system,) = leave_out_absent([system])
     state, work = disturbed_state(system)
     for array in fields_of(state).values():
         array[...] = 0

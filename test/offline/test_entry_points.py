@@ -59,7 +59,8 @@ def start(tmp_path):
         process.wait()
 
 
-@pytest.mark.parametrize("pause", [0.3, 1.0, 3.0])  # s: in the imports, at the start, under way
+# s: in the imports, at the start, under way
+@pytest.mark.parametrize("pause", [0.3, pytest.param(1.0, marks=pytest.mark.long), 3.0])
 def test_an_interrupt_is_one_line_at_any_moment(run, start, tmp_path, pause):
     write_quick_scenario(tmp_path)
     started = {

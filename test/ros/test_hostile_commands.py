@@ -27,7 +27,7 @@ from sensor_msgs.msg import JointState
 PAUSE = 0.003  # s between two commands: they all come within a few seconds, and no queue runs over
 TOPIC = "joint_commands"
 FRAME = 10_000_000  # ns
-FEW = 600  # commands, for every day
+FEW = 300  # commands, for every day
 
 TYPES = TYPESTORE.types
 HEADER = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](0, 0), "")
