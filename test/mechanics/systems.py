@@ -7,6 +7,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import (
     CONTINUUM,
     END,
+    NO_BUFFERS,
     Air,
     Cable,
     Carriages,
@@ -18,6 +19,7 @@ from cable_twin.mechanics.parameters import (
     mesh_fields,
 )
 from cable_twin.mechanics.state import RECORDS, allocate_state, allocate_workspace, fields_of, state_of
+from cable_twin.simulation.engines import leave_out_absent
 
 
 def make_cable(dim=2, **changes):
@@ -153,9 +155,9 @@ def make_haul_ropes(count, **changes):
 def make_system(
     dim=2, *, chains=(), cable=None, carriages=None, towers=None, counterweights=None, haul_ropes=None, air=None
 ):
-    """System of those above; no drag unless `air` is given."""
+    """System of those above, of the type of simulations; no drag unless `air` is given."""
     bodies = sum(chains)
-    return System(
+    whole = System(
         cable=make_cable(dim, **(cable or {})),
         carriages=make_carriages(chains, dim, **(carriages or {})),
         towers=make_towers(dim, **(towers or {})),
@@ -164,6 +166,13 @@ def make_system(
         air=Air(rope_drag=0.0, body_drag=np.zeros((bodies, dim * dim)), present=False) if air is None else air,
         solver=Solver(step=1e-3, spectral_radius=0.7, tolerance=1e-9, max_iterations=12, max_halvings=4),
     )
+    (system,) = leave_out_absent([whole])
+    return system
+
+
+def with_moving_cable(system, moving):
+    """The same system with a cable that moves along itself, of the type of such simulations."""
+    return system._replace(moving_cable=moving, buffers=NO_BUFFERS)
 
 
 def disturbed_state(system, seed=1):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from systems import disturbed_state, make_system, put
+from systems import disturbed_state, make_system, put, with_moving_cable
 
 from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
@@ -80,7 +80,7 @@ def in_motion(elements, dim=2, **options):
             present=True,
         ),
     )
-    system = system._replace(moving_cable=MOVING)
+    system = with_moving_cable(system, MOVING)
     state, work = disturbed_state(system)
     put(state.rope, 0.3, 1.7, 0.6)
     set_wind(state, rng.standard_normal(dim) * 4.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import changed, dense_blocks, difference, disturbed_state, make_system, put
+from systems import changed, dense_blocks, difference, disturbed_state, make_system, put, with_moving_cable
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
@@ -22,7 +22,6 @@ from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
-from cable_twin.simulation.engines import leave_out_absent
 
 MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
@@ -37,7 +36,7 @@ def gauss(points=6):
 
 def moving_system(**changes):
     """Bare cable in general position that moves at 1.7 m/s and speeds up at 0.6 m/s²."""
-    system = make_system(**changes)._replace(moving_cable=MOVING)
+    system = with_moving_cable(make_system(**changes), MOVING)
     state, work = disturbed_state(system)
     put(state.rope, 0.3, 1.7, 0.6)
     return system, state, work
@@ -180,7 +179,7 @@ def test_haul_force_is_the_rate_of_its_momentum():
 def test_newton_step_of_a_moving_cable(rope):
     """Condensed against dense, carriages clamped to it included; `add_flow` is held against its definition above."""
     system, state, work = setup([1, 2], modes=SPEED, cable=ELASTIC)
-    moving = system._replace(moving_cable=MOVING)
+    moving = with_moving_cable(system, MOVING)
     put(state.rope, *rope)
     check_newton_step(moving, state, work)
 
@@ -188,7 +187,7 @@ def test_newton_step_of_a_moving_cable(rope):
 def loop(places, *, speed=1.0, element_length=0.7, **changes):
     """A cable laid straight, carriers of one body at `places` on its loop, moving at `speed`."""
     count = len(places)
-    system = make_system(
+    standing = make_system(
         chains=[1] * count,
         cable={"element_length": element_length, "damping_time": 0.01, "even": True},
         carriages={
@@ -198,8 +197,8 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
             "stop_stiffness": np.zeros(count),
             **changes,
         },
-    )._replace(moving_cable=MOVING)
-    (system,) = leave_out_absent([system])
+    )
+    system = with_moving_cable(standing, MOVING)
     state, work = disturbed_state(system)
     for array in fields_of(state).values():
         array[...] = 0

@@ -7,7 +7,15 @@ they use residuals alone. Their derivatives are differences of fourth order.
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import changed, dense_blocks, difference, disturbed_state, make_system, second_difference
+from systems import (
+    changed,
+    dense_blocks,
+    difference,
+    disturbed_state,
+    make_system,
+    second_difference,
+    with_moving_cable,
+)
 from test_chain_in_space import WIND, Moved, aligned, stored_holding
 from test_kink import YIELDING, way_and_push
 
@@ -244,7 +252,7 @@ def test_newton_step_on_a_moving_cable(mode):
     system, state, work = setup(2, mode)
     moving = MovingCable(True, 10.0, acceleration_limit=0.5, emergency_deceleration=1.0, jerk_limit=np.inf)
     state.rope.velocity[:], state.rope.acceleration[:] = 2.5, 0.4
-    check_newton_step(system._replace(moving_cable=moving), state, work)
+    check_newton_step(with_moving_cable(system, moving), state, work)
 
 
 def test_newton_step_with_a_counterweight():
