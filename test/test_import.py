@@ -64,6 +64,13 @@ def test_the_package_loads_nothing_heavy(imported):
     assert not HEAVY & loaded
 
 
+def test_an_emergency_stop_waits_for_nothing_heavy():
+    code = "import cable_twin.ros.drive, sys; print(*{name.partition('.')[0] for name in sys.modules})"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "cable_twin" in result.stdout.split()
+    assert not HEAVY & set(result.stdout.split())
+
+
 def test_mechanics_imports_where_nothing_else_exists(imported):
     assert len(STAGES["mechanics"]) > 5
     assert not imported[0]["mechanics"] & set(OUTSIDE)

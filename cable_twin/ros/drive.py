@@ -17,8 +17,6 @@ from cable_twin.command_line import INTERRUPTED
 from cable_twin.commands import KINDS, Kind
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.middleware import prepare_middleware
-from cable_twin.ros.repeated_drive import Driver
-from cable_twin.ros.trip import Trip
 from cable_twin.ros.twin_client import TwinClient, TwinError
 from cable_twin.ros.twin_list import list_twins
 
@@ -182,6 +180,9 @@ def _waiting(text: str) -> Status:
 
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Repeat a command until the end; returns what went wrong."""
+    from cable_twin.ros.repeated_drive import Driver  # noqa: PLC0415 - an emergency stop does not wait for these
+    from cable_twin.ros.trip import Trip  # noqa: PLC0415
+
     driver = (
         Trip(node, options, ending)
         if kind is None

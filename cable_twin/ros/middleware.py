@@ -10,6 +10,10 @@ from pathlib import Path
 
 PROFILES = "FASTDDS_DEFAULT_PROFILES_FILE"
 OLDER_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILE = Path(__file__).with_name("fastdds.xml")
+ANNOUNCED_EVERY = 0.3  # s, by participants with that profile
+ANNOUNCEMENTS = 5  # of which one arrives where the machine is busy
+DISCOVERY = 3.5  # s: others announce themselves every 3 s
 SHARED_MEMORY = Path("/dev/shm")
 READY = 2  # in the first word of memory that its maker has finished: boost::interprocess, managed_open_or_create_impl
 MAKING = 5.0  # s that nobody needs to make a port, which takes microseconds
@@ -17,21 +21,30 @@ MAKING = 5.0  # s that nobody needs to make a port, which takes microseconds
 
 def prepare_middleware(command: str) -> None:
     """What a command does before its first context; what it had to remove is a line each on stderr."""
-    keep_types_to_itself()
+    take_profile()
     for line in remove_unfinished_ports():
         print(f"{command}: {line}", file=sys.stderr)
 
 
-def keep_types_to_itself() -> None:
-    """Have Fast DDS match endpoints by the names of their types, unless the environment has profiles of its own.
+def take_profile() -> None:
+    """Have Fast DDS match endpoints by names, and be found at once, unless the environment has profiles of its own.
 
     Fast DDS 3 asks the first participant that shows a type it does not know for its definition, once. Where that one
     leaves before it has answered, all endpoints of this type wait without end, those of the twin too
     (`TypeLookupManager::check_type_identifier_received`). ROS 2 compares names and hashes itself. A twin whose
     endpoints carry no definitions is matched at once, whatever the other side has set.
+
+    With LOCALHOST one newcomer in two hears of a twin only when that announces itself again, by default every 3 s; an
+    emergency stop from a terminal would come as late.
     """
     if PROFILES not in os.environ and OLDER_PROFILES not in os.environ:
-        os.environ[PROFILES] = str(Path(__file__).with_name("fastdds.xml"))
+        os.environ[PROFILES] = str(PROFILE)
+
+
+def discovery_time(implementation: str) -> float:
+    """Time (s) within which everybody has been heard of by participants of this middleware, an identifier of rmw."""
+    ours = implementation.startswith("rmw_fastrtps") and os.environ.get(PROFILES) == str(PROFILE)
+    return ANNOUNCEMENTS * ANNOUNCED_EVERY if ours else DISCOVERY
 
 
 def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:

@@ -6,10 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import INPUTS, VECTOR, Kind
-from cable_twin.messages import APPLIED_COMMANDS
-from cable_twin.records import AppliedCommand, Command
 from cable_twin.ros.command_line import Ending
 
 ANSWER = 5.0  # s within which the twin has to apply a command, on a machine that is busy with other things
@@ -104,6 +101,11 @@ class TwinClient:
         """
         from rcl_interfaces.msg import Log  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
+
+        # an emergency stop does not wait for these, which are half of the start
+        from cable_twin.command_messages import applied_command_from_message  # noqa: PLC0415
+        from cable_twin.messages import APPLIED_COMMANDS  # noqa: PLC0415
+        from cable_twin.records import AppliedCommand, Command  # noqa: PLC0415
 
         given = Command(kind.name, values)
         applied: list[AppliedCommand] = []

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_twin.ros.command_line import Ending
+from cable_twin.ros.middleware import discovery_time
 
-DISCOVERY = 3.5  # s within which DDS tells of every node: it announces them every 3 s
 SCENARIO, DIAGNOSTICS = "/scenario", "/diagnostics"
 
 
@@ -67,7 +67,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
 
     node.create_subscription(DiagnosticArray, DIAGNOSTICS, note_status, 50)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    started = time.monotonic()
+    started, enough = time.monotonic(), discovery_time(rclpy.get_rmw_implementation_identifier())
     while not ending.is_set():
         for name in _names(node):
             if name not in twins:
@@ -76,7 +76,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
         rclpy.spin_once(node, timeout_sec=0.05)
         elapsed = time.monotonic() - started
         complete = bool(twins) and all(twin.scenario and twin.values for twin in twins.values())
-        if elapsed > (DISCOVERY if complete else max(wait, DISCOVERY) if twins else wait):
+        if elapsed > (enough if complete else max(wait, enough) if twins else wait):
             break
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]
 

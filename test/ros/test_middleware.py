@@ -6,20 +6,27 @@ import os
 import socket
 import struct
 import time
+from collections.abc import Iterator
 from contextlib import closing
+from itertools import islice
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from twin_process import COMPILING, write_quick_scenario
 
 from cable_twin.ros.middleware import (
+    ANNOUNCED_EVERY,
+    ANNOUNCEMENTS,
+    DISCOVERY,
     MAKING,
     OLDER_PROFILES,
     PROFILES,
     READY,
     SHARED_MEMORY,
-    keep_types_to_itself,
+    discovery_time,
     remove_unfinished_ports,
+    take_profile,
 )
 
 rclpy = pytest.importorskip("rclpy")
@@ -27,6 +34,7 @@ rclpy = pytest.importorskip("rclpy")
 BUILTIN_ENDPOINT_SET = 0x0058  # a parameter of what participants announce: RTPS 2.5, table 9.14
 TYPE_LOOKUP = 0xF000  # its bits of the service that asks for types: XTypes 1.3, 7.6.3.3.3
 DATA, PARTICIPANTS = 0x15, bytes.fromhex("000100c2")
+AT_ONCE = 6  # announcements that come at once, at the start of a participant
 PEERS = 32  # participants of a machine that rmw_fastrtps announces itself to, with LOCALHOST
 
 
@@ -35,8 +43,9 @@ def test_profiles_of_the_user_are_left_alone(monkeypatch):
         monkeypatch.delenv(PROFILES, raising=False)
         monkeypatch.delenv(OLDER_PROFILES, raising=False)
         monkeypatch.setenv(name, "mine.xml")
-        keep_types_to_itself()
+        take_profile()
         assert os.environ.get(name) == "mine.xml"
+        assert discovery_time("rmw_fastrtps_cpp") == DISCOVERY
         assert (PROFILES in os.environ) == (name == PROFILES)
 
 
@@ -70,13 +79,30 @@ def test_twin_starts_where_a_killed_process_left_a_port_half_made(processes, dom
 
 
 @pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")
-def test_twin_asks_nobody_for_types(processes, domain, tmp_path):
+def test_twin_asks_nobody_for_types_and_announces_itself_often(processes, domain, tmp_path):
     processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", domain=domain)
-    assert announced_endpoints(domain, COMPILING) & TYPE_LOOKUP == 0
+    said = announcements(domain, COMPILING)
+    assert parameter(*next(said)) & TYPE_LOOKUP == 0
+    *_, last = (time.monotonic() for _ in islice(said, AT_ONCE))
+    *_, later = (time.monotonic() for _ in islice(said, 20))
+    assert later - last < 30.0  # s: a minute, were it every 3 s
 
 
-def announced_endpoints(domain: int, timeout: float) -> int:
-    """The built-in endpoints of the participant that announces itself in a domain, as bits."""
+def test_time_of_discovery_is_that_of_the_profile(monkeypatch):
+    for name in (PROFILES, OLDER_PROFILES):
+        monkeypatch.setenv(name, "")  # so that it is as before after the test
+        monkeypatch.delenv(name)
+    take_profile()
+    space = {"dds": "http://www.eprosima.com"}
+    found = ElementTree.parse(os.environ[PROFILES]).find(".//dds:leaseAnnouncement", space)
+    parts = [float(found.findtext(f"dds:{name}", None, space)) for name in ("sec", "nanosec")]
+    assert parts[0] + 1e-9 * parts[1] == pytest.approx(ANNOUNCED_EVERY)
+    assert discovery_time("rmw_fastrtps_cpp") == ANNOUNCEMENTS * ANNOUNCED_EVERY < DISCOVERY
+    assert discovery_time("rmw_cyclonedds_cpp") == DISCOVERY
+
+
+def announcements(domain: int, timeout: float) -> Iterator[tuple[bytes, str]]:
+    """What participants say of themselves in a domain, as lists of parameters and their order of bytes."""
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as peer:
         peer.bind(("127.0.0.1", 7400 + 250 * domain + 10 + 2 * (PEERS - 1)))
         peer.settimeout(timeout)
@@ -89,9 +115,9 @@ def announced_endpoints(domain: int, timeout: float) -> int:
                 order = "<" if flags & 1 else ">"
                 content = packet[place + 4 : place + 4 + struct.unpack(f"{order}H", length)[0]]
                 if kind == DATA and content[8:12] == PARTICIPANTS:
-                    return parameter(content[24:], order)
+                    yield content[24:], order
                 place += 4 + len(content)
-    raise AssertionError("no participant has announced itself")
+    raise AssertionError("no participant announces itself")
 
 
 def parameter(content: bytes, order: str) -> int:
