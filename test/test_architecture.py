@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -100,6 +101,7 @@ LONGER = {
 }
 
 
+@cache
 def modules() -> dict[str, Path]:
     """All modules by name within the package."""
     found = {}
@@ -111,6 +113,7 @@ def modules() -> dict[str, Path]:
     return found
 
 
+@cache
 def imports(name: str, path: Path) -> set[str]:
     """Modules of the package that a module imports anywhere, also within functions and for type checks."""
     known = modules()
@@ -131,15 +134,14 @@ def is_within(module: str, part: str) -> bool:
     return module == part or module.startswith(f"{part}.")
 
 
-@pytest.mark.parametrize("name", sorted(modules()))
-def test_imports_point_down(name):
-    part = name.split(".")[0]
-    assert part in ALLOWED, f"{name} has no place in the picture"
-    wrong = {
-        module
-        for module in imports(name, modules()[name])
-        if not any(is_within(module, allowed) for allowed in (part, *ALLOWED[part]))
-    }
+def test_imports_point_down():
+    wrong = {}
+    for name, path in modules().items():
+        part = name.split(".")[0]
+        assert part in ALLOWED, f"{name} has no place in the picture"
+        allowed = part, *ALLOWED[part]
+        up = {module for module in imports(name, path) if not any(is_within(module, below) for below in allowed)}
+        wrong |= {name: up} if up else {}
     assert not wrong
 
 
@@ -190,11 +192,10 @@ def lengths(name: str, path: Path) -> dict[str, tuple[str, int]]:
     return found
 
 
-@pytest.mark.parametrize("name", sorted(modules()))
-def test_files_and_functions_are_short(name):
+def test_files_and_functions_are_short():
     """Or there is a reason why they are not."""
-    found = lengths(name, modules()[name])
-    assert not {key: count for key, (kind, count) in found.items() if count > MOST_LINES[kind] and key not in LONGER}
+    found = [item for name, path in modules().items() for item in lengths(name, path).items()]
+    assert not {key: count for key, (kind, count) in found if count > MOST_LINES[kind] and key not in LONGER}
 
 
 def test_what_is_longer_for_a_reason_is_still_there():

@@ -82,7 +82,12 @@ def tumble(integrator: str, steps: int, duration: float, parts: int = 1, radius:
     return found
 
 
-@case("a body that spins freely", "Euler's equations: Jacobi's elliptic functions; energy, momentum", needs_jit=True)
+@case(
+    "a body that spins freely",
+    "Euler's equations: Jacobi's elliptic functions; energy, momentum",
+    needs_jit=True,
+    long=True,
+)
 def free_body() -> Iterator[Result]:
     """Dzhanibekov's flip: the middle axis turns over and back, again and again, here four times."""
     rate, modulus = tumbling()
@@ -222,7 +227,7 @@ def blown(integrator: str, steps: int, turns: str) -> tuple[FloatArray, Simulati
     return np.concatenate([simulation.state.joints.position, simulation.state.bodies.position.ravel()]), simulation
 
 
-@case("order in time in space", "classical Runge-Kutta, 4; Chung, Hulbert 1993: 2", needs_jit=True)
+@case("order in time in space", "classical Runge-Kutta, 4; Chung, Hulbert 1993: 2", needs_jit=True, long=True)
 def orders_in_space() -> Iterator[Result]:
     """A sliding joint that holds the heading, springs and dampers, either joint between the bodies, wind across."""
     for turns in ("universal", "revolute"):

@@ -66,7 +66,7 @@ def frequency(times: np.ndarray, values: np.ndarray) -> float:
     return (up.size - 1) / float(crossings[-1] - crossings[0])
 
 
-@case("bounce in the haul rope after a sudden stop", "ω² = k/(m + m_rope/3)", needs_jit=True)
+@case("bounce in the haul rope after a sudden stop", "ω² = k/(m + m_rope/3)", needs_jit=True, long=True)
 def bounce() -> Iterator[Result]:
     """The sheave stops within 2 % of a period; both stations; damped and not."""
     for station, start in (("end", 40.0), ("start", 60.0)):

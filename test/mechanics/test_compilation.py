@@ -262,6 +262,7 @@ print(outer(1.0))
 """
 
 
+@pytest.mark.long
 def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_starts(tmp_path):
     """What calls the edited one has not changed itself, and is kept where the old one is."""
     (tmp_path / "program.py").write_text(EDITED)
