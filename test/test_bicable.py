@@ -96,7 +96,7 @@ def test_state_goes_on_with_the_same_bits_while_some_are_in_stations(tmp_path):
     simulation.save(tmp_path / "state.npz")
     full = simulation.capture()
     again = Simulation.load(tmp_path / "state.npz", samples=5)
-    end = simulation.time + 6.0
+    end = simulation.time + 12.0
     expected = simulation.advance_to(end).numbers.tobytes()
     assert again.advance_to(end).numbers.tobytes() == expected
     simulation.restore(full)

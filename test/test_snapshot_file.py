@@ -120,15 +120,19 @@ def loaded_cabin():
     ]
 
 
-def cabin_in_space():
+def cabin_in_space(alone=True):
     changes = {"space": 3, "air.wind": [2.0, 12.0, 0.0], "carriages.cabin.payload.position": [0.3, 0.4, -0.8]}
-    return Simulation(test_loads.scenario(alone=True, **changes)), [
+    return Simulation(test_loads.scenario(alone=alone, **changes)), [
         (0.1, lambda simulation: simulation.payload("cabin", 120.0)),
         (0.2, lambda simulation: simulation.command("cabin", speed=3.0)),
         (0.4, lambda simulation: simulation.wind(9.0, -1.0, -15.0)),
         (1.3, lambda simulation: simulation.emergency_stop()),
         (2.4, lambda simulation: simulation.reset()),
     ]
+
+
+def two_in_space():
+    return cabin_in_space(alone=False)
 
 
 def tramway_with_tower():
@@ -144,7 +148,17 @@ def rope_off_its_tower():
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
-@pytest.mark.parametrize("build", [ski_lift, loaded_cabin, cabin_in_space, tramway_with_tower, rope_off_its_tower])
+@pytest.mark.parametrize(
+    "build",
+    [
+        ski_lift,
+        loaded_cabin,
+        cabin_in_space,
+        pytest.param(two_in_space, marks=pytest.mark.long),  # its kernels are of no other test
+        tramway_with_tower,
+        rope_off_its_tower,
+    ],
+)
 def test_all_that_a_scenario_may_hold_goes_on_with_the_same_bits(tmp_path, build):
     simulation, events = build()
     give(simulation, events, 1.0)
