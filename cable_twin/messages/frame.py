@@ -88,7 +88,6 @@ class MessageEncoder:
         *,
         own: Sequence[str] = (),
         frames: FrameNames = PLAIN,
-        absolute: bool = False,
     ) -> None:
         """Prepare what stays the same.
 
@@ -97,10 +96,9 @@ class MessageEncoder:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
             own: Names of carriers that have topics of their own besides.
             frames: Names of coordinate frames.
-            absolute: As in logs up to format 2: pitches of bodies, and all forces in the fixed frame.
         """
         self.epoch_ns = epoch_ns
-        self._frames, self._absolute = frames, absolute
+        self._frames = frames
         self._header = Header(STAMP, frames.frame_id)
         self._joint_angle, self._joint_rate = np.zeros((2, len(layout.bodies)))  # rad, rad/s
         self._place = np.zeros(len(layout.vehicles))
@@ -174,7 +172,7 @@ class MessageEncoder:
 
     def _header_at(self, thing: str) -> Header:
         """Header of what is given in the frame of a vehicle or support."""
-        return self._header if self._absolute else Header(STAMP, self._frames.named(thing))
+        return Header(STAMP, self._frames.named(thing))
 
     def _offer_vehicle(self, vehicle: str) -> None:
         """Topics of one vehicle by its name."""
@@ -194,7 +192,7 @@ class MessageEncoder:
     def _joint_states(self) -> Template:
         """Vehicles, drives, then the joints of bodies: place or angle, its rate, and the force along the cable."""
         layout, c = self._layout, self._columns
-        names = [*layout.vehicles, *layout.drives, *(layout.bodies if self._absolute else joint_names(layout))]
+        names = [*layout.vehicles, *layout.drives, *joint_names(layout)]
         sources = [self._place, c.drive_position, self._joint_angle]
         sources += [c.speed, c.drive_speed, self._joint_rate]
         sources += [c.drive_force, c.moving_cable_force]
@@ -207,7 +205,7 @@ class MessageEncoder:
     def _fill_joint_states(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
         """Each body against the one that it hangs from, before they are filled in; the first one against upright."""
         angles, rates = self._columns.body_angles[:, 1], self._columns.body_angular_velocity[:, 1]
-        rows = hung_rows(self._layout)[: 0 if self._absolute else None]
+        rows = hung_rows(self._layout)
 
         def fill_joints(stamp_ns: int) -> bytes:
             self._place[:] = self._layout.on_loop(self._columns)

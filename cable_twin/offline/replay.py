@@ -80,8 +80,8 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     """
     # carriers with topics of their own: those that were asked for, and all in logs of format 1
     layout = simulation.layout
-    frames, absolute = FrameNames.of(log.metadata), log.files[0].absolute
-    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=frames, absolute=absolute)
+    frames = FrameNames.of(log.metadata)
+    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=frames)
     table = topics(layout, own=layout.carriers, tf=True)
     types = {topic.name: topic.type for topic in table if topic.group or topic.name == DERAILMENTS}
     waiting: deque[AppliedCommand] = deque()

@@ -19,7 +19,7 @@ from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import TopicNames
-from cable_twin.recording.log_versions import ABSOLUTE_FORMATS, LogError, check_format
+from cable_twin.recording.log_versions import LogError, check_format
 from cable_twin.recording.log_writer import AFTER_LOSS
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
 
@@ -51,11 +51,6 @@ class LogFile:
         """Whether it was closed; else the process was killed, and everything but about its last second is here."""
         with _open(self.path) as stream:
             return _has_index(stream)
-
-    @property
-    def absolute(self) -> bool:
-        """Whether it is as up to format 2: pitches of bodies instead of joints, all forces in the fixed frame."""
-        return self.metadata["format_version"] in ABSOLUTE_FORMATS
 
     @property
     def names(self) -> TopicNames:

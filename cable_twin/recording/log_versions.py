@@ -1,4 +1,4 @@
-"""Versions of the bag: which one is written, which ones are read, and what older ones have otherwise."""
+"""Version of the bag that is written and read, and the refusal of others."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 FORMAT_VERSION = "3"
-ABSOLUTE_FORMATS = ("1", "2")  # with the pitch of each body instead of its joint, and all forces in one frame
-READABLE_FORMATS = (*ABSOLUTE_FORMATS, FORMAT_VERSION)
 
 
 class LogError(ValueError):
@@ -21,11 +19,14 @@ def check_format(file: Path, metadata: Mapping[str, str]) -> None:
         LogError: with what the file is, and what is read.
     """
     given = metadata.get("format_version", "")
-    if given in READABLE_FORMATS:
+    if given == FORMAT_VERSION:
         return
     if given.isdecimal() and int(given) > int(FORMAT_VERSION):
         raise LogError(
             f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
             f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
         )
-    raise LogError(f"{file}: format version {given!r}, this package reads {', '.join(READABLE_FORMATS)}")
+    raise LogError(
+        f"{file}: format version {given!r}, this cable_twin reads {FORMAT_VERSION}; "
+        f"made by cable_twin {metadata.get('package_version', '(unknown)')}, which replays it"
+    )

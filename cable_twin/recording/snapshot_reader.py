@@ -132,10 +132,9 @@ class _Frames:
         self._winds = np.array([in_space(scenario.air.wind)] * 2)  # m/s, at the start and now
         self._payloads = self._first_payloads()
         self._names_checked = False
-        self._absolute = log.files[0].absolute
         cables = [*scenario.ropes.values()] or [scenario.cable]
         self._lengths = np.array([cable.unstrained_length for cable in cables])
-        self._hung = hung_rows(layout)[: 0 if self._absolute else None]
+        self._hung = hung_rows(layout)
         self._full = _full_state(log.snapshot)
         if self._full is not None:
             self._supports.rest_loads[:] = np.concatenate([start.tower_load[:, 0] for start in self._full.starts])
@@ -259,7 +258,7 @@ class _Frames:
         layout, c = self._layout, self._columns
         if not self._names_checked:
             names = decode(data, "sensor_msgs/msg/JointState").name
-            if names != [*layout.vehicles, *layout.drives, *(layout.bodies if self._absolute else joint_names(layout))]:
+            if names != [*layout.vehicles, *layout.drives, *joint_names(layout)]:
                 raise ValueError(f"its names are not those of the scenario: {', '.join(names[:5])}, ...")
             self._names_checked = True
         vehicles, drives = len(layout.vehicles), len(layout.vehicles) + len(layout.drives)

@@ -22,11 +22,11 @@ import numpy as np
 from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
-from cable_twin.simulation.older_snapshots import PARTS, brought_up
 
 FORMAT = "cable_twin snapshot"
 FORMAT_VERSION = 7
 SUFFIX = ".npz"
+PARTS = ("state", "start")  # of ropes beside the first: state2, start2 and on
 BETWEEN = "between"  # what is on no rope alone
 # what zipfile, numpy and json raise on the way
 DAMAGED = (
@@ -187,9 +187,8 @@ def _read(stream: IO[bytes], name: str) -> FullState:
             header = json.loads(archive["header"].tobytes())
             _check_header(header, name)
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
-            arrays = brought_up(arrays, header["format_version"])
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
-        loading = {key: float(mass) for key, mass in header.get("loading", {}).items()}  # none in older files
+        loading = {key: float(mass) for key, mass in header["loading"].items()}
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
     except SnapshotError:
         raise
@@ -213,13 +212,14 @@ def _check_header(header: Any, name: str) -> None:
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise SnapshotError(f"{name}: not a snapshot of cable_twin: its header is another one")
     given = header.get("format_version")
-    if not isinstance(given, int) or given < 1:
-        raise SnapshotError(f"{name}: format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
-    if given > FORMAT_VERSION:
+    if given == FORMAT_VERSION:
+        return
+    if isinstance(given, int) and given > FORMAT_VERSION:
         raise SnapshotError(
             f"{name}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
             f"update cable_twin: the snapshot was made by {header.get('package_version')}"
         )
+    raise SnapshotError(f"{name}: format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
 
 
 def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:

@@ -91,15 +91,6 @@ def test_joint_states_list_vehicles_and_drives_before_the_joints_of_bodies():
     assert frame_at(1.5)["joint_states"] == serialize(expected)
 
 
-def test_messages_of_early_logs_have_pitches_of_bodies_and_all_forces_in_one_frame():
-    early = frame_at(1.5, absolute=True)
-    message = decode(early["joint_states"], TYPES["joint_states"])
-    assert message.name[6:8] == ["cabin/hanger", "cabin/cabin"]
-    assert message.position[6:8].tolist() == [0.3, -0.1]
-    wrench = Wrench(Vector3(-899.0, 0.0, 30.0), Vector3(0.0, 0.0, 0.0))
-    assert early["supports/end/force"] == serialize(WrenchStamped(header(EPOCH + 1_500_000_000), wrench))
-
-
 @pytest.mark.parametrize("frames", [FrameNames(), FrameNames("south/map", "south/")])
 def test_every_message_of_a_frame_has_its_time_and_the_frame_that_its_numbers_are_in(frames):
     """Forces are in the frame of what they act on, where a viewer draws them."""

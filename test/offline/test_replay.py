@@ -260,12 +260,10 @@ def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
     assert "format version 4 is newer than this cable_twin reads (3); update cable_twin" in line
 
 
-@pytest.mark.parametrize("golden", sorted(Path(__file__).parent.glob("golden_*.mcap")), ids=lambda path: path.stem)
-def test_logs_of_earlier_versions_keep_replaying(golden):
+def test_a_log_of_an_earlier_version_of_the_package_keeps_replaying():
     """To 0.01 %: room for a solver that computes the same motion in another way, none for another motion."""
-    assert main([str(golden), "--tolerance", "1e-4"]) == 0
+    assert main([str(Path(__file__).parent / "golden.mcap"), "--tolerance", "1e-4"]) == 0
 
 
-def test_there_is_a_golden_log_for_every_format():
-    assert {path.stem for path in Path(__file__).parent.glob("golden_*.mcap")} == {"golden_1", "golden_2", "golden_3"}
-    assert FORMAT_VERSION == "3"
+def test_the_golden_log_has_the_present_format():
+    assert read_log(Path(__file__).parent / "golden.mcap").metadata["format_version"] == FORMAT_VERSION

@@ -124,19 +124,6 @@ def test_log_cut_before_its_first_record_has_the_figures_of_its_frames(sparse, t
     assert 0.1 < found["cabin: vehicle acceleration"] <= expected["cabin: vehicle acceleration"]
 
 
-def test_figures_of_a_log_of_format_1_are_gathered_from_its_frames():
-    golden = Path(__file__).parent / "golden_1.mcap"
-    assert KEY_FIGURES not in {topic for topic, *_ in read_log(golden).messages()}
-    expected = {figure.name: figure for figure in figures_again(golden, 10.0, frame_steps=40)}  # of 5 Hz
-    found = read(golden).figures
-    del expected[ENERGY_LOST]
-    assert [figure.name for figure in found] == list(expected)
-    for figure in found:
-        assert figure.value == pytest.approx(expected[figure.name].value, rel=1e-4)
-        assert figure.time == pytest.approx(expected[figure.name].time, abs=1e-6)
-    assert "vehicle acceleration" in "\n".join(table(printed(review.main, golden, "--no-viewer")))
-
-
 def test_signals_to_draw_are_of_the_frames_that_hold_them(sparse):
     series = {name: one.line() for name, one in read(sparse[0]).signals.series.items()}
     counts = {name: len(times) for name, (times, _) in series.items()}
