@@ -1,0 +1,64 @@
+"""The fuzzers, some seconds each, and that all that they are there for is found."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import faulty_fuzzer
+import pytest
+
+from fuzzing import DONE, FUZZERS, REFUSED
+from fuzzing.harness import FINDINGS, SEEDS, Limits, fuzz, replay
+
+SECONDS = 3.0  # of each fuzzer, beside its kept seeds and the start of its process
+ROOT = Path(__file__).parents[1]
+HOLDING = ("scripts",)
+
+
+@pytest.mark.parametrize("name", HOLDING)
+def test_nothing_is_found(name, tmp_path):
+    counts = fuzz(f"fuzzing.{name}", seconds=SECONDS, number=1, keep=tmp_path, seeds=SEEDS / name)
+    assert not counts.findings, "\n\n".join(one.text for one in counts.findings)
+    assert counts.runs > 10
+    assert counts.kinds[DONE]
+    assert counts.kinds[REFUSED]
+
+
+def test_every_way_to_fail_is_found_and_kept(tmp_path):
+    seeds = tmp_path / "seeds"
+    seeds.mkdir()
+    for number, way in enumerate(faulty_fuzzer.WAYS):
+        (seeds / f"{number}.txt").write_text(way)
+    counts = fuzz(
+        "faulty_fuzzer", seconds=0.0, number=1, keep=tmp_path / "found", seeds=seeds, limits=Limits(seconds=1.0)
+    )
+    assert counts.kinds == {DONE: 1, REFUSED: 2, "traceback": 1, "hang": 1, "memory": 1, "signal": 2}
+    assert sorted(one.kind for one in counts.findings) == ["hang", "memory", "signal", "signal", "traceback"]
+    for one in counts.findings:
+        assert "at it" in one.text, one
+        assert one.files[0].read_text() in (one.kind, "exit")
+        assert one.kind in FINDINGS
+        assert replay("faulty_fuzzer", one.files[0], Limits(seconds=1.0))[0] == one.kind
+    found = {one.kind: one.place for one in counts.findings}
+    assert "IndexError at" in found["traceback"]
+    assert "faulty_fuzzer.py" in found["traceback"]
+
+
+def test_cases_are_those_of_the_seed(tmp_path, monkeypatch):
+    def drawn(number):
+        monkeypatch.setattr("fuzzing.harness.Child.run", lambda _, file: (DONE, taken.append(file.read_bytes()) or ""))
+        taken = []
+        fuzz("faulty_fuzzer", seconds=0.2, number=number, keep=tmp_path)
+        return taken[:20]
+
+    assert drawn(3) == drawn(3) != drawn(4)
+
+
+def test_the_command_refuses_what_it_does_not_know():
+    done = subprocess.run(
+        [sys.executable, "-m", "fuzzing", "nothing"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert f"given 'nothing'; allowed: {', '.join(FUZZERS)}" in done.stderr
