@@ -65,7 +65,7 @@ def _answer(run: Callable[[Path], str], file: Path) -> list[str]:
 
 def place_of(text: str) -> str:
     """Where a traceback ends within this project, and with which error: what tells one finding from another."""
-    lines = text.strip().splitlines()
+    lines = text.partition("\nprinted:")[0].strip().splitlines()
     places = [line.strip() for line in lines if line.lstrip().startswith('File "') and str(ROOT) in line]
     last = places[-1].replace(str(ROOT) + "/", "") if places else ""
     error = lines[-1].partition(":")[0] if lines else ""
