@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
 
 from cable_twin.offline import line, replay, review, simulate
+from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.ros import drive, sim
 from cable_twin.scenario.find_faults import inner_model
 from cable_twin.scenario.schema import Scenario
+from cable_twin.simulation.snapshot_file import FORMAT_VERSION as SNAPSHOT_VERSION
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -100,3 +103,27 @@ def test_keys_of_scenarios_are_in_the_files_that_are_named():
         _, model = inner_model(field)
         if model is not None:
             assert f"{model.__module__.rpartition('.')[2]}.py" == file_of.get(section, "schema.py"), section
+
+
+def test_the_table_of_theory_names_what_the_mechanics_have():
+    """Each word of the column `code` is a name in the code: of a function, an argument, a variable or a field."""
+    (table,) = re.findall(r"^\| symbol .*\n.*\n((?:\|.*\n)+)", (ROOT / "docs" / "theory.md").read_text(), re.MULTILINE)
+    words = {word for row in table.splitlines() for word in re.findall(r"`([\w.]+)`", row)}
+    there = names_in(ROOT / "cable_twin" / "mechanics")
+    assert len(words) > 30
+    assert not [word for word in words if not set(word.split(".")) <= there]
+
+
+def names_in(folder):
+    """All identifiers in the modules of a folder."""
+    fields = ("id", "attr", "arg", "name")
+    nodes = (node for path in folder.rglob("*.py") for node in ast.walk(ast.parse(path.read_text())))
+    return {name for node in nodes for field in fields if isinstance(name := getattr(node, field, None), str)}
+
+
+def test_the_page_of_logs_names_the_formats_that_are_written():
+    text = " ".join((ROOT / "docs" / "logs.md").read_text(encoding="utf-8").split())
+    assert (
+        f'`format_version`; "{FORMAT_VERSION}" is the present one, and a snapshot file (`.npz`) says {SNAPSHOT_VERSION}'
+        in text
+    )
