@@ -24,7 +24,7 @@ from cable_twin.recording.view_picture import Look, Picture
 from cable_twin.recording.view_plots import CommandedSpeeds
 from cable_twin.recording.view_readout import describe_command
 from cable_twin.recording.view_space import InSpace
-from cable_twin.recording.view_stream import flush_stream, open_stream, split_stream
+from cable_twin.recording.view_stream import end_threads, flush_stream, open_stream, split_stream
 from cable_twin.recording.web_view import LIVE_PORT, live_url
 from cable_twin.records import AppliedCommand, Command, FloatArray
 from cable_twin.snapshot import Layout, Snapshot
@@ -211,6 +211,7 @@ class RerunView:
         self._end_file()
         self._stream.disconnect()
         self._stream = None
+        end_threads()
 
     def _end_file(self) -> None:
         """Send what waits, and the layout as it is for all of the file."""

@@ -69,8 +69,13 @@ class _Stream(rr.RecordingStream):
     def disconnect(self) -> None:
         """Close the file, then the server."""
         super().disconnect()
+        if self._layouts is not None:
+            self._layouts.memory_recording().drain_as_bytes()  # or rerun warns that they are dropped
+            self._layouts.disconnect()  # its memory holds it, and it its memory
+            self._layouts = None
         if self.server is not None:
             self.server.disconnect()
+            self.server = None
 
 
 def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = LIVE_PORT) -> rr.RecordingStream:
@@ -147,6 +152,16 @@ def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
     except (RuntimeError, OSError) as error:
         _abandon(stream)
         raise OSError(f"the rerun recording cannot be written: {error}") from error
+
+
+def end_threads() -> None:
+    """End the threads of streams that are closed and that nobody has any more: two, and a megabyte, for each.
+
+    rerun itself does so only when another global recording begins. It flushes all streams before, and so would wait for
+    good where one was given up.
+    """
+    if not _ABANDONED:
+        bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def _abandon(stream: rr.RecordingStream) -> None:

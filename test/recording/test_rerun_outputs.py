@@ -15,6 +15,7 @@ psutil = pytest.importorskip("psutil")  # rerun brings it
 from drawn_run import OUTLINES, RATE, column, rerun_command, snapshot_at  # noqa: E402
 
 from cable_twin.recording.rerun_view import RerunView  # noqa: E402
+from cable_twin.recording.web_view import free_port  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,6 +43,20 @@ def test_close_is_final_and_may_be_repeated(tmp_path):
     with pytest.raises(RuntimeError, match="closed"):
         view.log(snapshot_at(0.01))
     assert rr.get_global_data_recording() is None
+
+
+@pytest.mark.parametrize("live", [False, True], ids=["file", "live"])
+def test_closed_views_leave_no_threads(tmp_path, live, capfd):
+    """A twin that another scenario is loaded into opens one after the other."""
+    counts = []
+    for number in range(4):
+        view = RerunView("test ropeway", OUTLINES, path=tmp_path / f"{number}.rrd", live=live, live_port=free_port())
+        view.log(snapshot_at(0.0))
+        view.close()
+        del view
+        counts.append(psutil.Process().num_threads())
+    assert counts[1:] == counts[:1] * 3
+    assert capfd.readouterr().err == ""  # rerun warns of what it drops
 
 
 def test_a_view_that_saw_nothing_leaves_a_readable_file(tmp_path):
