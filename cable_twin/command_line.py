@@ -12,7 +12,7 @@ import sys
 import textwrap
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -24,30 +24,45 @@ NARROWEST = 24  # characters in which a text is still filled
 RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Signals that ask a command to end: Ctrl-C, `kill`, and the end of the terminal, unless `nohup` has it ignored."""
+    hung_up = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
+    return signal.SIGINT, signal.SIGTERM, *hung_up
+
+
 def leave_at_once(command: str, code: int) -> None:
     """End the process in a line, without an exception: the compiler crashes where one passes through its callbacks."""
     cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a progress bar may have hidden it
-    os.write(sys.stderr.fileno(), f"{cursor}{command}: ended before it had started\n".encode())
+    with suppress(OSError):  # a terminal that is gone
+        os.write(sys.stderr.fileno(), f"{cursor}{command}: ended before it had started\n".encode())
     os._exit(code)
 
 
 @contextmanager
 def left_at_once(command: str) -> Iterator[None]:
-    """Where Ctrl-C may be no exception: while modules are imported and kernels compiled."""
+    """Where Ctrl-C, or the end of the terminal, may be no exception: while modules are imported and kernels compiled."""
+    with _answered(lambda *_: leave_at_once(command, INTERRUPTED)):
+        yield
+
+
+@contextmanager
+def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Have Ctrl-C and the end of the terminal answered by a handler within this block."""
     try:
-        before = signal.signal(signal.SIGINT, lambda *_: leave_at_once(command, INTERRUPTED))
+        before = {number: signal.signal(number, handler) for number in ending_signals() if number != signal.SIGTERM}
     except ValueError:  # not the main thread, which gets no signals
         yield
         return
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, previous in before.items():
+            signal.signal(number, previous)
 
 
 @contextmanager
 def interrupts_kept() -> Iterator[None]:
-    """Raise KeyboardInterrupt at Ctrl-C as Python does, but none that is lost and printed, or breaks the compiler.
+    """Raise KeyboardInterrupt at Ctrl-C, and where the terminal is closed, as Python does, but none that is lost and printed, or breaks the compiler.
 
     Kernels may be compiled or loaded at any first use, where an exception does harm (see `leave_at_once`), and Python
     drops what is raised in callbacks and finalizers with a traceback on the terminal. Both are tried again a moment
@@ -66,16 +81,11 @@ def interrupts_kept() -> Iterator[None]:
         else:
             hook(dropped)
 
-    try:
-        before = signal.signal(signal.SIGINT, on_interrupt)
-    except ValueError:  # not the main thread, which gets no signals
-        yield
-        return
     hook, sys.unraisablehook = sys.unraisablehook, on_dropped
     try:
-        yield
+        with _answered(on_interrupt):
+            yield
     finally:
-        signal.signal(signal.SIGINT, before)
         sys.unraisablehook = hook
 
 

@@ -12,7 +12,7 @@ import numba
 import pytest
 from numba.extending import overload
 
-from cable_twin.command_line import OneLineParser, interrupts_kept, listed
+from cable_twin.command_line import OneLineParser, ending_signals, interrupts_kept, listed
 from cable_twin.offline import line, replay, review, simulate_options
 from cable_twin.ros import drive, sim
 
@@ -63,11 +63,22 @@ def test_every_help_fits_eighty_columns(name, monkeypatch):
 WITHIN = 60.0  # s in which an interrupt that is put off comes
 
 
-def test_an_interrupt_is_at_once_where_it_may_be():
-    before = signal.getsignal(signal.SIGINT), sys.unraisablehook
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_an_interrupt_is_at_once_where_it_may_be(number):
+    before = signal.getsignal(number), sys.unraisablehook
     with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        signal.raise_signal(signal.SIGINT)
-    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
+        signal.raise_signal(number)
+    assert (signal.getsignal(number), sys.unraisablehook) == before
+
+
+def test_nohup_keeps_a_command_from_ending_with_its_terminal():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert signal.SIGHUP not in ending_signals()
+        with interrupts_kept():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_an_interrupt_in_a_callback_is_neither_lost_nor_printed(capfd):

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -31,10 +32,15 @@ def _run(command: str) -> int:
         sys.stdout.flush()
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is done: while Python ends, Ctrl-C would kill it
     except KeyboardInterrupt:
-        print(f"{command}: ended by Ctrl-C", file=sys.stderr)
+        _say(f"{command}: ended by Ctrl-C")
         return INTERRUPTED
     except OSError as error:  # of the output: what else may fail on a disk is told where it does
-        print(f"{command}: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        _say(f"{command}: {error.filename or 'output'}: {error.strerror or error}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would try once more
         return UNWRITTEN.get(command, 1)
     return code
+
+
+def _say(line: str) -> None:
+    with suppress(OSError):  # a terminal that is closed
+        print(line, file=sys.stderr, flush=True)

@@ -14,7 +14,7 @@ from functools import partial
 
 from rich.console import Console
 
-from cable_twin.command_line import left_at_once
+from cable_twin.command_line import ending_signals, left_at_once
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
@@ -246,13 +246,13 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
 
 @contextmanager
 def _signals(*, last: bool) -> Iterator[threading.Event]:
-    """SIGINT and SIGTERM as a flag, so that the logs are closed.
+    """Signals that ask for an end as a flag, so that the logs are closed.
 
     Where this is the last that a process does, and one of them has come, it takes no more: Python would have it killed
     while it leaves, and the exit code would be another one.
     """
     flag = threading.Event()
-    before = {number: signal.signal(number, lambda *_: flag.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, lambda *_: flag.set()) for number in ending_signals()}
     try:
         yield flag
     finally:

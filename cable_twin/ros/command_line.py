@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from cable_twin.command_line import OneLineParser, leave_at_once, typed
+from cable_twin.command_line import OneLineParser, ending_signals, leave_at_once, typed
 
 INSTALL_HINT = (
     "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"
@@ -17,11 +17,8 @@ INSTALL_HINT = (
 )
 
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
 class Ending:
-    """SIGINT and SIGTERM, once or often, as a flag; while `starting` they end the process at once.
+    """Signals that ask for an end, once or often, as a flag; while `starting` they end the process at once.
 
     rclpy's own handlers would end the context before the logs are closed, and `ros2 launch` sends SIGINT twice.
     """
@@ -30,7 +27,8 @@ class Ending:
         self.starting = True  # nothing is open yet that wants to be closed
         self._command = command
         self._flag = threading.Event()
-        for number in SIGNALS:
+        self._signals = ending_signals()
+        for number in self._signals:
             signal.signal(number, self._on_signal)
 
     def is_set(self) -> bool:
@@ -39,7 +37,7 @@ class Ending:
 
     def close(self) -> None:
         """Let signals do nothing any more: all is closed, and Python on its way out would put their defaults back."""
-        for number in SIGNALS:
+        for number in self._signals:
             signal.signal(number, signal.SIG_IGN)
 
     def _on_signal(self, *_: object) -> None:

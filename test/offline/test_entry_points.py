@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
+import pty
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 from bags import bag
 from twin_process import COMPILING, environment, wait_until, write_quick_scenario
 
 from cable_twin.offline.simulate import main
+from cable_twin.recording.log_reader import read_log
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +114,28 @@ def test_simulate_into_a_pipe_that_is_closed_has_its_log(start, tmp_path):
     assert process.returncode == -signal.SIGPIPE
     (log,) = (tmp_path / "cable_twin_logs").iterdir()
     assert os.path.getsize(bag(log)) > 50_000
+
+
+def test_a_terminal_that_is_closed_ends_a_run_with_a_log_that_is_complete(tmp_path):
+    scenario = str(write_quick_scenario(tmp_path))
+    child, terminal = pty.fork()
+    if child == 0:  # with that terminal as its own, which its end hangs up
+        os.chdir(tmp_path)
+        command = [sys.executable, "-c", SCRIPT.format("simulate"), scenario, "--duration", "1e6", "--record", "bag"]
+        os.execve(sys.executable, command, environment(tmp_path))
+    os.set_blocking(terminal, False)
+
+    def recorded() -> bool:
+        with suppress(BlockingIOError):  # what it prints is taken, or it would wait
+            os.read(terminal, 1 << 16)
+        return any(file.stat().st_size > 200_000 for file in tmp_path.glob("*/*/*.mcap"))
+
+    try:
+        wait_until(recorded, COMPILING)
+        os.close(terminal)
+        wait_until(lambda: os.waitpid(child, os.WNOHANG)[0] == child)
+    except BaseException:
+        os.kill(child, signal.SIGKILL)
+        raise
+    (log,) = (tmp_path / "cable_twin_logs").iterdir()
+    assert read_log(log).complete

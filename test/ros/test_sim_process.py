@@ -71,7 +71,7 @@ def check_logs(run: Path) -> int:
 
 @pytest.mark.parametrize(
     "signals",
-    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
+    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
     ids=lambda signals: "-".join(number.name for number in signals),
 )
 def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
