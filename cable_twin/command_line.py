@@ -40,7 +40,7 @@ def leave_at_once(command: str, code: int) -> None:
 
 @contextmanager
 def left_at_once(command: str) -> Iterator[None]:
-    """Where Ctrl-C, or the end of the terminal, may be no exception: while modules are imported and kernels compiled."""
+    """Where Ctrl-C may be no exception: while modules are imported and kernels compiled; nor the end of a terminal."""
     with _answered(lambda *_: leave_at_once(command, INTERRUPTED)):
         yield
 
@@ -62,7 +62,9 @@ def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None
 
 @contextmanager
 def interrupts_kept() -> Iterator[None]:
-    """Raise KeyboardInterrupt at Ctrl-C, and where the terminal is closed, as Python does, but none that is lost and printed, or breaks the compiler.
+    """Raise KeyboardInterrupt at Ctrl-C as Python does, but none that is lost and printed, or breaks the compiler.
+
+    The end of a terminal does as Ctrl-C.
 
     Kernels may be compiled or loaded at any first use, where an exception does harm (see `leave_at_once`), and Python
     drops what is raised in callbacks and finalizers with a traceback on the terminal. Both are tried again a moment
