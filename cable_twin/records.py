@@ -161,8 +161,9 @@ class TowerState:
     lowest_load: float  # N, the least of all steps since the start or the last reset
     rest_load: float  # N, at the start
     lifted_off: bool  # whether the cable has left all of its contacts: deropement
-    lateral_force: float | None = None  # N, of its grooves on the cable, to the left; none in a plane
-    lateral_ratio: float | None = None  # -, highest of that over the normal load since the start or the last reset
+    lateral_force: float | None = None  # N, of its grooves on the cable, to the left of the track; none in a plane
+    lateral_ratio: float | None = None  # -, highest of its size over the normal load since the start or the last reset;
+    # none where there was no normal load
 
     @property
     def margin(self) -> float:
@@ -187,7 +188,7 @@ class Derailment:
     how: str
     time: float  # s, simulated
     position: tuple[float, ...]  # (3,) m, of the tower
-    ratio: float  # -, highest of lateral over normal force until then
+    ratio: float | None  # -, highest of lateral over normal force until then; none where it never lay on the tower
 
     def __str__(self) -> str:
         """One line for people."""

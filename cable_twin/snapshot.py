@@ -163,7 +163,7 @@ class Snapshot:
         c = self.columns
         load, lowest, rest = float(c.tower_load[index]), float(c.tower_lowest_load[index]), c.tower_rest_load[index]
         travel, grooves = float(c.support_travel[index]), (c.tower_lateral[index], c.tower_lateral_ratio[index])
-        across = map(float, grooves) if self.layout.space else ()
+        across = [None if isnan(one) else float(one) for one in grooves]
         between = self.layout.supports[index] in self.layout.towers
         return SupportState(
             force=c.support_force[index],
@@ -185,7 +185,8 @@ def derailments(layout: Layout, columns: Columns) -> list[Derailment]:
         how = columns.tower_derailed[row]
         if how > 0.0:
             ratio, time = float(columns.tower_lateral_ratio[row]), float(columns.tower_derailed_time[row])
-            found.append(Derailment(name, DERAILED[int(how)], time, tuple(place), ratio))
+            known = None if isnan(ratio) else ratio
+            found.append(Derailment(name, DERAILED[int(how)], time, tuple(place), known))
     return found
 
 

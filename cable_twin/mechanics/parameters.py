@@ -29,6 +29,7 @@ INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
 
 START, END = 0, 1  # stations of a track
 IN_GROOVE, OUT_LEFT, OUT_RIGHT, LIFTED = 0, 1, 2, 3  # the rope on a tower in space, and how it has left that
+NO_RATIO = -1.0  # of forces on a tower on which the rope has never lain
 SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
 
 
@@ -131,6 +132,7 @@ class Towers(NamedTuple):
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
     groove: FloatArray  # (contacts,) 1/m, in space: force sideways over normal force, by the way off the middle
     groove_friction: FloatArray  # (contacts,) -, in space: friction sideways over normal force
+    left: FloatArray  # (towers, dim) in space: unit vectors across the grooves to the left of the track
     derailment_ratio: FloatArray  # (towers,) -, the same ratio of a whole tower at which the rope leaves its grooves
     groove_height: FloatArray  # (towers,) m, how high the rope lifts until it has left them
 

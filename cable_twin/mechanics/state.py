@@ -86,8 +86,8 @@ class State(NamedTuple):
     contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
     contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
-    tower_lateral: FloatArray  # (towers, 2) in space: N to the left that a tower gives the rope in its grooves, at the
-    # end of the last step, and the highest ratio (-) of that to its normal force
+    tower_lateral: FloatArray  # (towers, 2) in space: N to the left of the track that a tower gives the rope in its
+    # grooves, at the end of the last step, and the highest ratio (-) of its size to the normal force, else NO_RATIO
     derailment: NDArray[np.int64]  # (towers, 2) in space: IN_GROOVE or how the rope came out, and the clock at that
     push: FloatArray  # (carriages, 4) N with which each and those after it on the rope push each other, at the end of
     # the last step, and the highest since the start or the last reset; m/s at which they close in; clock of contact

@@ -25,7 +25,8 @@ class DerailmentMessage:
         """The message with a stamp (ns)."""
         statuses = []
         for one in derailments(self._layout, self._columns):
-            values = {"how": one.how, "time_s": repr(one.time), "ratio": repr(one.ratio)}
+            values = {"how": one.how, "time_s": repr(one.time)}
+            values |= {} if one.ratio is None else {"ratio": repr(one.ratio)}
             values |= {f"{axis}_m": repr(float(place)) for axis, place in zip("xyz", one.position, strict=True)}
             statuses.append(Status(ERROR, one.tower, str(one), values))
         return diagnostics_message(stamp_ns, *statuses)

@@ -42,7 +42,8 @@ class LoggedSupports:
             np.concatenate([getattr(state, field) for state in states])
             for field in ("tower_load", "tower_lateral", "derailment")
         )
-        self._lowest_loads[:], self._ratios[:] = loads[:, 1], lateral[:, 1]
+        self._lowest_loads[:] = loads[:, 1]
+        self._ratios[:] = np.where(lateral[:, 1] < 0.0, nan, lateral[:, 1])  # negative: none yet
         self._derailed[self._rows] = derailment[:, 0]
         self._times[self._rows] = np.round(derailment[:, 1] * self._step, 9)
 
@@ -67,7 +68,7 @@ class LoggedSupports:
         c.tower_rest_load[self._rows] = seen * self.rest_loads
         if self._axes:
             normal, left = (np.einsum("td,td->t", axes, c.support_force[self._rows]) for axes in self._axes)
-            self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, np.inf))
+            self._ratios[:] = np.fmax(self._ratios, np.abs(left) / np.where(normal > 0.0, normal, nan))
             c.tower_lateral[self._rows], c.tower_lateral_ratio[self._rows] = left, seen * self._ratios
             c.tower_derailed[self._rows], c.tower_derailed_time[self._rows] = (
                 self._derailed[self._rows],

@@ -115,11 +115,9 @@ def _end_moments(cable: Cable) -> FloatArray:
 def _build_towers(scenario: Scenario) -> parameters.Towers:
     towers = list(scenario.towers.values())
     corners = _corners(scenario)
-    opening = [
-        None if tower.groove_direction is None else np.array(scenario.vector(tower.groove_direction))
-        for tower in towers
+    contacts = [
+        _contacts(scenario, tower, up, along) for tower, up, along in zip(towers, *_groove_axes(scenario), strict=True)
     ]
-    contacts = [_contacts(tower, opening[number], *corners[number : number + 3]) for number, tower in enumerate(towers)]
     return parameters.Towers(
         contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
         contact_tower=np.repeat(np.arange(len(towers), dtype=np.int64), [tower.contacts for tower in towers]),
@@ -138,6 +136,7 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
         presliding=np.full(sum(tower.contacts for tower in towers), PRESLIDING),
         toe=np.full(sum(tower.contacts for tower in towers), TOE),
         groove=floats([tower.groove for tower in towers for _ in range(tower.contacts)]),
+        left=tower_axes(scenario)[1],
         derailment_ratio=floats([tower.derailment_ratio for tower in towers]),
         groove_friction=floats([tower.groove_friction for tower in towers for _ in range(tower.contacts)]),
         groove_height=floats([tower.groove_height for tower in towers]),
@@ -145,27 +144,53 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
 
 
 def tower_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (towers, 3) in space: where the grooves of each tower open, and to their left."""
-    towers, corners = _build_towers(scenario), _corners(scenario)
-    up, left = np.zeros((2, len(scenario.towers), 3))
-    for number, first in enumerate(towers.contact_offset[:-1]):
-        up[number] = towers.normal[first : towers.contact_offset[number + 1]].mean(axis=0)
-        up[number] /= np.linalg.norm(up[number])
-        across = np.cross(up[number], line_over(*corners[number : number + 3]))
-        left[number] = across / np.linalg.norm(across) * np.copysign(1.0, up[number, 2])
-    return up, left
+    """Unit vectors (towers, dim): where the grooves of each tower open, and across them to the left of the track.
+
+    There is nothing to the left in a plane: those are zero.
+    """
+    up, along = _groove_axes(scenario)
+    if scenario.dim == 2:
+        return up, np.zeros_like(up)
+    across = np.cross(up, along)
+    sides = np.einsum("td,td->t", across, _level_left(scenario, along))
+    return up, across * np.copysign(1.0, sides)[:, None]
 
 
 def masts(scenario: Scenario) -> dict[str, tuple[float, float, float, float]]:
     """Place x, y, height of the top and half the width, in m, of the masts in space, by name of their towers."""
-    found, corners = {}, _corners(scenario)
-    for number, (name, tower) in enumerate(scenario.towers.items()):
-        if tower.mast_offset is not None and tower.mast_width is not None and scenario.dim == 3:
-            along = line_over(*corners[number : number + 3])[:2]
-            left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-            x, y = corners[number + 1, :2] + tower.mast_offset * left
-            found[name] = float(x), float(y), float(corners[number + 1, 2]), 0.5 * tower.mast_width
+    if scenario.dim == 2:
+        return {}
+    found, corners = {}, _corners(scenario)[1:-1]
+    left = _level_left(scenario, _groove_axes(scenario)[1])
+    for (name, tower), top, side in zip(scenario.towers.items(), corners, left, strict=True):
+        if tower.mast_offset is not None and tower.mast_width is not None:
+            x, y, z = (top + tower.mast_offset * side).tolist()
+            found[name] = x, y, z, 0.5 * tower.mast_width
     return found
+
+
+def _level_left(scenario: Scenario, along: FloatArray) -> FloatArray:
+    """Level unit vectors (n, 3) to the left of the track, across directions (n, 3) of its cable in space."""
+    turned = np.cross([0.0, 0.0, -1.0 if scenario.runs_back else 1.0], along)
+    return turned / np.linalg.norm(turned, axis=1)[:, None]
+
+
+def _groove_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (towers, dim): where the middle groove of each tower opens, across the line, and along the line.
+
+    Grooves open upwards, downwards of a hold-down, or as near to `groove_direction` as they can; the line goes between
+    the directions to the supports before and after it, as sheaves on their balances and well placed saddles do.
+    """
+    corners = _corners(scenario)
+    up, along = np.zeros((2, len(scenario.towers), scenario.dim))
+    for number, tower in enumerate(scenario.towers.values()):
+        along[number] = line_over(*corners[number : number + 3])
+        given = tower.groove_direction
+        upright = np.eye(scenario.dim)[-1] * (-1.0 if tower.hold_down else 1.0)
+        opening = upright if given is None else np.array(scenario.vector(given))
+        up[number] = opening - (opening @ along[number]) * along[number]
+        up[number] /= np.linalg.norm(up[number])
+    return up, along
 
 
 def _corners(scenario: Scenario) -> FloatArray:
@@ -175,22 +200,13 @@ def _corners(scenario: Scenario) -> FloatArray:
     return np.array([scenario.vector(place) for place in places])
 
 
-def _contacts(
-    tower: Tower, opening: FloatArray | None, before: FloatArray, here: FloatArray, after: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _contacts(scenario: Scenario, tower: Tower, up: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Places (contacts, dim) in m of the contacts of a tower and the normals there, evenly along a circle.
 
-    The normals are upwards, downwards of a hold-down, or where the grooves open with `opening` (dim,). The middle one
-    is the top of the tower; its tangent there goes between the directions to the supports `before` and
-    `after` (dim,) in m, seen from `here`, as sheaves on their balances and well placed saddles do.
+    The middle one is the top of the tower, with its normal `up` (dim,) and its tangent `along` (dim,).
     """
-    along = line_over(before, here, after)
-    if opening is None:
-        opening = np.eye(along.size)[-1] * (-1.0 if tower.hold_down else 1.0)
-    up = opening - (opening @ along) * along
-    up /= np.linalg.norm(up)
     s = np.linspace(-0.5, 0.5, tower.contacts)[:, None] * tower.length if tower.contacts > 1 else np.zeros((1, 1))
-    top = here
+    top = np.array(scenario.vector(tower.position))
     if tower.radius is None:
         return top + s * along, np.repeat(up[None], tower.contacts, axis=0)
     angle = s / tower.radius

@@ -77,7 +77,8 @@ class Cable(Section):
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
     lateral: float = quantity(
         "m",
-        "of a rope among several: how far to the left it is, with its towers and what is on it; a plane only shows it",
+        "of a rope among several: y, how far to the left of the track it is, with its towers and what is on it; a "
+        "plane only shows it",
         0.0,
     )
     diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
@@ -121,7 +122,10 @@ class Tower(Section):
         None,
     )
     mast_offset: float | None = quantity(
-        "m", "in space, from the rope to the middle of the mast, positive to the left; null: no mast", None
+        "m",
+        "in space, from the rope to the middle of the mast, positive to the left of the track, also of a strand that "
+        "runs back; null: no mast",
+        None,
     )
     mast_width: float | None = quantity("m", "in space, width of the mast, which reaches up to the rope", None, gt=0)
     friction: float | None = quantity(

@@ -23,6 +23,8 @@ from cable_twin.scenario.vehicles import Carriage, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
 
+ACROSS = 1e-9  # of its length: a track that goes less than that along x goes along y
+
 
 class Sensor(Section):
     """What measures the plant; published beside the truth, below `sensors/`."""
@@ -113,6 +115,7 @@ class Scenario(Section):
     _strand: Strand | None = PrivateAttr(default=None)
     _rides: Riding | None = PrivateAttr(default=None)
     _hauls: bool = PrivateAttr(default=False)
+    _track: tuple[float, float] | None = PrivateAttr(default=None)
 
     @model_validator(mode="before")
     @classmethod
@@ -155,6 +158,7 @@ class Scenario(Section):
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
         alone._strand, alone._rides = strand, riding
+        alone._track = self.track
         alone._hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
         return alone
 
@@ -187,6 +191,19 @@ class Scenario(Section):
         """Where (x, y, z in m) a place of a rope (None: of the first) is shown, as far to the left as that is."""
         x, y, z = in_space(position)
         return x, y + self.ropes.get(rope or "", self.cable).lateral, z
+
+    @property
+    def track(self) -> tuple[float, float]:
+        """The track in plan, x, y in m: as the first rope runs, but towards +x, so that y is to its left."""
+        if self._track is not None:
+            return self._track
+        x, y = _in_plan(self.cable)
+        return (-x, -y) if x < -ACROSS * abs(y) else (x, y)
+
+    @property
+    def runs_back(self) -> bool:
+        """Whether the cable runs against the track, as that strand of a loop which comes back."""
+        return sum(one * other for one, other in zip(_in_plan(self.cable), self.track, strict=True)) < 0.0
 
     @property
     def tower_places(self) -> dict[str, tuple[float, float, float]]:
@@ -285,3 +302,9 @@ class Scenario(Section):
     def to_yaml(self) -> str:
         """The whole scenario with its defaults as YAML text, readable as YAML 1.1 and 1.2 alike."""
         return as_yaml(self.resolved())
+
+
+def _in_plan(cable: Cable) -> tuple[float, float]:
+    """From the start of a cable to its end in plan, as x, y in m."""
+    (x, y, _), (x_end, y_end, _) = in_space(cable.start.position), in_space(cable.end.position)
+    return x_end - x, y_end - y

@@ -155,7 +155,6 @@ class RopeBundle:
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
             self._addresses.write(row, SYSTEM, part.system)
             note_rest(part.system, part.state)
-            part.state.tower_load[:, 1] = part.state.tower_load[:, 0]
             let_go(part.system, part.state, own_modes)
             part.take_over_rest()
             self.bundle.wires.tension[row] = part.mean_tension()

@@ -105,6 +105,8 @@ def make_towers(dim=2, contacts=0, **changes):
     numbers = np.arange(contacts, dtype=float)
     side = np.zeros((contacts, dim))
     side[:, -1] = 1.0
+    left = np.zeros((contacts, dim))
+    left[:, 1] = float(dim == 3)
     towers = Towers(
         contact_offset=np.arange(contacts + 1, dtype=np.int64),
         contact_tower=np.arange(contacts, dtype=np.int64),
@@ -117,6 +119,7 @@ def make_towers(dim=2, contacts=0, **changes):
         presliding=np.full(contacts, 0.02),
         toe=np.full(contacts, 0.01),
         groove=np.full(contacts, 4.0),
+        left=left,
         derailment_ratio=np.full(contacts, 0.5),
         groove_friction=np.zeros(contacts),
         groove_height=np.full(contacts, 0.05),

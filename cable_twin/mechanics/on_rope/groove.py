@@ -64,9 +64,9 @@ def sideways(r_x, normal):
 
 
 @inlined_kernel
-def to_the_left(r_x, normal):
-    """Unit vector (3,) across, to the left of somebody who looks along the rope with his head up."""
-    return scale(1.0 if normal[2] < 0.0 else -1.0, sideways(r_x, normal))
+def to_that_side(across, side):
+    """The vector `across` (3,), turned round where it points away from `side` (3,)."""
+    return scale(-1.0 if dot(across, side) < 0.0 else 1.0, across)
 
 
 @inlined_kernel

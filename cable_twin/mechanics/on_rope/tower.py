@@ -19,7 +19,7 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Any
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import (
     Vector,
     add_scaled,
@@ -32,8 +32,15 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.groove import add_groove, depth_in_groove, side_force, to_the_left, with_groove
-from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
+from cable_twin.mechanics.on_rope.groove import (
+    add_groove,
+    depth_in_groove,
+    side_force,
+    sideways,
+    to_that_side,
+    with_groove,
+)
+from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 from cable_twin.mechanics.rope.strand import rope_before
 
@@ -199,16 +206,31 @@ def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector)
     """Keep what the groove of a tower bears sideways, and how near that has come to what it can; none in a plane."""
     if len(like) == 2:
         return
-    lateral, load_here = 0.0, state.tower_load[tower, 0]
+    lateral, left = 0.0, load(towers.left[tower], like)
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
         n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-        left = to_the_left(r_x, normal)
+        across = to_that_side(sideways(r_x, normal), left)
         stiffness, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
-        lateral += side_force(stiffness, rub, dot(apart, left), dot(moving, left))
+        lateral += side_force(stiffness, rub, dot(apart, across), dot(moving, across))
     state.tower_lateral[tower, 0] = lateral
-    if load_here > 0.0:
-        state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], abs(lateral) / load_here)
+    state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], lateral_ratio(state, tower))
+
+
+@inlined_kernel
+def lateral_ratio(state, tower):
+    """Force sideways over normal force (-) of a tower as it is now; NO_RATIO where there is no normal force."""
+    normal = state.tower_load[tower, 0]
+    return abs(state.tower_lateral[tower, 0]) / normal if normal > 0.0 else NO_RATIO
+
+
+@kernel
+def begin_extremes(cable, towers, state):
+    """Begin the least load and the highest lateral ratio of each tower with those of now, which is the start."""
+    for tower in range(towers.top.shape[0]):
+        state.tower_load[tower, 1] = state.tower_load[tower, 0]
+        if len(cable.gravity) == 3:
+            state.tower_lateral[tower, 1] = lateral_ratio(state, tower)
 
 
 @kernel

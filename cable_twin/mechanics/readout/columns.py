@@ -18,7 +18,7 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import NO_RATIO, FloatArray
 from cable_twin.mechanics.readout.samples import sample_joints, sample_shape, sample_tensions, store_in_space
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
@@ -61,8 +61,8 @@ class Columns(NamedTuple):
     tower_load: FloatArray  # (supports,) N, sum of the normal forces of a tower
     tower_lowest_load: FloatArray  # (supports,) N, the least of all steps since the start or the last reset
     tower_rest_load: FloatArray  # (supports,) N, at the start
-    tower_lateral: FloatArray  # (supports,) N to the left of a tower in space on the cable in its grooves
-    tower_lateral_ratio: FloatArray  # (supports,) -, highest of that to the normal force of all steps since then
+    tower_lateral: FloatArray  # (supports,) N to the left of the track, of a tower in space on the cable in its grooves
+    tower_lateral_ratio: FloatArray  # (supports,) -, highest of its size to the normal force of all steps since then
     tower_derailed: FloatArray  # (supports,) 0 in the grooves of a tower in space, else OUT_LEFT, OUT_RIGHT or LIFTED
     tower_derailed_time: FloatArray  # (supports,) s, of that; 0 where it has not come out
     drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
@@ -184,7 +184,8 @@ def observe_groove(system, state, tower, columns, row):
     columns.tower_derailed[row], columns.tower_derailed_time[row] = nan, nan
     if tower >= 0:
         columns.tower_lateral[row] = state.tower_lateral[tower, 0]
-        columns.tower_lateral_ratio[row] = state.tower_lateral[tower, 1]
+        if state.tower_lateral[tower, 1] != NO_RATIO:
+            columns.tower_lateral_ratio[row] = state.tower_lateral[tower, 1]
         columns.tower_derailed[row] = state.derailment[tower, 0]
         columns.tower_derailed_time[row] = round(state.derailment[tower, 1] * system.solver.step * 1e9) / 1e9
 

@@ -13,7 +13,7 @@ from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
-from cable_twin.mechanics.on_rope.tower import settle_towers
+from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import slope, value
@@ -69,12 +69,13 @@ def hang_carriages(system, state):
 
 @kernel
 def note_rest(system, state):
-    """Keep what holds each joint at rest, and let friction start from none."""
+    """Keep what holds each joint at rest; friction starts from none, and the extremes of towers with this rest."""
     for carriage in range(state.drive_mode.size):
         state.drive_force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
         state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
     settle_towers(system.cable, system.towers, state)
+    begin_extremes(system.cable, system.towers, state)
 
 
 @brief_kernel
@@ -278,6 +279,4 @@ def settle(system: System, state: State, work: Workspace) -> None:
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
             f"{increment:.3g} m, allowed are {tolerance:.3g} m; {_advice(system)}"
         )
-    state.tower_load[:, 1] = state.tower_load[:, 0]
-    state.tower_lateral[:, 1] = np.abs(state.tower_lateral[:, 0]) / np.maximum(state.tower_load[:, 0], 1e-9)
     let_go(system, state, modes)
