@@ -1,73 +1,119 @@
-"""How much energy the integrator itself has taken out of the motion, of that which came and went."""
+"""Share of the moving energy that the integrator itself takes out of a motion, judged over whole blocks of time."""
 
 from __future__ import annotations
 
-from math import inf, nan, sqrt
+from dataclasses import replace
+from math import isnan, nan, sqrt
+from typing import NamedTuple
 
 from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.key_figures.limits import limited
 from cable_twin.records import SolverReport
 from cable_twin.scenario import Grading, Scenario
 
 ENERGY_LOST = "energy lost by the solver, of that which moved"
-WINDOW = 10.0  # s of simulated time over which both are added up
-SIGNIFICANT = 0.02  # of the window that moved most: less is the end of a motion, of which nothing depends
-FLOOR = 1e-3  # J, below which it is rounding that moves
+BLOCK = 5.0  # s of simulated time over which losses are added up
+SIGNIFICANT = 0.02  # of the block that moved most: less is the end of a motion, on which nothing depends
+QUIET = 0.01  # m/s, with which all mass may move and count as standing still
+
+
+class Block(NamedTuple):
+    """Energies of one block of time."""
+
+    lost: float  # J
+    moved: float  # J
+    start: float  # s
+    end: float  # s
+
+    @property
+    def share(self) -> float:
+        """Energy lost over energy moved, at least 0."""
+        return max(self.lost, 0.0) / self.moved
 
 
 class Dissipation:
-    """Watches it in windows, of which the worst counts.
+    """Adds up energy lost and moved in blocks of 5 s and keeps the worst share.
+
+    A shock loses its energy at once, and the motion that it belongs to comes after it. So a block is judged when the
+    next one is whole too, against what moved in either of both, whichever is more: 10 s after it began. What has been
+    judged stays, so that a running twin and the log of its run say the same.
 
     Args:
-        scenario: what runs.
+        scenario: what runs, with the limit `limits.energy_lost`.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._cause = cause(scenario)
-        self._allowed = inf if scenario.limits.energy_lost is None else scenario.limits.energy_lost
-        self._start = nan  # s, of the window
-        self._lost, self._moved = 0.0, 0.0  # J, in it so far
-        self._most = 0.0  # J, moved in any
-        self._worst: tuple[float, float, float, float] | None = None  # its lost and moved (J), start and end (s)
+        self._scenario = scenario
+        self._floor = _mass(scenario) * QUIET**2  # J
+        self._block = Block(0.0, 0.0, nan, nan)  # so far
+        self._waiting: Block | None = None  # whole, until the next one is too
+        self._most = 0.0  # J, moved in any block that was judged
+        self._worst: Block | None = None
+        self._judged = False  # whether any block has been
 
     def update(self, time: float, report: SolverReport) -> None:
         """Take in what the solver did up to `time` (s)."""
-        if not self._start <= time:  # nor where there was none
-            self._start = time
-        self._lost += report.energy_lost
-        self._moved += 0.5 * report.energy_moved  # what one gains another loses
-        if time - self._start >= WINDOW:
-            self._worst, self._most = self._judged(time), max(self._most, self._moved)
-            self._start, self._lost, self._moved = time, 0.0, 0.0
+        lost, moved, start, _ = self._block
+        # what one part gains another one loses: half of the changes is what moves
+        block = Block(lost + report.energy_lost, moved + 0.5 * report.energy_moved, start, time)
+        self._block = block._replace(start=time) if isnan(start) else block
+        if time - self._block.start >= BLOCK * (1.0 - 1e-9):
+            if self._waiting is not None:
+                self._judge(self._waiting, self._block.moved)
+            self._waiting, self._block = self._block, Block(0.0, 0.0, time, time)
 
-    def _judged(self, time: float) -> tuple[float, float, float, float] | None:
-        """The worst window, with the present one as far as it is."""
-        if self._moved < max(FLOOR, SIGNIFICANT * self._most):
-            return self._worst
-        worst = self._worst
-        if worst is None or worst[1] < SIGNIFICANT * self._moved or self._lost * worst[1] > worst[0] * self._moved:
-            return self._lost, self._moved, self._start, time
-        return worst
+    def _judge(self, block: Block, moved_next: float) -> None:
+        """Keep a block if its share is the highest so far; `moved_next` in J is of the block after it."""
+        self._judged = True
+        block = block._replace(moved=max(block.moved, moved_next))
+        self._most = max(self._most, block.moved)
+        if block.moved < max(self._floor, SIGNIFICANT * self._most):
+            return
+        if self._worst is None or block.share > self._worst.share:
+            self._worst = block
 
     def figure(self, time: float) -> KeyFigure:
-        """The share lost in the worst window up to `time` (s), and why if too much; NaN where nothing has moved."""
-        worst = self._judged(time)
-        if worst is None:
+        """The highest share with its limit; before 10 s have passed, the share so far without one.
+
+        Args:
+            time: now, s.
+
+        Returns:
+            The figure, with the cause where its limit is passed; NaN where nothing has moved.
+        """
+        if not self._judged:
+            return self._so_far(time)
+        if self._worst is None:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
-        lost, moved, start, end = worst
-        share = max(lost, 0.0) / moved
-        advice = f"; {self._cause}" if share > self._allowed else ""
-        return KeyFigure(ENERGY_LOST, share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on{advice}")
+        lost, moved, start, end = self._worst
+        figure = KeyFigure(ENERGY_LOST, self._worst.share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on")
+        figure = limited(self._scenario, figure, "energy_lost")
+        return replace(figure, place=f"{figure.place}; {cause(self._scenario)}") if figure.kept is False else figure
+
+    def _so_far(self, time: float) -> KeyFigure:
+        waiting = self._waiting or Block(0.0, 0.0, self._block.start, time)
+        whole = Block(waiting.lost + self._block.lost, waiting.moved + self._block.moved, waiting.start, time)
+        if not whole.moved >= self._floor:
+            return KeyFigure(ENERGY_LOST, nan, "-", time)
+        place = f"{whole.lost:.3g} of {whole.moved:.3g} J; judged after {2.0 * BLOCK:g} s"
+        return KeyFigure(ENERGY_LOST, whole.share, "-", time, place)
+
+
+def _mass(scenario: Scenario) -> float:
+    """Mass (kg) of all ropes and bodies."""
+    cables = scenario.ropes.values() or [scenario.cable]
+    bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
+    return sum(cable.mass_per_length * cable.unstrained_length for cable in cables) + sum(body.mass for body in bodies)
 
 
 def cause(scenario: Scenario) -> str:
-    """What of a scenario lets energy be lost, and what to change."""
-    cable, step = scenario.cable, scenario.solver.step
-    elements = cable.elements
-    length = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
-    passed = step * sqrt(cable.axial_stiffness / cable.mass_per_length) / length
-    if passed > 1.0:
-        return f"tension waves pass {passed:.2g} elements in a step: lower solver.step"
-    return f"a step is {passed:.2g} of what tension waves take through an element: refine cable.elements"
+    """What lets the solver lose energy, and what to change: through how many elements tension waves pass in a step."""
+    passed = 0.0
+    for cable in scenario.ropes.values() or [scenario.cable]:
+        elements = cable.elements
+        length = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
+        passed = max(passed, scenario.solver.step * sqrt(cable.axial_stiffness / cable.mass_per_length) / length)
+    return f"tension waves pass {passed:.2g} elements in a step: lower solver.step"
 
 
 __all__ = ["ENERGY_LOST", "Dissipation", "cause"]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isnan, nan
 
 from cable_twin.key_figures.couplings import CouplingFigures
-from cable_twin.key_figures.dissipation import ENERGY_LOST
+from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.loop_figures import LoopFigures
 from cable_twin.key_figures.passing_figures import PassingFigures
@@ -29,6 +30,7 @@ class KeyFigures:
     def __init__(self, scenario: Scenario) -> None:
         self._whole = None if scenario.ropes else FiguresOfRope(scenario)
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
+        self._dissipation, self._time = Dissipation(scenario), nan  # s, of the last frame
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
         self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
         meeting = len(scenario.ropes) > 1 and len(scenario.vehicles) > 1 and scenario.dim == 3
@@ -36,6 +38,8 @@ class KeyFigures:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
+        self._time = snapshot.time
+        self._dissipation.update(snapshot.time, snapshot.solver)
         if self._whole is not None:
             self._whole.update(snapshot)
             return
@@ -59,15 +63,13 @@ class KeyFigures:
 
     def figures(self) -> list[KeyFigure]:
         """All figures that have a value so far."""
+        lost = self._dissipation.figure(self._time)
+        of_solver = [] if isnan(lost.value) else [lost]
         if self._whole is not None:
-            return self._whole.figures()
+            return [*self._whole.figures(), *of_solver]
         found: dict[str, KeyFigure] = {}
-        lost = []
         for name, rope in self._ropes.items():
             for own in rope.figures():
-                if own.name == ENERGY_LOST:  # of the solver, which is one
-                    lost = [own]
-                    continue
                 source = own.source.replace("scenario: cable.", f"scenario: ropes.{name}.")
                 figure = replace(own, name=_named(name, own.name), source=source)
                 if own.name.startswith(self._riding):  # on every strand: the worst of them, and where that was
@@ -75,7 +77,7 @@ class KeyFigures:
                     figure = _worse(found.pop(own.name, figure), figure)
                 found[figure.name] = figure
         passing = [] if self._passing is None else self._passing.figures()
-        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *passing, *lost]
+        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *passing, *of_solver]
 
 
 def compile_figures(scenario: Scenario, first: Snapshot) -> None:

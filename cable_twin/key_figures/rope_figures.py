@@ -11,7 +11,6 @@ import numpy as np
 
 from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.buffers import BufferFigures
-from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
 from cable_twin.key_figures.limits import limited
@@ -45,7 +44,6 @@ class FiguresOfRope:
         self._memory = allocate(scenario)
         self._packed_memory = pack(self._memory)
         self._space = SpaceFigures(scenario) if scenario.dim == 3 else None
-        self._dissipation = Dissipation(scenario)
         self.buffers = BufferFigures(scenario)
         self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
@@ -65,7 +63,6 @@ class FiguresOfRope:
         take_frame(self._packed_memory, self._arc_lengths, self._packed_columns)
         if self._space is not None:
             self._space.update(self._packed_columns)
-        self._dissipation.update(self._time, snapshot.solver)
         self.buffers.update(self._time, self._columns)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
@@ -107,8 +104,6 @@ class FiguresOfRope:
         ]
         frames = "" if math.isnan(self._period) else f"frames of {self._period:.4g} s"
         found = [figure if figure.band else replace(figure, band=frames) for figure in found]
-        if self._layout is not None:
-            found.append(self._limited(self._dissipation.figure(self._time), "energy_lost"))
         return [figure for figure in found if not math.isnan(figure.value)]
 
     def _motion(self, name: str) -> tuple[float, float]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from small_tramway import TRAMWAY
-from twin_process import LOG_EVERY_FRAME, PATIENCE
+from twin_process import LOG_EVERY_FRAME
 
-from cable_twin.key_figures import ENERGY_LOST, KeyFigures
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import SECOND, decode
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import RecordedFigures, read_snapshots
@@ -23,7 +21,7 @@ SWING = "cabin: swing along the track"
 
 
 def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participants, tmp_path):
-    limited = load_scenario(TRAMWAY, {"limits.swing": 0.02, "limits.energy_lost": 1e-9})
+    limited = load_scenario(TRAMWAY, {"limits.swing": 0.02})
     (tmp_path / "tramway.yaml").write_text(limited.to_yaml())
     sim = processes("--scenario", "tramway.yaml", *LOG_EVERY_FRAME)
     participant = participants(sim.domain)
@@ -48,13 +46,9 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     level, message = participant.task("limits")
     assert level == 1
     assert SWING in message
-    passed = f"limit passed: {ENERGY_LOST}"
-    participant.until(lambda: passed in sim.output, 2.0 * PATIENCE, what="a warning of lost energy")
     (line,) = [line for line in sim.output.splitlines() if f"limit passed: {SWING}" in line]
     assert "allowed: at most 0.02 rad (scenario: limits.swing)" in line
     assert participant.received["supports/tower_1/force"]
-    (line,) = [line for line in sim.output.splitlines() if passed in line]
-    assert re.search(r"lower solver.step|refine cable.elements", line)  # the cause
     assert {pair.key: pair.value for pair in figures()["cabin: vehicle acceleration"].values}["band"].startswith(
         "means"
     )
