@@ -86,7 +86,9 @@ class Dissipation:
         if self._worst is None:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
         lost, moved, start, end = self._worst
-        figure = KeyFigure(ENERGY_LOST, self._worst.share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on")
+        figure = KeyFigure(
+            ENERGY_LOST, self._worst.share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on"
+        )
         figure = limited(self._scenario, figure, "energy_lost")
         return replace(figure, place=f"{figure.place}; {cause(self._scenario)}") if figure.kept is False else figure
 
