@@ -32,6 +32,9 @@ values = st.recursive(
 scales = st.sampled_from((-1, 0, 0.5, 2, 10, 1e3, 1e6, 1e-3, 1e-6, 1e100, 1e-100))
 
 
+MILD = st.sampled_from((0, 0.1, 0.5, 0.9, 0.999, 1.001, 1.1, 2, 10, 100, -1))
+
+
 def places_in(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     """Paths of all that is in nested dicts and lists."""
     inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
@@ -65,6 +68,19 @@ def changed(draw: Callable[..., Any], data: Any, most: int = 4) -> Any:
             node.insert(last, deepcopy(old))
         else:
             node[last] = draw(values)
+    return data
+
+
+@st.composite
+def tuned(draw: Callable[..., Any], data: Any, most: int = 3) -> Any:
+    """Nested data with some of its numbers changed within reason, which most checks let through."""
+    data = deepcopy(data)
+    places = [place for place in places_in(data) if type(_at(data, place)) in (int, float)]
+    for *path, last in draw(st.lists(st.sampled_from(places), min_size=1, max_size=most)):
+        node = _at(data, path)
+        old = node[last]
+        mild = draw(st.booleans()) and abs(old) < 1e300
+        node[last] = type(old)(old * draw(MILD)) if mild else draw(numbers)
     return data
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from fuzzing import DONE, REFUSED, Case
-from fuzzing.mutations import HUGE, changed, changed_bytes
+from fuzzing.mutations import HUGE, changed, changed_bytes, tuned
 
 CONFIG = Path(__file__).parents[1] / "config"
 NAMES = ("seed_example", "single_span", "aerial_tramway", "chairlift", "windy_tramway", "jig_back", "bicable")
@@ -35,7 +35,9 @@ def shipped(name: str) -> Any:
 def cases(draw: Callable[..., Any]) -> Case:
     """Shipped scenarios with changes, and a bomb of aliases now and then."""
     name = draw(st.sampled_from(NAMES))
-    way = draw(st.sampled_from(("data", "data", "data", "data", "text", "bomb", "deep")))
+    way = draw(st.sampled_from(("tuned", "tuned", "tuned", "tuned", "data", "data", "text", "bomb", "deep")))
+    if way == "tuned":
+        return Case(written(draw(tuned(shipped(name)))), ".yaml")
     if way == "data":
         return Case(written(draw(changed(shipped(name)))), ".yaml")
     if way == "text":
@@ -49,20 +51,23 @@ def cases(draw: Callable[..., Any]) -> Case:
 
 @st.composite
 def bombs(draw: Callable[..., Any]) -> bytes:
-    """A few lines whose aliases stand for a great many values: lists, maps or merge keys."""
-    levels, width = draw(st.integers(2, 30)), draw(st.integers(2, 20))
+    """A few lines whose aliases stand for a great many values."""
     kind = draw(st.sampled_from(("list", "map", "merge")))
-    lines = [f"a0: &a0 {'{x: 1}' if kind != 'list' else '[1, 2, 3]'}"]
+    return bomb(kind, levels=draw(st.integers(2, 30)), width=draw(st.integers(2, 20))).encode()
+
+
+def bomb(kind: str, *, levels: int, width: int) -> str:
+    """YAML of so many lines, each with so many aliases of the one before: lists, maps or merge keys."""
+    lines = [f"a0: &a0 {'[1, 2, 3]' if kind == 'list' else '{x: 1}'}"]
     for level in range(1, levels):
         before = [f"*a{level - 1}"] * width
-        if kind == "list":
-            lines.append(f"a{level}: &a{level} [{', '.join(before)}]")
-        elif kind == "map":
-            inner = ", ".join(f"k{number}: {alias}" for number, alias in enumerate(before))
-            lines.append(f"a{level}: &a{level} {{{inner}}}")
-        else:
-            lines.append(f"a{level}: &a{level} {{<<: [{', '.join(before)}], y{level}: 1}}")
-    return ("\n".join(lines) + "\n").encode()
+        inner = {
+            "list": f"[{', '.join(before)}]",
+            "map": f"{{{', '.join(f'k{number}: {alias}' for number, alias in enumerate(before))}}}",
+            "merge": f"{{<<: [{', '.join(before)}], y{level}: 1}}",
+        }
+        lines.append(f"a{level}: &a{level} {inner[kind]}")
+    return "\n".join(lines) + "\n"
 
 
 def written(data: Any) -> bytes:

@@ -34,7 +34,9 @@ ALLOWED = {
     "rates": (),
     "records": (),
     "commands": (),
+    "limited_yaml": (),
     "scenario": (
+        "limited_yaml",
         "mechanics.parameters",
         "mechanics.solution.catenary",
         "mechanics.solution.bundle.records",
@@ -68,7 +70,15 @@ ALLOWED = {
         "snapshot",
     ),
     "ros": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
-    "offline": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
+    "offline": (
+        "limited_yaml",
+        "recording",
+        "key_figures",
+        "figure_messages",
+        "command_line",
+        "compilation_bar",
+        *BELOW_RECORDING,
+    ),
 }
 
 # the same between the folders of the mechanics, and the two modules beside them

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
-from ruamel.yaml import YAML
 
+from cable_twin.limited_yaml import read_yaml
 from cable_twin.messages import Topic, TopicNames
 from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, one_line
 from cable_twin.recording.log_reader import Log
@@ -67,14 +67,13 @@ def _topics_of(path: Path, names: TopicNames) -> list[Topic]:
     """Topics of a file; they stand before the first message."""
     schemas: dict[int, str] = {}
     topics = []
-    yaml = YAML(typ="safe", pure=True)
     try:
         with path.open("rb") as stream:
             for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record.name
                 elif isinstance(record, Channel):
-                    (qos,) = yaml.load(record.metadata["offered_qos_profiles"])
+                    (qos,) = read_yaml(record.metadata["offered_qos_profiles"]).content
                     topics.append(
                         Topic(
                             names.own(record.topic),

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from cable_twin.commands import KINDS
+from cable_twin.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
 from cable_twin.offline.script_places import Place, check_place, place_of
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError
@@ -23,6 +21,7 @@ BY_AXIS = {name: kind for name, kind in KINDS.items() if kind.axes}
 EVENTS = {name: kind for name, kind in KINDS.items() if not kind.quantity}  # no numbers
 NUMBERS = [key for kind in (*BY_NAME.values(), *BY_AXIS.values()) for key in kind.keys.values()]
 
+LARGEST_CSV = 64 * 2**20  # bytes
 AT = ("at_name", "at_position")  # columns of CSV for `at`
 KEYS = ("time", "at", "name", *NUMBERS, "event")
 ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event; or at"
@@ -56,7 +55,9 @@ def read_script(file: Path) -> list[ScriptedCommand]:
     if suffix not in (".yaml", ".yml", ".csv"):
         raise ScriptError(f"{file}: suffix {suffix!r} given; allowed: .yaml, .yml or .csv")
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        text = limited_text(file, LARGEST_CSV if suffix == ".csv" else LARGEST)
+    except UnreadableYamlError as error:
+        raise ScriptError(f"{file}: {error}") from None
     except UnicodeDecodeError as error:
         raise ScriptError(f"{file}: not a text in UTF-8 (byte {error.start})") from None
     except OSError as error:
@@ -156,20 +157,19 @@ def _number(cell: str) -> float | str:
 def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Line and mapping of each item of the list."""
     try:
-        content = YAML(typ="rt").load(text)
-    except (YAMLError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        line = f":{mark.line + 1}" if mark else ""
-        reason = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise ScriptError(f"{file}{line}: not YAML ({reason})") from None
+        content, node, doubles = read_yaml(text)
+    except UnreadableYamlError as error:
+        raise ScriptError(f"{file}{error.where}: {error}") from None
+    if doubles:
+        told = (f"{file}:{one.second}: {one.path[-1]} given twice, first on line {one.first}" for one in doubles)
+        raise ScriptError("\n".join(f"{line}; allowed: once" for line in told))
     if content is None:
         return
-    if not isinstance(content, list):
+    if not isinstance(content, list) or node is None:
         kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
         raise ScriptError(f"{file}:1: a {kind} given; allowed: a list of commands, '- {{time: 1, ...}}'")
-    places: Any = content
-    for index, item in enumerate(content):
-        line = places.lc.item(index)[0] + 1
+    for item, place in zip(content, node.value, strict=True):
+        line = place.start_mark.line + 1
         if not isinstance(item, Mapping):
             raise ScriptError(f"{file}:{line}: {item!r} given; {ALLOWED}")
         yield line, item

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
-from math import copysign, isfinite
+from math import copysign
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cable_twin.records import CommandError
@@ -35,7 +36,7 @@ def place_of(given: Any) -> Place:
     name, position = given["name"], given["position"]
     if not isinstance(name, str) or isinstance(position, bool) or not isinstance(position, int | float):
         raise ValueError(f"at {dict(given)} given; {ALLOWED}")
-    if not isfinite(position):
+    if not abs(position) <= sys.float_info.max:  # isfinite fails for a whole number of four hundred digits
         raise ValueError(f"at position {position} given; allowed: a finite number, in m")
     return Place(name, float(position))
 

@@ -9,10 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from cable_twin.command_line import OneLineParser, typed
+from cable_twin.limited_yaml import UnreadableYamlError, read_yaml
 from cable_twin.offline.export import add_export
 from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.rates import EVERY_FRAME, LOGGED
@@ -179,8 +177,8 @@ def assignment(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise argparse.ArgumentTypeError(f"{text!r} given, KEY=VALUE is needed")
     try:
-        return key.strip(), YAML(typ="safe", pure=True).load(value)
-    except (YAMLError, ValueError):
+        return key.strip(), read_yaml(value).content
+    except UnreadableYamlError:
         raise argparse.ArgumentTypeError(f"{text!r} given, the value is not YAML") from None
 
 

@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
+from cable_twin.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
 from cable_twin.scenario.fault import Fault, show
@@ -157,10 +155,12 @@ def _find(source: Any) -> Path:
 def _read(file: Path) -> tuple[Any, list[Fault]]:
     """Content of a YAML 1.2 file, in which 1e6 is a number, and a fault for every key given twice."""
     try:
-        text = file.expanduser().read_text(encoding="utf-8-sig")
+        text = limited_text(file.expanduser())
     except FileNotFoundError:
         names = ", ".join(scenario_names())
         raise ScenarioError(f"{file}: no such file; allowed: a YAML file, or one of {names}") from None
+    except UnreadableYamlError as error:
+        raise ScenarioError(f"{file}: {error}") from None
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{file}: not a text in UTF-8 (byte {error.start}); allowed: a YAML file") from None
     except (OSError, RuntimeError, ValueError) as error:
@@ -171,37 +171,13 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
 
 def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
     """Content of a text that `label` names in faults."""
-    yaml = YAML(typ="safe", pure=True)
-    yaml.allow_duplicate_keys = True  # found below, all of them
     try:
-        duplicates = list(_duplicate_keys(yaml.compose(text), (), set()))
-        return yaml.load(text), duplicates
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-        line = f":{mark.line + 1}" if mark else ""
-        reason = getattr(error, "problem", None) or getattr(error, "context", None) or str(error)
-        raise ScenarioError(f"{label}{line}: not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2") from None
-    except (ValueError, RecursionError) as error:
-        reason = "nested too deeply" if isinstance(error, RecursionError) else error
-        raise ScenarioError(f"{label}: holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
-
-
-def _duplicate_keys(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Fault]:
-    """Every key that a mapping of the file has twice."""
-    if id(node) in seen:
-        return
-    seen.add(id(node))
-    if isinstance(node, SequenceNode):
-        for number, item in enumerate(node.value):
-            yield from _duplicate_keys(item, (*path, number), seen)
-    if isinstance(node, MappingNode):
-        lines: dict[str, int] = {}
-        for key, value in node.value:
-            word, line = str(key.value), key.start_mark.line + 1
-            if word in lines:
-                yield Fault((*path, word), f"given twice, on lines {lines[word]} and {line}; allowed: once")
-            lines.setdefault(word, line)
-            yield from _duplicate_keys(value, (*path, word), seen)
+        document = read_yaml(text)
+    except UnreadableYamlError as error:
+        raise ScenarioError(f"{label}{error.where}: {error}") from None
+    doubles = document.doubles
+    told = [Fault(one.path, f"given twice, on lines {one.first} and {one.second}; allowed: once") for one in doubles]
+    return document.content, told
 
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:

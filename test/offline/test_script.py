@@ -71,6 +71,11 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
             "{at: {name: cabin, position: .nan}, event: release}",
             "at position nan given; allowed: a finite",
         ),
+        (
+            "{at: {name: cabin, position: 1" + 400 * "0" + "}, event: release}",
+            "given; allowed: a finite number, in m",
+        ),
+        ("{time: 1, wind: 3, wind: 4}", "wind given twice, first on line 2; allowed: once"),
         ("{time: -1, name: cabin, speed: 6}", "time -1 given; allowed: zero or more, in s"),
         ("{time: .inf, name: cabin, speed: 6}", "time inf given"),
         ("{time: true, name: cabin, speed: 6}", "time True given"),

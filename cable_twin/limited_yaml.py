@@ -1,0 +1,163 @@
+"""YAML of files and messages, read within limits: of bytes, of depth, and of values with all aliases written out.
+
+A few lines of aliases stand for a great many values, and are refused before there is any of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+
+LARGEST = 2**20  # bytes
+DEEPEST = 60  # lists and mappings within each other
+MOST = 100_000  # values and keys, those of an alias each time that it stands
+
+
+class UnreadableYamlError(ValueError):
+    """A text that is no YAML, or beyond the limits: what is wrong in a line, what is allowed, and where.
+
+    Attributes:
+        where: the number of the line as in ":12", or nothing.
+    """
+
+    def __init__(self, reason: str, line: int | None = None) -> None:
+        super().__init__(reason)
+        self.where = "" if line is None else f":{line}"
+
+
+class Double(NamedTuple):
+    """A key that a mapping has twice."""
+
+    path: tuple[str | int, ...]
+    first: int  # line
+    second: int
+
+
+class Document(NamedTuple):
+    """What a text holds: as Python has it, and as nodes, which have lines."""
+
+    content: Any
+    node: Node | None
+    doubles: list[Double]
+
+
+def limited_text(file: Path, largest: int = LARGEST) -> str:
+    """Text of a file in UTF-8 of at most so many bytes.
+
+    Raises:
+        OSError: It cannot be read.
+        UnicodeDecodeError: It is no such text.
+        UnreadableYamlError: It is larger.
+    """
+    with file.open("rb") as stream:
+        content = stream.read(largest + 1)
+    _check_size(len(content), largest)
+    return content.decode("utf-8-sig")
+
+
+def read_yaml(text: str) -> Document:
+    """Understand a text as YAML 1.2, in which 1e6 is a number.
+
+    Raises:
+        UnreadableYamlError: It is none, or beyond a limit.
+    """
+    _check_size(len(text), LARGEST)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.allow_duplicate_keys = True  # found by the composer, all of them
+    yaml.Composer = _LimitedComposer
+    try:
+        content = yaml.load(text)
+        return Document(content, yaml.composer.root, yaml.composer.doubles)
+    except UnreadableYamlError:
+        raise
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        reason = getattr(error, "problem", None) or getattr(error, "context", None) or str(error)
+        line = mark.line + 1 if mark else None
+        raise UnreadableYamlError(f"not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2", line) from None
+    except Exception as error:  # the library has many for a value that is none of its kind
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UnreadableYamlError(f"holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
+
+
+class _LimitedComposer(Composer):
+    """Counts while nodes are put together, of an alias all that it stands for."""
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader)
+        self.warn_double_anchors = False  # YAML 1.2 lets the later one count
+        self.root: Node | None = None
+        self.doubles: list[Double] = []
+        self._above, self._count, self._deepest = 0, 0, 0
+        self._sizes: dict[int, tuple[int, int]] = {}  # of whole nodes, by identity: count, and depth below
+
+    def get_single_node(self) -> Node | None:
+        """The one document."""
+        self.root = super().get_single_node()
+        self.doubles = list(_doubles(self.root, (), set()))  # before merge keys are put in their places
+        return self.root
+
+    def compose_node(self, parent: Node | None, index: Any) -> Node | None:
+        """One node with all below it."""
+        is_alias = self.parser.check_event(AliasEvent)
+        line = self.parser.peek_event().start_mark.line + 1
+        count, deepest, self._deepest = self._count, self._deepest, self._above
+        self._above += 1
+        self._check(self._above, line)
+        node = super().compose_node(parent, index)
+        self._above -= 1
+        if is_alias:
+            if id(node) not in self._sizes:
+                raise UnreadableYamlError("an alias within what it stands for; allowed: of what is complete", line)
+            inner, below = self._sizes[id(node)]
+            self._count += inner
+            self._deepest = max(self._deepest, self._above + below)
+        else:
+            self._count += 1
+            self._deepest = max(self._deepest, self._above + 1)
+            self._sizes[id(node)] = self._count - count, self._deepest - self._above
+        self._check(self._deepest, line)
+        self._deepest = max(self._deepest, deepest)
+        return node  # type: ignore[no-any-return]
+
+    def _check(self, depth: int, line: int) -> None:
+        if depth > DEEPEST:
+            raise UnreadableYamlError(f"nested more than {DEEPEST} deep; allowed: up to that", line)
+        if self._count > MOST:
+            text = (
+                f"more than {MOST} keys and values, those of an alias counted wherever it stands; allowed: up to that"
+            )
+            raise UnreadableYamlError(text, line)
+
+
+def _doubles(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Double]:
+    """Every key that a mapping of the text has twice."""
+    if id(node) in seen:
+        return
+    seen.add(id(node))
+    if isinstance(node, SequenceNode):
+        for number, item in enumerate(node.value):
+            yield from _doubles(item, (*path, number), seen)
+    if isinstance(node, MappingNode):
+        lines: dict[str, int] = {}
+        for key, value in node.value:
+            word, line = str(key.value), key.start_mark.line + 1
+            if word in lines:
+                yield Double((*path, word), lines[word], line)
+            lines.setdefault(word, line)
+            yield from _doubles(value, (*path, word), seen)
+
+
+def _check_size(size: int, largest: int) -> None:
+    if size > largest:
+        raise UnreadableYamlError(f"larger than {largest / 2**20:g} MB; allowed: up to that")
+
+
+__all__ = ["Document", "Double", "UnreadableYamlError", "limited_text", "read_yaml"]
