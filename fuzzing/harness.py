@@ -182,6 +182,7 @@ def fuzz(
     limits: Limits | None = None,
     on_case: Callable[[Counts], object] = lambda _: None,
     seeds: Path | None = None,
+    most: int = sys.maxsize,
 ) -> Counts:
     """Run a fuzzer.
 
@@ -193,6 +194,7 @@ def fuzz(
         limits: of each case.
         on_case: gets the counts after each case.
         seeds: directory of kept cases, which run first.
+        most: cases, after which it ends before the time.
     """
     counts, started = Counts(), time.monotonic()
     with tempfile.TemporaryDirectory(prefix="cable_twin_fuzzing_") as name:
@@ -219,7 +221,7 @@ def fuzz(
         try:
             for file in sorted(seeds.iterdir()) if seeds is not None and seeds.is_dir() else ():
                 take(Case(file.read_bytes(), file.suffix))
-            _draw(module, number, lambda: time.monotonic() - started < seconds, take)
+            _draw(module, number, lambda: time.monotonic() - started < seconds and counts.runs < most, take)
         finally:
             child.close()
     counts.seconds = time.monotonic() - started
