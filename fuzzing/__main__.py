@@ -78,7 +78,11 @@ def main() -> int:
     console.print(_table(results))
     for name, counts in results.items():
         for one in counts.findings:
-            console.print(f"{name}: {one.kind}: {one.place}: {one.files[0]}", markup=False, highlight=False)
+            console.print(
+                f"{name}: {one.kind}: {one.place}: {one.files[0] if one.files else one.text}",
+                markup=False,
+                highlight=False,
+            )
     return FOUND if any(counts.findings for counts in results.values()) else 0
 
 

@@ -75,8 +75,8 @@ class Child:
 
     def run(self, file: Path) -> tuple[str, str]:
         """Kind and text of a case."""
-        if self._process is None and (failed := self._start()):
-            return failed
+        if self._process is None and (failed := self.start()):
+            return START, failed
         assert self._process is not None
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):
@@ -102,7 +102,8 @@ class Child:
             self._process.communicate()
             self._process = None
 
-    def _start(self) -> tuple[str, str] | None:
+    def start(self) -> str:
+        """Have it ready; gives why that cannot be, or nothing."""
         command = [sys.executable, "-m", "fuzzing.child", self._module, str(self._limits.memory), str(self._directory)]
         paths = [str(ROOT), *filter(None, sys.path)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
@@ -111,7 +112,7 @@ class Child:
         )
         self._rest = b""
         kind, text = self._answer(max(60.0, self._limits.seconds))
-        return None if kind == READY else (START, f"{kind}: {text}")
+        return "" if kind == READY else f"{kind}: {text}"
 
     def _answer(self, seconds: float) -> tuple[str, str]:
         """Wait for an answer; what takes too long is ended, but not where the compiler takes it."""
@@ -188,7 +189,7 @@ def fuzz(
 
     Args:
         module: name of its module.
-        seconds: for how long; the kept seeds all run.
+        seconds: for how long cases are drawn, once the process has started and the kept seeds have run.
         number: of the seed, from which the cases come.
         keep: directory for what it finds, made when there is something.
         limits: of each case.
@@ -219,9 +220,14 @@ def fuzz(
             on_case(counts)
 
         try:
+            if failed := child.start():
+                counts.kinds[START] += 1
+                counts.findings.append(Finding(START, module, failed, ()))
+                return counts
             for file in sorted(seeds.iterdir()) if seeds is not None and seeds.is_dir() else ():
                 take(Case(file.read_bytes(), file.suffix))
-            _draw(module, number, lambda: time.monotonic() - started < seconds and counts.runs < most, take)
+            drawn = time.monotonic()
+            _draw(module, number, lambda: time.monotonic() - drawn < seconds and counts.runs < most, take)
         finally:
             child.close()
     counts.seconds = time.monotonic() - started

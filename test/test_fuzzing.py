@@ -22,7 +22,7 @@ def test_nothing_is_found(name, tmp_path):
     counts = fuzz(f"fuzzing.{name}", seconds=SECONDS, number=1, keep=tmp_path, seeds=SEEDS / name)
     assert not counts.findings, "\n\n".join(one.text for one in counts.findings)
     assert counts.runs > 10
-    assert counts.kinds[DONE]
+    assert counts.kinds[DONE], "the sound seed is"
     assert counts.kinds[REFUSED]
 
 
