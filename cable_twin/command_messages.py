@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -10,7 +11,10 @@ import numpy as np
 
 from cable_twin.commands import INPUTS, JOINT_COMMANDS, KINDS, VECTOR, Kind, kinds_on
 from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
+from cable_twin.printable import printable
 from cable_twin.records import AppliedCommand, Command, CommandError, Goal
+
+LONGEST_FRAME_ID = 256  # characters of the frame of a command, which means nothing here
 
 
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
@@ -66,22 +70,24 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
     kind = message.name[0].partition("/")[0] if message.name else ""
     parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
     if kind not in KINDS or any(part[0] != kind or len(part) != (3 if KINDS[kind].field else 2) for part in parts):
-        msg = f"applied command {', '.join(message.name)!r}; KIND/NAME/SOURCE with one of {', '.join(KINDS)}"
+        msg = f"applied command '{printable(', '.join(message.name))}'; KIND/NAME/SOURCE with one of {', '.join(KINDS)}"
         raise ValueError(msg)
     return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
 
 
-def command_from_message(topic: str, data: bytes) -> Command | Goal:
+def command_from_message(topic: str, data: bytes, most_names: int | None = None) -> Command | Goal:
     """Understand a message of a topic that brings commands; whether it can be done now is for the simulation to say.
 
     Args:
         topic: Relative name, of `cable_twin.commands.INPUTS`.
         data: CDR.
+        most_names: What has more names is refused before it is decoded; None for any number.
 
     Raises:
-        CommandError: It is no message of the topic's type, or has no clear meaning.
+        CommandError: It is no message of the topic's type, has too many names, or has no clear meaning.
     """
     try:
+        _check_counts(INPUTS[topic], data, most_names)
         message: Any = decode(data, INPUTS[topic])
         if INPUTS[topic] == VECTOR:
             return command_from_vector(topic, message.vector.x, message.vector.y, message.vector.z)
@@ -89,7 +95,26 @@ def command_from_message(topic: str, data: bytes) -> Command | Goal:
     except CommandError:
         raise
     except Exception as error:  # nothing that arrives on a topic ends the node
-        raise CommandError(f"not a {INPUTS[topic].rpartition('/')[2]}: {error}") from error
+        raise CommandError(f"not a {INPUTS[topic].rpartition('/')[2]}: {printable(error)}") from error
+
+
+def _check_counts(message_type: str, data: bytes, most_names: int | None) -> None:
+    """Refuse what is too long by the counts in its first bytes: decoding takes far more time than that.
+
+    Raises:
+        CommandError: The name of its frame is too long, or it has too many names.
+        struct.error: It ends before its counts.
+    """
+    order = "<" if data[1] & 1 else ">"  # bytes 0 to 3: the encapsulation; 4 to 11: the stamp
+    length = struct.unpack_from(f"{order}I", data, 12)[0]  # of the frame and a zero
+    if length > LONGEST_FRAME_ID + 1:
+        raise CommandError(f"a frame_id of {length - 1} bytes; allowed are up to {LONGEST_FRAME_ID}")
+    if message_type == VECTOR or most_names is None:
+        return
+    place = 16 + length
+    count = struct.unpack_from(f"{order}I", data, place + -place % 4)[0]
+    if count > most_names:
+        raise CommandError(f"{count} names given; allowed are up to {most_names}, as many as there are joints")
 
 
 def command_from_joint_state(
@@ -131,7 +156,9 @@ def command_from_joint_state(
     values = dict(zip(names, map(float, fields[kind.field]), strict=True))
     for name, value in values.items():
         if not math.isfinite(value):
-            raise CommandError(f"{what} {kind.field} of {name!r} is {value}; give a finite number ({kind.unit})")
+            raise CommandError(
+                f"{what} {kind.field} of '{printable(name)}' is {value}; give a finite number ({kind.unit})"
+            )
     return Command(kind.name, values)
 
 
@@ -146,16 +173,18 @@ def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal
     places = dict(zip(names, map(float, fields["position"]), strict=True))
     for name, place in places.items():
         if not math.isfinite(place):
-            raise CommandError(f"joint command position of {name!r} is {place}; give a finite number (m)")
+            raise CommandError(f"joint command position of '{printable(name)}' is {place}; give a finite number (m)")
     at_most = dict(zip(names, map(float, fields["velocity"]), strict=False))
     return Goal(places, {name: abs(speed) for name, speed in at_most.items() if not math.isnan(speed)})
 
 
 def _check_once(what: str, names: Sequence[str]) -> None:
     """Refuse names that stand twice."""
+    seen: set[str] = set()
     for name in names:
-        if list(names).count(name) > 1:
-            raise CommandError(f"{what} names {name!r} more than once; name each one once")
+        if name in seen:
+            raise CommandError(f"{what} names '{printable(name)}' more than once; name each one once")
+        seen.add(name)
 
 
 def _commanded(

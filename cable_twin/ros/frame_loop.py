@@ -29,6 +29,7 @@ from cable_twin.snapshot import Snapshot
 
 IDLE = 0.5  # s between two looks at the queue while paused and nobody wakes the loop
 SHORT = 0.05  # s that the end of a run may have to wait for
+_Request = tuple[Command | Goal | Callable[[], Any], str, Future[Any]]
 
 
 class FrameLoop:
@@ -76,9 +77,8 @@ class FrameLoop:
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self.goals = Goals(simulation, on_goal)
-        self._requests: deque[tuple[Command | Goal | Callable[[], Any], str, Future[Any]]] = (
-            deque()
-        )  # what the loop does between frames
+        self._requests: deque[_Request] = deque()  # what the loop does between frames
+        self._urgent: deque[_Request] = deque()  # and what it does before that
         self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
         self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
@@ -107,14 +107,18 @@ class FrameLoop:
         self._asked.set()
         if self._thread.is_alive():
             self._thread.join()
-        for future in (*(item.future for item in self._stepping), *(future for *_, future in self._requests)):
+        waiting = (*self._urgent, *self._requests)
+        for future in (*(item.future for item in self._stepping), *(future for *_, future in waiting)):
             future.cancel()
-        self._stepping.clear()
-        self._requests.clear()
+        for queue in (self._stepping, self._urgent, self._requests):
+            queue.clear()
 
-    def submit(self, command: Command | Goal, source: str) -> Future[AppliedCommand | None]:
-        """Hand over a command; the future gives it as applied, None for a goal, or the `CommandError`."""
-        return self._ask(command, source)
+    def submit(self, command: Command | Goal, source: str, *, urgent: bool = False) -> Future[AppliedCommand | None]:
+        """Hand over a command; the future gives it as applied, None for a goal, or the `CommandError`.
+
+        At a frame boundary an `urgent` one goes before all that are not.
+        """
+        return self._ask(command, source, self._urgent if urgent else self._requests)
 
     def pause(self, paused: bool) -> None:
         """Stop simulated time, also one that is stepped, or let it run."""
@@ -141,9 +145,11 @@ class FrameLoop:
         """Have something done at the next frame boundary that raises nothing; the future gives what it returns."""
         return self._ask(function, "")
 
-    def _ask(self, command: Command | Goal | Callable[[], Any], source: str) -> Future[Any]:
+    def _ask(
+        self, command: Command | Goal | Callable[[], Any], source: str, queue: deque[_Request] | None = None
+    ) -> Future[Any]:
         future: Future[Any] = Future()
-        self._requests.append((command, source, future))
+        (self._requests if queue is None else queue).append((command, source, future))
         self._asked.set()
         return future
 
@@ -167,7 +173,7 @@ class FrameLoop:
         anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
         first = True
         while not self._stopping.is_set():
-            if self._requests or self._deadlines:
+            if self._urgent or self._requests or self._deadlines:
                 self._obey()
             stepping = self._stepping[0] if self._stepping else None
             if self._paused and stepping is None:
@@ -229,27 +235,34 @@ class FrameLoop:
         self.total_lateness.add(late)
 
     def _obey(self) -> None:
-        """Apply what waits."""
-        while self._requests:
-            command, source, future = self._requests.popleft()
-            if not future.set_running_or_notify_cancel():
-                continue
-            if callable(command):
-                future.set_result(command())
-                continue
-            try:
-                if isinstance(command, Goal):
-                    self._before_command()
-                    self.goals.take(command)
-                applied = None if isinstance(command, Goal) else self._apply(command, source)
-            except CommandError as error:
-                future.set_exception(error)
-            else:
-                future.set_result(applied)
+        """Apply what waits, urgent commands first; what comes meanwhile and is not urgent, at the next boundary."""
+        for _ in range(len(self._requests)):
+            while self._urgent:
+                self._do(*self._urgent.popleft())
+            self._do(*self._requests.popleft())
+        while self._urgent:
+            self._do(*self._urgent.popleft())
         now = time.monotonic()
         silent = [name for name, deadline in self._deadlines.items() if now > deadline]
         if silent and not self._paused:
             self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
+
+    def _do(self, command: Command | Goal | Callable[[], Any], source: str, future: Future[Any]) -> None:
+        """Do what was asked for, unless it was given up meanwhile."""
+        if not future.set_running_or_notify_cancel():
+            return
+        if callable(command):
+            future.set_result(command())
+            return
+        try:
+            if isinstance(command, Goal):
+                self._before_command()
+                self.goals.take(command)
+            applied = None if isinstance(command, Goal) else self._apply(command, source)
+        except CommandError as error:
+            future.set_exception(error)
+        else:
+            future.set_result(applied)
 
     def _drive(self, command: Command) -> None:
         """Give a speed towards a goal."""

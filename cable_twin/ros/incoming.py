@@ -1,17 +1,36 @@
-"""Commands that come on topics: each is recorded as it came, then applied whole or refused whole, and told."""
+"""Commands that come on topics: applied whole, recorded as they came, or refused whole, counted and named."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from cable_twin.command_messages import command_from_message
+from cable_twin.printable import printable
 from cable_twin.records import CommandError
 from cable_twin.ros.frame_loop import FrameLoop
 
 WARNING_PERIOD = 1.0  # s between two warnings of refused commands
+LONGEST_REASON = 400  # characters
+SECOND = 1.0  # s over which commands are counted
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLimits:
+    """Commands of topics that are taken.
+
+    Attributes:
+        size: bytes of a message; what is larger is not decoded.
+        rate: commands in a second, all topics together; what comes beyond is refused.
+        names: in one message; there are no more joints.
+    """
+
+    size: int
+    rate: int
+    names: int
 
 
 class Incoming:
@@ -19,37 +38,55 @@ class Incoming:
 
     Args:
         loop: that carries commands out.
+        limits: beyond which commands are refused before the loop hears of them.
         counts: of the diagnostics, which has `commands_refused`.
         logger: of the node.
         full_name: of a topic, as it is remapped.
-        record: is given each message with its topic, before anything comes of it.
+        record: is given each message that took effect, with its topic; nothing of what is refused, which may be large.
     """
 
     def __init__(
         self,
         loop: FrameLoop,
+        limits: CommandLimits,
         counts: dict[str, int],
         logger: Any,
         full_name: Callable[[str], str],
         record: Callable[[str, bytes], None],
     ) -> None:
-        self._loop, self._counts, self._logger = loop, counts, logger
+        self._loop, self._limits, self._counts, self._logger = loop, limits, counts, logger
         self._full_name, self._record = full_name, record
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
+        self._second, self._taken = -SECOND, 0  # s, since when commands are counted, and how many there were
 
     def take(self, topic: str, data: bytes) -> None:
         """A message of a topic of `INPUTS`."""
-        self._record(topic, data)
         try:
-            command = command_from_message(topic, data)
+            if len(data) > self._limits.size:
+                raise CommandError(f"a message of {len(data)} bytes; allowed are up to {self._limits.size} bytes")
+            command = command_from_message(topic, data, self._limits.names)
+            self._count()
         except CommandError as error:
             self._refuse(topic, error)
             return
-        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic))
+        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic, data))
 
-    def _on_obeyed(self, topic: str, future: Any) -> None:
-        if not future.cancelled() and future.exception() is not None:
-            self._refuse(topic, future.exception())
+    def _count(self) -> None:
+        """Refuse what comes too often; what was refused before does not count, so that it crowds nobody out."""
+        now = time.monotonic()
+        if now - self._second >= SECOND:
+            self._second, self._taken = now, 0
+        self._taken += 1
+        if self._taken > self._limits.rate:
+            raise CommandError(f"more commands than {self._limits.rate} a second")
+
+    def _on_obeyed(self, topic: str, data: bytes, future: Any) -> None:
+        if future.cancelled():
+            return
+        if (error := future.exception()) is not None:
+            self._refuse(topic, error)
+        else:
+            self._record(topic, data)
 
     def _refuse(self, topic: str, error: BaseException) -> None:
         self._counts["commands_refused"] += 1
@@ -57,9 +94,9 @@ class Incoming:
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self._logger.warning(
-                f"{self._full_name(topic)}: command refused, "
-                f"the last good one stays: {error} ({self._counts['commands_refused']} refused so far)"
+                f"{self._full_name(topic)}: command refused, the last good one stays: "
+                f"{printable(error, LONGEST_REASON)} ({self._counts['commands_refused']} refused so far)"
             )
 
 
-__all__ = ["Incoming"]
+__all__ = ["CommandLimits", "Incoming"]

@@ -33,7 +33,7 @@ from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.incoming import Incoming
+from cable_twin.ros.incoming import CommandLimits, Incoming
 from cable_twin.ros.live_parameters import LiveParameters, are_unchanged
 from cable_twin.ros.markers import REPEAT
 from cable_twin.ros.node_parameters import splitting_of
@@ -121,7 +121,9 @@ class TwinNode(Node):
             self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
         )
         names, counts = self._endpoints.names, self._diagnostics.counts
-        incoming = Incoming(self._loop, counts, self.get_logger(), names.full, self._record_command)
+        joints = len(layout.vehicles) + len(layout.drives) + 3 * len(layout.bodies)  # in space a body may have three
+        limits = CommandLimits(self._settings["command_size"], self._settings["command_rate"], joints)
+        incoming = Incoming(self._loop, limits, counts, self.get_logger(), names.full, self._record_command)
         self._endpoints.subscribe(incoming.take)
         self._endpoints.warn_of_unknown()
         self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
@@ -282,7 +284,6 @@ class TwinNode(Node):
             )
 
     def _record_command(self, topic: str, data: bytes) -> None:
-        self._begin()  # a twin that waits for its start is not as it was any more
         self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:

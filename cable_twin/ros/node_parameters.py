@@ -96,6 +96,8 @@ PARAMETERS = (
     Parameter(
         "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
     ),
+    Parameter("command_size", 65_536, "largest message that is taken as a command", "bytes", 1_024, 16_777_216),
+    Parameter("command_rate", 1_000, "commands of topics that are taken in a second", "1/s", 1, 1_000_000),
     Parameter(
         "carrier_topics", "", "carriers that get topics of their own besides carriers/poses, as in chair_1,chair_7"
     ),

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from cable_twin.commands import KINDS
 from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
+from cable_twin.printable import printable
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.drives import Limits
@@ -81,7 +82,7 @@ def check_room(command: Command, scenario: Scenario) -> None:
         if name not in scenario.carriages:
             known = ", ".join(key for key, one in scenario.carriages.items() if one.payload is not None)
             what = f"'{name}' is a carrier, loaded in stations as carriers.payload says"
-            what = what if name in scenario.vehicles else f"unknown carriage '{name}'"
+            what = what if name in scenario.vehicles else f"unknown carriage '{printable(name)}'"
             what = f"'{name}' is a drive and carries nothing" if name in scenario.drives else what
             raise CommandError(f"{what}; known: {known or 'none in this scenario'}")
         room = scenario.carriages[name].payload
@@ -127,7 +128,7 @@ def check_wind(command: Command, scenario: Scenario) -> None:
 def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) -> None:
     """Refuse speeds by axis that no wind has."""
     if not {"x", "z"} <= {*values} <= {"x", "y", "z"}:
-        raise CommandError(f"{kind} with {', '.join(values) or 'nothing'}; needed are x and z, in m/s")
+        raise CommandError(f"{kind} with {printable(', '.join(values)) or 'nothing'}; needed are x and z, in m/s")
     for axis, speed in values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
@@ -172,5 +173,5 @@ def _known(name: str, scenario: Scenario) -> Carriage:
         own = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
         movable = [other for other in own if not scenario.vehicles[other].clamped_to]
         known = ", ".join([*scenario.drives, *movable]) or "none in this scenario"
-        raise CommandError(f"unknown carriage or drive '{name}'; known: {known}")
+        raise CommandError(f"unknown carriage or drive '{printable(name)}'; known: {known}")
     return scenario.vehicles[name]

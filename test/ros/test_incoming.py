@@ -1,0 +1,128 @@
+"""What of the commands on topics is taken, recorded and said, without ROS."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from test_frame_loop import frame_loop
+
+from cable_twin.command_messages import command_from_joint_state
+from cable_twin.commands import JOINT_COMMANDS
+from cable_twin.messages import JointState, header, serialize
+from cable_twin.records import Command, CommandError
+from cable_twin.ros.incoming import LONGEST_REASON, CommandLimits, Incoming
+
+MANY = 20_000  # names
+
+
+class Taken:
+    """What comes for a twin that stands still, whose loop does at once what it is asked for."""
+
+    def __init__(self, **limits):
+        self.recorded, self.lines, self.applied = [], [], []
+        self.counts = {"commands_refused": 0}
+        self.loop = frame_loop(on_applied=self.applied.append)
+        limits = CommandLimits(**{"size": 65_536, "rate": 1000, "names": 9} | limits)
+        record = lambda topic, data: self.recorded.append((topic, data))  # noqa: E731
+        self.incoming = Incoming(self.loop, limits, self.counts, self, "/cable_twin/{}".format, record)
+
+    def warning(self, line):
+        self.lines.append(line)
+
+    def take(self, data):
+        self.incoming.take(JOINT_COMMANDS, data)
+        self.loop._obey()
+
+
+def command(*names, frame="", speed=1.0):
+    return serialize(JointState(header(0, frame), list(names), np.empty(0), np.full(len(names), speed), np.empty(0)))
+
+
+def seconds(action):
+    begin = time.perf_counter()
+    with pytest.raises(CommandError):
+        action()
+    return time.perf_counter() - begin
+
+
+def test_time_to_look_for_names_given_twice_is_linear():
+    def check(count):
+        names = [f"n{number}" for number in range(count)]
+        return seconds(lambda: command_from_joint_state(JOINT_COMMANDS, [*names, "n0"], [], np.ones(count + 1), []))
+
+    check(10)
+    assert check(MANY) < 20.0 * min(check(MANY // 5) for _ in range(3))  # five times, and not 25
+
+
+def test_what_has_more_names_than_there_are_joints_is_refused_before_it_is_decoded():
+    taken = Taken(size=10_000_000)
+    message = command(*(f"n{number}" for number in range(MANY)))
+    decoding = seconds(lambda: command_from_joint_state(JOINT_COMMANDS, ["a"] * MANY, [], np.ones(MANY), []))
+    begin = time.perf_counter()
+    taken.take(message)
+    assert time.perf_counter() - begin < max(decoding, 1e-3)
+    assert "20000 names given; allowed are up to 9, as many as there are joints" in taken.lines[0]
+    assert (taken.counts, taken.recorded, taken.applied) == ({"commands_refused": 1}, [], [])
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (command("cabin", frame="f" * 70_000), "a message of 70056 bytes; allowed are up to 65536 bytes"),
+        (command("cabin", frame="f" * 300), "a frame_id of 300 bytes; allowed are up to 256"),
+        (bytes(range(10)), "not a JointState"),
+        (b"\0", "not a JointState"),
+        (command("n" * 60_000), "unknown carriage or drive 'nnn"),
+        (command("\x1b[2Jcabin"), r"unknown carriage or drive '\x1b[2Jcabin'"),
+        (command("cabin", speed=1e9), "speed of 'cabin' is 1e+09 m/s"),
+    ],
+)
+def test_what_is_refused_is_counted_named_in_a_short_line_and_not_recorded(message, reason):
+    taken = Taken()
+    taken.take(message)
+    (line,) = taken.lines
+    assert reason in line
+    assert line.isprintable()
+    assert len(line) < LONGEST_REASON + 200
+    assert (taken.counts, taken.recorded, taken.applied) == ({"commands_refused": 1}, [], [])
+
+
+def test_what_takes_effect_is_recorded_as_it_came():
+    taken = Taken()
+    taken.take(command("cabin"))
+    assert taken.recorded == [(JOINT_COMMANDS, command("cabin"))]
+    assert [one.command for one in taken.applied] == [Command("speed", {"cabin": 1.0})]
+
+
+def test_commands_beyond_the_rate_are_refused_and_refused_ones_crowd_nobody_out():
+    taken = Taken(rate=10)
+    for _ in range(50):
+        taken.take(command("cabin", frame="f" * 300))
+    for _ in range(20):
+        taken.take(command("cabin"))
+    assert len(taken.applied) == 10
+    assert taken.counts == {"commands_refused": 60}
+    taken.incoming._second -= 1.0
+    taken.take(command("cabin"))
+    assert len(taken.applied) == 11
+
+
+def test_an_urgent_command_goes_before_others_and_those_that_come_meanwhile_wait():
+    taken = Taken()
+    later = []
+
+    def ask_again():
+        later.append(taken.loop.call(lambda: None))
+
+    first = taken.loop.call(ask_again)
+    taken.loop.submit(Command("speed", {"cabin": 1.0}), "test")
+    stop = taken.loop.submit(Command("emergency_stop", {}), "service", urgent=True)
+    taken.loop._obey()
+    assert [one.command.kind for one in taken.applied] == ["emergency_stop"]  # the speed is refused then
+    assert first.done()
+    assert stop.done()
+    assert not later[0].done()
+    taken.loop._obey()
+    assert later[0].done()
