@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from math import inf, prod
+from math import inf, nan, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from cable_twin.scenario import Scenario
 IntArray = NDArray[np.int64]
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
+COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
 DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
 
 NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, and what is there whatever is attached
@@ -43,6 +44,7 @@ class Layout:
         carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
         supports: names of what holds the cable: start, end, towers.
         drives: names of the drives that move a cable.
+        commanded: names of what takes a speed or a force: carriages that drive themselves, then drives.
         towers: names of those of them that are between the ends of a rope.
         space: whether it is one in space.
         grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
@@ -83,14 +85,19 @@ class Layout:
         sheaves: Sequence[str] = (),
         connectors: Sequence[str] = (),
         pantographs: Sequence[str] = (),
+        passive: Sequence[str] = (),
         space: bool = False,
         grooves: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes."""
+        """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes.
+
+        Of carriages the `passive` ones take no commands.
+        """
         self.space, self.grooves = space, dict(grooves or {})
         self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
         names = tuple(self.vehicles)
         self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
+        self.commanded = (*(name for name in self.carriages if name not in passive), *drives)
         self.supports, self.drives, self.hauled = tuple(supports), tuple(drives), tuple(hauled)
         self.arc_lengths = np.array(arc_lengths, dtype=np.float64)
         self.arc_lengths.setflags(write=False)
@@ -118,6 +125,7 @@ class Layout:
         """First and last number, and shape, of each column, and how many numbers there are."""
         counts: dict[str | int, int] = {
             "vehicles": len(self.vehicles),
+            "carriages": len(self.carriages),
             "bodies": len(self.bodies),
             "supports": len(self.supports),
             "drives": len(self.drives),
@@ -164,6 +172,7 @@ class Layout:
             sheaves=tuple(scenario.sheaves),
             connectors=tuple(scenario.connectors),
             pantographs=tuple(scenario.pantographs),
+            passive=[name for name, one in scenario.carriages.items() if one.joint != "sliding" or one.clamped_to],
             space=scenario.dim == 3,
             grooves=scenario.tower_places if scenario.dim == 3 else None,
         )
@@ -204,6 +213,7 @@ class Layout:
             "samples": self.ropes[name],
             "supports": slice(before, before + len(own.supports)),
             "vehicles": vehicles,
+            "carriages": vehicles[: len(own.carriages)],
             "bodies": np.array(bodies, dtype=np.int64),
             **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
         }
@@ -211,9 +221,10 @@ class Layout:
         there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
         owners, here = own.columns(owner), own.columns(np.arange(float(own.size)))  # views of `owner`
         numbers = np.arange(len(vehicles))
+        owned = {"vehicles": numbers, "carriages": numbers[: len(own.carriages)]}
+        owned["bodies"] = np.repeat(numbers, np.diff(own.first_body))
         for key, field in owners._asdict().items():
-            if SHAPES[key][0] in ("vehicles", "bodies"):
-                whose = numbers if SHAPES[key][0] == "vehicles" else np.repeat(numbers, np.diff(own.first_body))
+            if (whose := owned.get(str(SHAPES[key][0]))) is not None:
                 field[:] = whose.reshape(-1, *(1 for _ in field.shape[1:]))
         owners.vehicle_rope[:] = owners.time[:] = NOWHERE
         across = [here.rope_position[:, 1], here.joint_position[:, 1], here.body_position[:, 1]]
@@ -265,6 +276,16 @@ class Layout:
         places[..., len(self.carriages) :] += self.loop_offsets[known]
         return places
 
+    def of_commanded(self, of_carriages: FloatArray, of_drives: FloatArray) -> FloatArray:
+        """Values (..., names) of what takes commands, out of a column of carriages and one of drives."""
+        rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
+        return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
+
+    def force_used(self, c: Columns) -> FloatArray:
+        """Share (..., names) of the force limit that is in use: 1 in saturation, NaN of what has no limit."""
+        share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
+        return self.of_commanded(share, np.full_like(c.drive_position, nan))
+
     def off_loop(self, columns: Columns) -> None:
         """Take places on the loop, in the columns of a frame, for those on the rope on which each vehicle is."""
         if not self.rides_loop:
@@ -292,4 +313,4 @@ def numbered(names: Iterable[str]) -> dict[str, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-__all__ = ["CABLE", "DERAILED", "ENDS", "SHAPES", "Layout", "numbered"]
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "SHAPES", "Layout", "numbered"]

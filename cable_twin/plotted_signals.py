@@ -13,10 +13,21 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cable_twin.records import FloatArray
-from cable_twin.snapshot import Columns, Layout
+from cable_twin.snapshot import COMMANDED, Columns, Layout
 
 Whose = Literal[
-    "rope", "driven", "vehicles", "bodies", "supports", "towers", "air", "pantographs", "sheaves", "strands", "turned"
+    "rope",
+    "driven",
+    "commanded",
+    "vehicles",
+    "bodies",
+    "supports",
+    "towers",
+    "air",
+    "pantographs",
+    "sheaves",
+    "strands",
+    "turned",
 ]
 AXES = ("x", "y", "z")
 
@@ -41,6 +52,18 @@ def driven(layout: Layout, c: Columns) -> Driven:
     return Driven(c.arc_length, c.speed, c.drive_force)
 
 
+def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Columns], FloatArray]:
+    """Commanded values, NaN where the command in force is of another kind; an emergency stop is a speed of 0."""
+    taken = [COMMANDED.index(one) for one in ((kind, "emergency stop") if kind == "speed" else (kind,))]
+
+    def read(layout: Layout, c: Columns) -> FloatArray:
+        values = layout.of_commanded(getattr(c, of_carriages), getattr(c, of_drives))
+        told = np.isin(layout.of_commanded(c.command_kind, c.drive_command_kind), taken)
+        return np.where(told, values, math.nan)
+
+    return read
+
+
 @dataclass(frozen=True, slots=True)
 class Signal:
     """One quantity over time, a line for each that has it.
@@ -56,6 +79,7 @@ class Signal:
         legend: of its lines there, where they are not called after what has it.
         everywhere: whether each of them has it; where not, NaN is no gap.
         space: whether there is none of it in a plane.
+        beside: the signal in whose panel of a plot it is drawn, each line with the label behind its name.
     """
 
     name: str
@@ -68,6 +92,7 @@ class Signal:
     legend: tuple[str, ...] = ()
     everywhere: bool = True
     space: bool = False
+    beside: str = ""
 
     def names(self, layout: Layout) -> Sequence[str]:
         """What has it."""
@@ -87,6 +112,7 @@ class Signal:
 NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "rope": lambda _: ("highest", "start", "end"),
     "driven": driven_names,
+    "commanded": lambda layout: layout.commanded,
     "vehicles": lambda layout: tuple(layout.vehicles),
     "bodies": lambda layout: layout.bodies,
     "supports": lambda layout: layout.supports,
@@ -121,6 +147,30 @@ SIGNALS: Mapping[str, Signal] = {
     signal.name: signal
     for signal in (
         Signal("speed", "m/s", "driven", lambda of, c: driven(of, c).speed, "speed", "speed", "Speed"),
+        Signal(
+            "commanded_speed",
+            "m/s",
+            "commanded",
+            _told("speed", "commanded_speed", "drive_commanded_speed"),
+            "commanded",
+            "speed",
+            beside="speed",
+        ),
+        Signal(
+            "reference_speed",
+            "m/s",
+            "commanded",
+            lambda of, c: of.of_commanded(c.reference_speed, c.drive_reference_speed),
+            "reference",
+            "speed",
+            beside="speed",
+        ),
+        Signal(
+            "reference_position",
+            "m",
+            "commanded",
+            lambda of, c: of.of_commanded(c.reference_position, c.drive_reference_position),
+        ),
         Signal("arc_length", "m", "vehicles", lambda of, c: of.on_loop(c), "arc length", "speed"),
         Signal(
             "tension",
@@ -165,6 +215,24 @@ SIGNALS: Mapping[str, Signal] = {
             space=True,
         ),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
+        Signal(
+            "commanded_force",
+            "N",
+            "commanded",
+            _told("force", "commanded_force", "drive_commanded_force"),
+            "commanded",
+            "drive",
+            beside="drive_force",
+        ),
+        Signal(
+            "force_limit_used",
+            "-",
+            "commanded",
+            Layout.force_used,
+            "share of the force limit",
+            "drive",
+            everywhere=False,
+        ),
         Signal("drive_power", "W", "driven", _power, "power", "drive"),
         Signal("drive_torque", "N m", "turned", lambda of, c: c.moving_cable_force * of.arms, "torque", "drive"),
         Signal(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isnan
 
-from cable_twin.layout import CABLE, DERAILED, ENDS, Layout
+from cable_twin.layout import CABLE, COMMANDED, DERAILED, ENDS, Layout
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import (
     BodyColumns,
@@ -190,4 +190,4 @@ def derailments(layout: Layout, columns: Columns) -> list[Derailment]:
     return found
 
 
-__all__ = ["CABLE", "DERAILED", "ENDS", "Layout", "Snapshot", "derailments"]
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "Snapshot", "derailments"]

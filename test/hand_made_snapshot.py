@@ -27,6 +27,7 @@ def snapshot_of(
     cable: CableSamples,
     drives: Mapping[str, DriveState] | None = None,
     solver: SolverReport = REPORT,
+    carriers: int = 0,
 ) -> Snapshot:
     """A snapshot that shows these records.
 
@@ -37,10 +38,11 @@ def snapshot_of(
         cable: its positions (n, 3) or (n, 2).
         drives: of a moving cable, by name.
         solver: what the solver did.
+        carriers: how many of the carriages are some, the last ones.
     """
     drives = drives or {}
     vehicles = {name: tuple(state.bodies) for name, state in carriages.items()}
-    layout = Layout(vehicles, tuple(supports), tuple(drives), cable.arc_lengths)
+    layout = Layout(vehicles, tuple(supports), tuple(drives), cable.arc_lengths, carriers=carriers)
     numbers = np.full(layout.size, np.nan)
     columns = layout.columns(numbers)
     columns.time[0] = time

@@ -73,6 +73,18 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
             f"{name}/speed": Quantity("m/s", places.drive_speed[row]),
             f"{name}/force": Quantity("N", places.moving_cable_force[row]),
         }
+    of_carriages = [row for name, row in layout.vehicle_rows.items() if name in layout.commanded]
+    told = [(row, "") for row in of_carriages] + [(row, "drive_") for row in range(len(layout.drives))]
+    for name, (row, whose) in zip(layout.commanded, told, strict=True):
+        found |= {
+            f"{name}/{what}": Quantity(unit, getattr(places, f"{whose}{what}")[row])
+            for what, unit in (
+                ("commanded_speed", "m/s"),
+                ("commanded_force", "N"),
+                ("reference_position", "m"),
+                ("reference_speed", "m/s"),
+            )
+        }
     for row, name in enumerate(layout.supports):
         found |= {
             f"{name}/force_x": Quantity("N", places.support_force[row, 0]),

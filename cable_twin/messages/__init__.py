@@ -6,6 +6,7 @@ from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
+from cable_twin.messages.references import fill_references, reference_numbers
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -24,6 +25,7 @@ from cable_twin.messages.topics import (
     CONNECTORS,
     DERAILMENTS,
     DIAGNOSTICS,
+    JOINT_REFERENCES,
     JOINT_STATES,
     KEY_FIGURES,
     MARKERS,
@@ -57,6 +59,7 @@ __all__ = [
     "DERAILMENTS",
     "DIAGNOSTICS",
     "FORCE_FIELDS",
+    "JOINT_REFERENCES",
     "JOINT_STATES",
     "KEY_FIGURES",
     "MARKERS",
@@ -86,6 +89,7 @@ __all__ = [
     "decode",
     "diagnostics_message",
     "fill_bullwheels",
+    "fill_references",
     "haul_force_topic",
     "head_topic",
     "header",
@@ -94,6 +98,7 @@ __all__ = [
     "nanoseconds",
     "pose_topic",
     "read_derailments",
+    "reference_numbers",
     "scenario_from_message",
     "scenario_message",
     "serialize",

@@ -22,6 +22,7 @@ from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nano
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import FrameNames
+from cable_twin.messages.references import ReferencesMessage
 from cable_twin.messages.templates import (
     UPRIGHT,
     body_pose_template,
@@ -41,6 +42,7 @@ from cable_twin.messages.topics import (
     CLOCK,
     CONNECTORS,
     DERAILMENTS,
+    JOINT_REFERENCES,
     JOINT_STATES,
     PANTOGRAPHS,
     SHEAVES,
@@ -120,6 +122,8 @@ class MessageEncoder:
         for row, support in enumerate(layout.supports):
             force = self._columns.support_force[row]
             self._makers[support_force_topic(support)] = _maker(wrench_template, self._header_at(support), force)
+        if layout.commanded:
+            self._makers[JOINT_REFERENCES] = partial(ReferencesMessage, self._header, layout, self._numbers)
         if layout.sheaves:
             self._makers[SHEAVES] = partial(BullwheelsMessage, self._header, layout, self._columns)
         if layout.connectors:

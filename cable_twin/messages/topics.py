@@ -30,6 +30,7 @@ MarkerArray = ros2_jazzy.visualization_msgs__msg__MarkerArray
 DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
 
 JOINT_STATES = "joint_states"
+JOINT_REFERENCES = "joint_references"
 AIR_WIND = "air/wind"
 SHEAVES, CONNECTORS, PANTOGRAPHS = "sheaves", "connectors", "pantographs"
 CABLE = "cable"
@@ -89,6 +90,7 @@ def topics(
         *(Topic(name, message_type, depth=50) for name, message_type in INPUTS.items()),  # as received
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__, group="joints"),
+        *([Topic(JOINT_REFERENCES, JointState.__msgtype__, group="joints")] if layout.commanded else []),
         Topic(CABLE, PointCloud2.__msgtype__, group="rope"),
         Topic(CABLE_PATH, Path.__msgtype__, group="path"),
     ]

@@ -135,7 +135,11 @@ def _is_end(name: str) -> bool:
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
     """Panels of a signal that have any number: of supports one for the ends and one for towers, which bear far less."""
+    if signal.beside:
+        return []
     lines = _lines(runs, signal)
+    if lines:
+        lines += [line for other in SIGNALS.values() if other.beside == signal.name for line in _lines(runs, other)]
     if signal.whose != "supports":
         return [Panel(signal, signal.label, lines)] if lines else []
     at_ends = [line for line in lines if _is_end(line[1])]
@@ -175,9 +179,12 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
         parts = name.split("/")[1:]
         times, values = runs[index].signals.series[name].line()
         whose = " ".join(parts[1:] if lone else parts)
+        other = SIGNALS[name.partition("/")[0]]
+        whose += f" {other.label}" if other.beside else ""
         color, dashes = _look(names.index(name), len(names), index, len(runs))
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
-        axes.plot(times, values, color=color, dashes=dashes, label=legend, linewidth=0.7 if many else None)
+        width, below = 0.7 if many else None, 1.9 if other.beside else 2.0
+        axes.plot(times, values, color=color, dashes=dashes, label=legend, linewidth=width, zorder=below)
     largest = max(abs(value) for value in axes.get_ylim())
     scale, prefix = 1.0, ""
     if signal.unit in SCALED:

@@ -21,16 +21,18 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
     """Every signal of a snapshot that has a plot by its name, QUANTITY/WHOSE.
 
     What a log did not hold at its time is left out, and so is what only some have; NaN is a gap, of what is off the
-    cable.
+    cable, and of a command of another kind.
     """
     c, layout = snapshot.columns, snapshot.layout
     found: dict[str, float] = {}
+    told = bool(np.isfinite(layout.of_commanded(c.command_kind, c.drive_command_kind)).any())
     for signal in SIGNALS.values():
         values = signal.values(layout, c)
-        if not signal.plot or np.isnan(values).all():
+        gaps = told and signal.whose == "commanded"
+        if not signal.plot or (np.isnan(values).all() and not gaps):
             continue
-        names = zip(signal.names(layout), values.tolist(), strict=True)
-        found |= {f"{signal.name}/{name}": value for name, value in names if signal.everywhere or not math.isnan(value)}
+        names, everywhere = zip(signal.names(layout), values.tolist(), strict=True), signal.everywhere or gaps
+        found |= {f"{signal.name}/{name}": value for name, value in names if everywhere or not math.isnan(value)}
     return found
 
 
@@ -103,6 +105,8 @@ class Signals:
         """Take in one snapshot and the values of its signals."""
         for name, value in values.items():
             if name not in self.series:
+                if math.isnan(value):
+                    continue  # no line begins with a gap
                 self.series[name] = Series()
             self.series[name].append(snapshot.time, value)
         if np.isnan(snapshot.columns.rope_position[0, 0]):
@@ -167,7 +171,7 @@ class Comparison:
         """Take in a frame that both have."""
         self.frames += 1
         for name, value in first.items():
-            if name in second:
+            if name in second and not math.isnan(value - second[name]):
                 self.differences.setdefault(name, Difference()).update(time, value, second[name])
 
 

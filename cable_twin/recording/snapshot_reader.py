@@ -29,6 +29,7 @@ from cable_twin.messages import (
     CONNECTORS,
     DERAILMENTS,
     FORCE_FIELDS,
+    JOINT_REFERENCES,
     JOINT_STATES,
     KEY_FIGURES,
     PANTOGRAPHS,
@@ -40,11 +41,13 @@ from cable_twin.messages import (
     contact_force_topic,
     decode,
     fill_bullwheels,
+    fill_references,
     haul_force_topic,
     head_topic,
     hung_rows,
     joint_names,
     pose_topic,
+    reference_numbers,
     statuses_of_message,
     support_force_topic,
 )
@@ -160,6 +163,9 @@ class _Frames:
             readers[CARRIER_POSES] = table_reader([c.body_position[hung], c.body_orientation[hung]])
             joints, forces = c.joint_position[first:], c.contact_force[first:]
             readers[CARRIER_FORCES] = lambda data: fill(cloud_points(data, len(joints), FORCE_FIELDS), [joints, forces])
+        if layout.commanded:
+            doubles = reference_numbers(layout)
+            readers[JOINT_REFERENCES] = lambda data: fill_references(last_numbers(data, doubles), layout, self._numbers)
         if layout.sheaves:
             count = bullwheel_numbers(layout)
             readers[SHEAVES] = lambda data: fill_bullwheels(last_numbers(data, count), layout, c)

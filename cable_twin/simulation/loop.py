@@ -10,7 +10,7 @@ import numpy as np
 from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
-from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.readout.columns import STOPPING, Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import stop_wheel
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, BullwheelMotion, Bundle
@@ -216,6 +216,15 @@ class Loop:
         columns.sheave_rolled_back[:] = motion.rolled_back
         columns.drive_position[:], columns.drive_speed[:] = motion.rim.position[rows], motion.rim.velocity[rows]
         columns.moving_cable_force[:] = force[rows]
+        columns.drive_reference_position[:], columns.drive_reference_speed[:] = (
+            columns.drive_position,
+            columns.drive_speed,
+        )
+        for number, row in enumerate(rows):
+            mode = int(motion.mode[row])
+            columns.drive_command_kind[number] = STOPPING if motion.braking[row] else mode
+            columns.drive_commanded_speed[number] = motion.target[row] if mode == SPEED else 0.0
+            columns.drive_commanded_force[number] = motion.force[row] if mode == FORCE else 0.0
 
     def energy(self) -> Energy:
         """Energy (J) of the wheels, the rope on them, and what tensions them."""

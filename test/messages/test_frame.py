@@ -33,7 +33,7 @@ from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped,
 from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, DriveState, SupportState
 from cable_twin.ros.description import still_transforms
 from cable_twin.scenario import load_scenario
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.snapshot import Snapshot
 
 EPOCH = 1_700_000_000_123_456_789
 OWN = ("chair_2",)
@@ -55,10 +55,8 @@ def make_snapshot(time: float, samples: int = 5, carriers: int = 3) -> Snapshot:
     positions = np.column_stack([np.linspace(0.0, 3.0, samples), np.linspace(0.0, -1.0, samples)])
     cable = CableSamples(arc_lengths, positions, np.linspace(900.0, 1000.0, samples))
     supports = {name: SupportState(np.array([k - 900.0, 30.0 * k])) for k, name in enumerate(("start", "end", "tower"))}
-    snapshot = snapshot_of(time, carriages, supports, cable, {"haul_rope": DriveState(12.5, 2.5, 1e4)})
-    vehicles = {name: tuple(state.bodies) for name, state in carriages.items()}
-    layout = Layout(vehicles, tuple(supports), ("haul_rope",), arc_lengths, carriers=carriers)
-    return Snapshot(layout, snapshot.numbers, snapshot.solver)
+    drives = {"haul_rope": DriveState(12.5, 2.5, 1e4)}
+    return snapshot_of(time, carriages, supports, cable, drives, carriers=carriers)
 
 
 def frame_at(time: float, carriers: int = 3, **options) -> dict[str, bytes]:

@@ -99,7 +99,7 @@ def test_everything_is_due_when_it_is_asked_for():
     schedule = Schedule(table, 100.0, LOGGED)
     everything = {topic.name for topic in table if topic.group}
     assert set(schedule.due(3, everything=True).names) == everything
-    assert set(schedule.due(3).names) == {"joint_states"}
+    assert set(schedule.due(3).names) == {"joint_states", "joint_references"}
 
 
 @pytest.mark.parametrize(

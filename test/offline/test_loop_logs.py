@@ -12,7 +12,7 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
+from cable_twin.snapshot import COMMANDED, Columns, Snapshot
 
 COARSE = ("--set", "ropes.up.elements=150", "--set", "ropes.down.elements=150")
 END = 4.0  # s
@@ -60,7 +60,18 @@ def test_bullwheels_and_strands_come_back_to_the_last_bit_and_to_the_side(run):
     simulation.advance_to(2.0)
     simulation.emergency_stop()
     there, here = simulation.advance_to(END).columns, last.columns
-    for name in ("sheave_position", "sheave_speed", "sheave_force", "sheave_tension", "sheave_slip", "sheave_travel"):
+    assert there.drive_command_kind == COMMANDED.index("emergency stop")
+    told = [name for name in Columns._fields if name.startswith(("drive_comm", "drive_ref"))]
+    assert len(told) == 5
+    for name in (
+        *told,
+        "sheave_position",
+        "sheave_speed",
+        "sheave_force",
+        "sheave_tension",
+        "sheave_slip",
+        "sheave_travel",
+    ):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
     np.testing.assert_array_equal(here.vehicle_rope, there.vehicle_rope)
     np.testing.assert_allclose(here.arc_length, there.arc_length, atol=1e-9)

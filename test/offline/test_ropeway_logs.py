@@ -90,6 +90,8 @@ def test_the_cabin_went_over_the_tower_and_all_is_read_back(tramway):
             np.testing.assert_array_equal(got.supports[name].force, support.force)
         assert got.supports["end"].travel == pytest.approx(frame.supports["end"].travel, abs=1e-4)
         assert got.supports["start"].travel is None
+        for column in ("command_kind", "commanded_speed", "reference_position", "reference_speed", "force_limit"):
+            np.testing.assert_array_equal(getattr(got.columns, column), getattr(frame.columns, column))
         assert got.carriages["cabin"].payload == frame.carriages["cabin"].payload
         tower, expected = got.supports["tower_1"].tower, frame.supports["tower_1"].tower
         assert tower.normal_load == pytest.approx(expected.normal_load, rel=0.03)
@@ -101,6 +103,9 @@ def test_carriers_and_their_drive_are_read_back(lift):
     directory, frames = lift
     for got, frame in zip(read_back(directory), frames, strict=True):
         assert got.drives == frame.drives
+        for column in ("command_kind", "commanded_speed", "commanded_force", "reference_position", "reference_speed"):
+            name = f"drive_{column}"
+            np.testing.assert_array_equal(getattr(got.columns, name), getattr(frame.columns, name))
         assert {name: chair.attached for name, chair in got.carriages.items()} == {
             name: chair.attached for name, chair in frame.carriages.items()
         }

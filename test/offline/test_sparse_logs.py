@@ -131,7 +131,8 @@ def test_signals_to_draw_are_of_the_frames_that_hold_them(sparse):
         assert counts[name] == count
     assert counts["support_force/start"] == 501
     for name, (times, values) in series.items():
-        assert np.isfinite(values).all(), name
+        # in an emergency stop by the drive there is no limit of its force
+        assert np.isfinite(values).all() or name == "force_limit_used/cabin", name
         assert (times[0], times[-1]) == (0.0, DURATION), name
         np.testing.assert_allclose(np.diff(times), DURATION / (counts[name] - 1), rtol=1e-6)
 

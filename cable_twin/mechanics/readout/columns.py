@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import NamedTuple
 
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
+from cable_twin.mechanics.drives.reference import force_limit
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import copy_array
@@ -18,12 +19,14 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
-from cable_twin.mechanics.parameters import NO_RATIO, FloatArray
+from cable_twin.mechanics.parameters import FORCE, HAULED, NO_RATIO, SPEED, FloatArray
 from cable_twin.mechanics.readout.samples import sample_joints, sample_shape, sample_tensions, store_in_space
 from cable_twin.mechanics.rope.element import end_forces
 from cable_twin.mechanics.rope.flow import end_flow
 from cable_twin.mechanics.rope.point import element_at, point_at
 from cable_twin.mechanics.rope.rope_drag import drag_on_end
+
+STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an emergency stop
 
 
 @by_reference
@@ -65,6 +68,17 @@ class Columns(NamedTuple):
     tower_lateral_ratio: FloatArray  # (supports,) -, highest of its size to the normal force of all steps since then
     tower_derailed: FloatArray  # (supports,) 0 in the grooves of a tower in space, else OUT_LEFT, OUT_RIGHT or LIFTED
     tower_derailed_time: FloatArray  # (supports,) s, of that; 0 where it has not come out
+    command_kind: FloatArray  # (carriages,) FREE, FORCE, SPEED or STOPPING; NaN of a carriage that takes no command
+    commanded_speed: FloatArray  # (carriages,) m/s, 0 where the command is no speed
+    commanded_force: FloatArray  # (carriages,) N, 0 where the command is no force
+    reference_position: FloatArray  # (carriages,) m, of the ramp that the drive follows; its own place without one
+    reference_speed: FloatArray  # (carriages,) m/s, of the ramp that the drive follows; its own speed without one
+    force_limit: FloatArray  # (carriages,) N, of drive or brakes at the present speed; NaN where there is none
+    drive_command_kind: FloatArray  # (drives,) as `command_kind`
+    drive_commanded_speed: FloatArray  # (drives,) m/s
+    drive_commanded_force: FloatArray  # (drives,) N
+    drive_reference_position: FloatArray  # (drives,) m
+    drive_reference_speed: FloatArray  # (drives,) m/s
     drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
     drive_speed: FloatArray  # (drives,) m/s
     moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
@@ -101,12 +115,18 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
     sample_shape(system, state, arc_lengths, columns.rope_position)
     sample_tensions(cable, state, arc_lengths, columns.rope_tension, means)
     observe_vehicles(system, state, columns)
+    for carriage in range(columns.command_kind.size):
+        observe_command(system, state, carriage, columns)
     observe_bodies(system, state, columns)
     observe_supports(system, state, rest_loads, columns)
     if system.moving_cable.moving:
         for drive in range(columns.drive_position.size):
             columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
             columns.moving_cable_force[drive] = moving_rope_force(system, state)
+            columns.drive_command_kind[drive] = STOPPING if state.rope_braking[0] else SPEED
+            columns.drive_commanded_speed[drive], columns.drive_commanded_force[drive] = state.rope_target[0], 0.0
+            columns.drive_reference_position[drive] = state.rope.position[0]
+            columns.drive_reference_speed[drive] = state.rope.velocity[0]
     wind = load(state.wind, cable.gravity)
     store_in_space(wind, columns.wind)
 
@@ -138,6 +158,31 @@ def observe_vehicles(system, state, columns):
             touch[2],
         )
         columns.touch_time[vehicle] = round(touch[3] * system.solver.step * 1e9) / 1e9
+
+
+@kernel
+def observe_command(system, state, carriage, columns):
+    """Fill the columns of what the drive of a carriage is told, what it follows and what it may give."""
+    kind, limit, told_speed, told_force, place, speed = nan, nan, nan, nan, nan, nan
+    if not system.carriages.fixed[carriage] and not system.carriages.clamped[carriage]:
+        place, speed, mode = (
+            state.joints.position[carriage],
+            state.joints.velocity[carriage],
+            state.drive_mode[carriage],
+        )
+        if mode == HAULED:
+            place, speed = state.sheaves.position[carriage], state.sheaves.velocity[carriage]
+            mode = state.sheave_mode[carriage]
+        kind = STOPPING if state.drive_braking[carriage] else mode
+        told_speed = state.drive_target[carriage] if mode == SPEED else 0.0
+        told_force = state.drive_force[carriage] if mode == FORCE else 0.0
+        if mode == SPEED:
+            place, speed = state.reference.position[carriage], state.reference.velocity[carriage]
+        limit = force_limit(system.carriages, state, carriage, speed)
+    columns.command_kind[carriage] = kind
+    columns.commanded_speed[carriage], columns.commanded_force[carriage] = told_speed, told_force
+    columns.reference_position[carriage], columns.reference_speed[carriage] = place, speed
+    columns.force_limit[carriage] = limit if limit < inf else nan
 
 
 @kernel
