@@ -69,6 +69,12 @@ def snapshot_of(
     for row, drive in enumerate(drives.values()):
         columns.drive_position[row], columns.drive_speed[row] = drive.position, drive.speed
         columns.moving_cable_force[row] = drive.force
+    for whose, speed in (("", columns.speed[: columns.command_kind.size]), ("drive_", columns.drive_speed)):
+        for name, value in (("command_kind", 2.0), ("commanded_speed", speed + 1.0), ("commanded_force", 0.0)):
+            getattr(columns, f"{whose}{name}")[:] = value  # it is told to go faster than it does
+        getattr(columns, f"{whose}reference_speed")[:] = speed
+    columns.reference_position[:] = columns.arc_length[: columns.command_kind.size]
+    columns.drive_reference_position[:] = columns.drive_position
     columns.rope_position[:] = in_space(cable.positions)
     columns.rope_tension[:] = cable.tensions
     return Snapshot(layout, numbers, solver)
