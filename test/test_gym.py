@@ -77,6 +77,18 @@ def test_a_step_is_what_the_api_does(env):
     assert plain.snapshot.ropes[CABLE].tensions.size > 2  # which the environment does not read
 
 
+def test_the_wind_of_an_episode_is_felt(env):
+    """As the example of experiments.md has it: a cabin that hangs is blown aside."""
+    blown = RopewayEnv("single_span", prepare=lambda simulation, _: simulation.wind(10.0), period=0.1)
+    pitches = []
+    for one in (env, blown):
+        one.reset(seed=1)
+        for _ in range(10):
+            observation, *_ = one.step(np.array([0.0]))
+        pitches.append(one.named(observation)["cabin/hanger/pitch"])
+    assert abs(pitches[1] - pitches[0]) > 1e-4
+
+
 def test_episodes_end(env):
     env.reset()
     terminated = truncated = False

@@ -92,7 +92,6 @@ def test_the_clearance_of_the_figures_is_that_of_the_simulation():
     ground = [[-10.0, -70.0], [55.0, -10.0], [60.0, -11.0], [300.0, -60.0], [1000.0, -60.0]]
     tilted = scenario(terrain=ground, carriages__cabin__arc_length=57.0)
     simulation, figures = Simulation(tilted), KeyFigures(tilted)
-    simulation.wind(12.0)
     lowest = math.inf
     for number in range(10):
         figures.update(simulation.advance_to(0.1 * number))

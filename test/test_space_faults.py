@@ -60,7 +60,7 @@ def test_each_is_one_line_with_its_key(key, value, said):
 
 def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(SPAN, {"space": 2, "air.wind": [3.0, 9.0, 0.0]})
+        load_scenario(SPAN, {"space": 2, "cable.diameter": 0.05, "air.wind": [3.0, 9.0, 0.0]})
     given = "in a plane; allowed: x, z in"
     assert caught.value.faults == (
         f"mapping: cable.start.position: given [0.0, 0.0, 0.0] {given} m, or space: 3 or positions x, y, z throughout",

@@ -1,6 +1,5 @@
 """Wind that is neither even nor steady: what may be asked for, the same bits however a run goes on, and its log."""
 
-import json
 
 import numpy as np
 import pytest
@@ -65,21 +64,6 @@ def test_the_same_bits_whatever_the_pacing_after_a_reset_and_from_a_file(tmp_pat
     again = whole.advance_to(start + 0.5).carriages["cabin"].bodies["cabin"]
     first = Simulation(windy()).advance_to(0.5).carriages["cabin"].bodies["cabin"]
     np.testing.assert_array_equal(again.position, first.position)
-
-
-@pytest.mark.skipif(not JIT, reason="minutes without compilation")
-def test_a_snapshot_of_format_4_goes_on_with_the_same_bits(tmp_path):
-    """It has one wind for all, and nothing of where that acts."""
-    simulation = Simulation(load_scenario(TRAMWAY))
-    simulation.wind(11.0, 1.0)
-    simulation.advance_to(0.5)
-    simulation.save(tmp_path / "new.npz")
-    with np.load(tmp_path / "new.npz") as archive:
-        arrays = {key: archive[key] for key in archive.files if "/wind_field." not in key}
-    header = json.loads(arrays.pop("header").tobytes()) | {"format_version": 4}
-    np.savez(tmp_path / "old.npz", header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
-    loaded = Simulation.load(tmp_path / "old.npz")
-    assert loaded.advance_to(1.0).numbers.tobytes() == simulation.advance_to(1.0).numbers.tobytes()
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")

@@ -13,6 +13,7 @@ from cable_twin.scenario.files import (
 from cable_twin.scenario.line import Grading
 from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.wind_conflicts import wind_unfelt
 
 __all__ = [
     "Grading",
@@ -29,4 +30,5 @@ __all__ = [
     "scenario_names",
     "tower_axes",
     "vehicle_buffer",
+    "wind_unfelt",
 ]

@@ -48,7 +48,7 @@ class Turbulence(Section):
 
 
 class Air(Section):
-    """The air around it all; without diameter of the cable and drag areas of bodies it does nothing."""
+    """The air: acts on ropes with a diameter and on bodies with a drag area; without any, a wind is refused."""
 
     density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
     wind: Place = quantity(

@@ -14,8 +14,12 @@ from cable_twin.scenario.vehicles import Body
 
 def wind_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
-    air = scenario.air
+    air, unfelt = scenario.air, wind_unfelt(scenario)
     yield from _speed(("air", "wind"), air.wind)
+    if unfelt and any(air.wind):
+        yield Fault(("air", "wind"), f"given {show(list(air.wind))}, but {unfelt}; allowed: 0 m/s")
+    if unfelt and air.gusts:
+        yield Fault(("air", "gusts"), f"given {len(air.gusts)}, but {unfelt}; allowed: none")
     for number, gust in enumerate(air.gusts):
         path: KeyPath = ("air", "gusts", number, "amplitude")
         if len(gust.amplitude) > scenario.dim:
@@ -28,6 +32,18 @@ def wind_faults(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault(
                     (*place, "shedding"), "given in a plane, to which its force is across; allowed: space: 3, or null"
                 )
+
+
+def wind_unfelt(scenario: Scenario) -> str:
+    """Reason why no wind has any effect in a scenario; empty where a rope or a body feels it."""
+    if scenario.air.density <= 0.0:
+        return "nothing feels the wind: air.density is 0 kg/m^3"
+    cables = scenario.ropes.values() or [scenario.cable]
+    if any(cable.diameter is not None and cable.drag_coefficient != 0.0 for cable in cables):
+        return ""
+    if any(body.shedding is not None or any(body.drag_areas) for _, body in _bodies(scenario)):
+        return ""
+    return "nothing feels the wind: no rope has a diameter (m) and no body a drag_area (m^2)"
 
 
 def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
@@ -52,4 +68,4 @@ def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
             yield from ((("carriers", "kinds", name, "bodies", body), value) for body, value in kind.bodies.items())
 
 
-__all__ = ["wind_faults"]
+__all__ = ["wind_faults", "wind_unfelt"]

@@ -10,7 +10,7 @@ from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
 from cable_twin.printable import printable
 from cable_twin.records import Command, CommandError
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, wind_unfelt
 from cable_twin.scenario.drives import Limits
 from cable_twin.scenario.vehicles import Carriage
 
@@ -120,7 +120,7 @@ def check_wind(command: Command, scenario: Scenario) -> None:
     """Refuse a wind that none is: axes and m/s.
 
     Raises:
-        CommandError: other axes than x and z, and y in space, not finite, too strong.
+        CommandError: other axes than x and z, and y in space, not finite, too strong, or felt by nothing.
     """
     _check_speeds(command.kind, command.values, scenario)
 
@@ -139,6 +139,9 @@ def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) ->
         raise CommandError(
             f"{kind} y is {across:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
         )
+    if any(values.values()) and (unfelt := wind_unfelt(scenario)):
+        speeds = ", ".join(f"{axis} {speed:g}" for axis, speed in values.items())
+        raise CommandError(f"{kind} {speeds} m/s, but {unfelt}; allowed: 0 m/s")
 
 
 def check_gust(command: Command, scenario: Scenario) -> None:

@@ -140,7 +140,6 @@ def test_end_forces_of_a_tramway_under_way():
     """Friction on a tower, a counterweight, a cabin that leaves the lower station."""
     simulation = tramway(cabin={"arc_length": 6.0}, cable__elements=50, cable__end__mass=60e3)
     simulation.command("cabin", speed=5.0)
-    simulation.wind(12.0, -3.0)
     for _ in range(10 if JIT else 2):
         simulation.advance_to(simulation.time + (0.2 if JIT else 0.01))
         forces = check(simulation.system, *for_kernels(simulation))

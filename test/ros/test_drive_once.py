@@ -112,6 +112,18 @@ def test_it_loads_and_blows_and_says_why_not(twin, drive):
     assert (code, output) == (1, "drive: wind x is 200 m/s; allowed are -100 to 100 m/s")
 
 
+@pytest.mark.long
+def test_a_wind_that_nothing_feels_is_refused(processes):
+    sim = processes("--scenario", "seed_example", "--record", "false")
+    sim.wait_for("runs at")
+    asked = processes("--wind", "12", module="ros.drive", domain=sim.domain)
+    assert asked.wait() == 1
+    assert asked.output == (
+        "drive: wind x 12, z 0 m/s, but nothing feels the wind: no rope has a diameter (m) and no body a drag_area "
+        "(m^2); allowed: 0 m/s\n"
+    )
+
+
 def test_it_saves_a_snapshot_and_prints_where(running, twin, drive):
     code, output = drive("--snapshot")
     assert code == 0
