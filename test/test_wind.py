@@ -1,6 +1,5 @@
 """Wind that is neither even nor steady: what may be asked for, the same bits however a run goes on, and its log."""
 
-
 import numpy as np
 import pytest
 from small_tramway import TRAMWAY
