@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Generator
 from concurrent.futures import Future
 from typing import Any
@@ -27,15 +29,21 @@ def new_executor(context: Context | None = None) -> Executor:
         return SingleThreadedExecutor(context=context)
 
 
-async def done(future: Future[Any]) -> None:
+async def done(future: Future[Any], *, turn: float = TURN, within: float = math.inf) -> None:
     """Wait in a callback of a node until another thread is done, while the executor calls others between two turns.
+
+    Args:
+        future: of the other thread.
+        turn: s for which others are held up at a time.
+        within: s after which it returns in any case.
 
     rclpy resumes a callback that waits for a future of its own again and again, as fast as it can: that took as much of
     a core as the solver, and the interpreter from it.
     """
     ended = threading.Event()
     future.add_done_callback(lambda _: ended.set())
-    while not ended.wait(TURN):
+    until = time.monotonic() + within
+    while not ended.wait(turn) and time.monotonic() < until:
         await _Turn()
 
 

@@ -30,6 +30,7 @@ from cable_twin.ros.declaration import (
     topic_rates,
 )
 from cable_twin.ros.diagnostics import Diagnostics
+from cable_twin.ros.emergency_stop import EmergencyStop
 from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
@@ -60,8 +61,11 @@ class TwinNode(Node):
     Args:
         simulation: what to run, where it is built already: by a twin that ran before in this process.
         overrides: parameters that go before those of the command line.
+        emergency: the service of that twin, which goes on.
+        arguments: of ROS, as the process has them.
 
     Attributes:
+        emergency: its service `emergency_stop`, which its owner closes in the end.
         loading: of another scenario, with which the owner of this node begins anew.
 
     Raises:
@@ -72,7 +76,13 @@ class TwinNode(Node):
         SecondTwinError: there is one of this name, and `allow_second` is false.
     """
 
-    def __init__(self, simulation: Simulation | None = None, overrides: Sequence[RosParameter] = ()) -> None:
+    def __init__(
+        self,
+        simulation: Simulation | None = None,
+        overrides: Sequence[RosParameter] = (),
+        emergency: EmergencyStop | None = None,
+        arguments: Sequence[str] = (),
+    ) -> None:
         super().__init__("cable_twin", parameter_overrides=[*overrides])
         self._settings = declare_parameters(self)
         alone = not self._settings["allow_second"]
@@ -129,6 +139,8 @@ class TwinNode(Node):
         self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self.loading = WorldLoading(self, self._loop, self._check)
         self._offer()
+        self.emergency = emergency or EmergencyStop(self, arguments)
+        self.emergency.serve(self._loop)
 
     def _offer(self) -> None:
         """Create the services, and what is called now and then."""
@@ -178,6 +190,7 @@ class TwinNode(Node):
 
     def stop(self) -> None:
         """Stop the loop and close the logs; the node itself is destroyed by its owner."""
+        self.emergency.leave()
         self._loop.stop()
         if self._actions is not None:
             self._actions.destroy()

@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.commands import Kind, kinds_by_service
 from cable_twin.records import Command, CommandError
+from cable_twin.ros.emergency_stop import SERVICE as EMERGENCY_STOP
 from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
@@ -42,6 +43,8 @@ class Services:
         """Create the services, below the name of the node."""
         self._logger = node.get_logger()
         for service, kinds in kinds_by_service().items():
+            if service == EMERGENCY_STOP:  # waits for nothing that these wait for
+                continue
             service_type = Trigger if None in kinds else SetBool
             node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
         node.create_service(SetBool, "~/pause", self._on_pause)

@@ -100,7 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     fault = ""
     try:
-        node = TwinNode()
+        node = TwinNode(arguments=arguments)
     except (ParameterError, SecondTwinError, ScenarioError, EquilibriumError, SnapshotError) as error:
         fault = str(error)
     except (ParameterException, rclpy_implementation.RCLError) as error:
@@ -113,11 +113,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         _run(node, ending)
         while node.loading.loaded is not None and not ending.is_set():
             gc.unfreeze()  # what was made of the one before may go
-            node = TwinNode(node.loading.loaded, inherited(node, node.loading))
+            node = TwinNode(node.loading.loaded, inherited(node, node.loading), node.emergency)
             _run(node, ending)
     except (ParameterError, SecondTwinError) as error:
         return _refuse_start(str(error))
     finally:
+        node.emergency.close()
         rclpy.try_shutdown()
         ending.close()
     return 1 if node.failed else 0

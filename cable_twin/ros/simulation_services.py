@@ -215,6 +215,11 @@ class SimulationServices:
         return state
 
 
+def service_name(kind: str) -> str:
+    """Name of the service of a type, as get_entities of GetEntities."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind).lower()
+
+
 def offer_simulation_services(
     node: Any,
     simulation: Simulation,
@@ -234,8 +239,7 @@ def offer_simulation_services(
     own = SimulationServices(simulation, loop, clock, services, loading, import_module(f"{PACKAGE}.msg"), frames)
     group = ReentrantCallbackGroup()
     for kind, handler in own.handlers.items():
-        name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind).lower()
-        node.create_service(getattr(kinds, kind), f"~/{name}", handler, callback_group=group)
+        node.create_service(getattr(kinds, kind), f"~/{service_name(kind)}", handler, callback_group=group)
     action = import_module(f"{PACKAGE}.action").SimulateSteps
 
     async def simulate_steps(goal: Any) -> Any:  # rclpy awaits functions that are seen to be coroutines alone
@@ -251,4 +255,4 @@ def offer_simulation_services(
     )
 
 
-__all__ = ["FEATURES", "SimulationServices", "offer_simulation_services"]
+__all__ = ["FEATURES", "SimulationServices", "offer_simulation_services", "service_name"]

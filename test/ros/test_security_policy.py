@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -17,21 +18,23 @@ from cable_twin.sensor_messages import sensor_topics
 from cable_twin.snapshot import Layout
 
 pytest.importorskip("rclpy")
+from cable_twin.ros.simulation_services import SimulationServices, service_name
+from cable_twin.simulation import Simulation
 
 POLICY = Path(__file__).resolve().parents[2] / "security" / "cable_twin.policy.xml"
 RULES = {"topics": ("publish", "subscribe"), "services": ("reply", "request"), "actions": ("call", "execute")}
-TWIN = "/cable_twin"
+TWIN, EMERGENCY = "/cable_twin", "cable_twin_emergency_stop"
 
 
-def allowed(enclave: str) -> dict[str, set[str]]:
-    """Full names and patterns by rule ("publish"), as sros2 spells them out."""
+def allowed(enclave: str, own_node: str = "") -> dict[str, set[str]]:
+    """Full names and patterns by rule ("publish"), as sros2 spells them out; of one node, or of all in the enclave."""
     root = ElementTree.parse(POLICY).getroot()
     found: dict[str, set[str]] = {rule: set() for rules in RULES.values() for rule in rules}
     profiles = root.findall(f"enclaves/enclave[@path='{enclave}']/profiles/profile")
-    assert len(profiles) == 1
+    assert {profile.get("node") for profile in profiles} <= {enclave.strip("/"), EMERGENCY}
     for profile in profiles:
         namespace, node = profile.get("ns", ""), profile.get("node", "")
-        for part in profile:
+        for part in profile if own_node in ("", node) else ():
             for rule in RULES[part.tag]:
                 if part.get(rule) == "ALLOW":
                     names = [(one.text or "").replace("~", f"{namespace.rstrip('/')}/{node}", 1) for one in part]
@@ -87,22 +90,36 @@ def test_it_listens_to_commands_and_to_nothing_else():
     assert allowed("/operator")["publish"] == inputs | {"/rosout", "/parameter_events"}
 
 
-def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running):
+@pytest.mark.parametrize("own_node", [TWIN.strip("/"), EMERGENCY])
+def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running, own_node):
     _, participant = running
-    rules = allowed(TWIN)
+    rules = allowed(TWIN, own_node)
     node = participant.node
-    participant.until(lambda: ("cable_twin", "/") in node.get_node_names_and_namespaces(), what="the twin")
+    participant.until(lambda: (own_node, "/") in node.get_node_names_and_namespaces(), what="the twin")
     services = node.get_service_names_and_types_by_node
-    offered = rules["reply"]
-    participant.until(lambda: offered <= {name for name, _ in services("cable_twin", "/")}, what="all of its services")
+    offered = {name for name in rules["reply"] if name.rpartition("/")[2] not in interface_services()}
+    participant.until(lambda: offered <= {name for name, _ in services(own_node, "/")}, what="all of its services")
     for rule, ask in (
         ("publish", node.get_publisher_names_and_types_by_node),
         ("subscribe", node.get_subscriber_names_and_types_by_node),
         ("reply", services),
     ):
-        names = {name for name, _ in ask("cable_twin", "/")}
-        assert names
+        names = {name for name, _ in ask(own_node, "/")}
+        assert names or rule == "subscribe"
         assert not covered(names, rules[rule])[0], rule
+
+
+def interface_services() -> set[str]:
+    """Names of the services of simulation_interfaces, which has no wheel: a twin with them has those of its table."""
+    world = SimpleNamespace(handlers={})
+    services = SimulationServices(Simulation(load_scenario("seed_example")), *[None] * 3, world, None)
+    return {service_name(kind) for kind in services.handlers}
+
+
+def test_services_of_simulation_interfaces_are_in_it():
+    for names, prefix in ((allowed(TWIN)["reply"], TWIN), (allowed("/operator")["request"], TWIN)):
+        assert {f"{prefix}/{name}" for name in interface_services()} <= names
+    assert allowed(TWIN)["execute"] == allowed("/operator")["call"] == {f"{TWIN}/simulate_steps"}
 
 
 def test_an_observer_commands_nothing():

@@ -1,0 +1,144 @@
+"""The service `emergency_stop` of a twin: a DDS participant, an executor and a thread of its own.
+
+Whatever holds the node up (messages by the thousand, a scenario that is loaded, a disk that stalls), a call comes through
+sockets, queues and a thread that serve nothing else, goes before all that waits for the frame loop, and is answered.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool
+
+from cable_twin.commands import kinds_by_service
+from cable_twin.records import Command
+from cable_twin.ros.executor import done, new_executor
+from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.time_slice import wake_promptly
+
+SERVICE = "emergency_stop"
+ANSWER = 0.025  # s after which a call is answered though the frame boundary at which it takes effect is still to come
+TURN = 0.001  # s for which one call holds up the others
+DEPTH = 1000  # calls that may wait where the machine stalls; with the 10 of other services some had no answer
+IDLE = 0.5  # s between two looks whether it is to end
+
+
+class EmergencyStop:
+    """Answers calls for as long as the process lives, be it with one frame loop after the other.
+
+    Args:
+        node: of the twin, whose name is in that of the service.
+        arguments: of ROS, of which the enclave counts.
+    """
+
+    def __init__(self, node: Node, arguments: Sequence[str] = ()) -> None:
+        self._kinds = kinds_by_service()[SERVICE]
+        self._name, self._domain = node.resolve_service_name(f"~/{SERVICE}"), node.context.get_domain_id()
+        self._node_name, self._namespace = f"{node.get_name()}_{SERVICE}", node.get_namespace()
+        self._arguments = _enclave(arguments)
+        self._lock = threading.Lock()
+        self._loop: FrameLoop | None = None
+        self._waiting: Command | None = None  # for the loop that is to come
+        self._ready, self._closing = threading.Event(), threading.Event()
+        self._fault: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name=SERVICE, daemon=True)
+        self._thread.start()
+        self._ready.wait()
+        if self._fault is not None:
+            raise self._fault
+
+    def serve(self, loop: FrameLoop) -> None:
+        """Stop the drives of a frame loop from now on, at once where a call has come while there was none."""
+        with self._lock:
+            self._loop = loop
+            waiting, self._waiting = self._waiting, None
+            if waiting is not None:
+                loop.submit(waiting, "service", urgent=True)
+
+    def leave(self) -> None:
+        """Let the frame loop end: what comes is for the next one."""
+        with self._lock:
+            self._loop = None
+
+    def close(self) -> None:
+        """End thread and service."""
+        self._closing.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        wake_promptly()  # the threads of the participant, which this one makes, inherit it
+        context = rclpy.Context()
+        try:
+            rclpy.init(
+                args=self._arguments,
+                context=context,
+                domain_id=self._domain,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+            node = Node(
+                self._node_name,
+                namespace=self._namespace,
+                context=context,
+                use_global_arguments=False,
+                enable_rosout=False,
+                start_parameter_services=False,
+                parameter_overrides=[Parameter("start_type_description_service", value=False)],
+            )
+            group = ReentrantCallbackGroup()
+            node.create_service(
+                SetBool, self._name, self._on_call, qos_profile=QoSProfile(depth=DEPTH), callback_group=group
+            )
+            executor = new_executor(context)
+            executor.add_node(node)
+        except Exception as error:  # told by who waits
+            self._fault = error
+            return
+        finally:
+            self._ready.set()
+        while not self._closing.is_set():
+            executor.spin_once(timeout_sec=IDLE)
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+
+    async def _on_call(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        kind = self._kinds[request.data]
+        command = Command(kind.name, {})
+        with self._lock:
+            loop = self._loop
+            future = loop.submit(command, "service", urgent=True) if loop is not None else None
+        if future is not None:
+            await done(future, turn=TURN, within=ANSWER)
+        response.success = True
+        if loop is not None and loop.failed:
+            response.success, response.message = False, loop.fault
+        elif future is None or future.cancelled():
+            with self._lock:
+                self._waiting = command
+            response.message = f"{kind.done}: no scenario runs at this moment, it holds for the one that begins"
+        elif not future.done():
+            response.message = f"{kind.done}, from the next frame boundary on"
+        else:
+            applied = future.result()
+            assert applied is not None
+            response.message = f"{kind.done} at {applied.time:.3f} s of simulated time"
+        return response
+
+
+def _enclave(arguments: Sequence[str]) -> list[str] | None:
+    """Arguments of ROS that say in which enclave a participant is; none where there is no such argument."""
+    for option, value in zip(arguments, arguments[1:], strict=False):
+        if option in ("-e", "--enclave"):
+            return ["--ros-args", option, value]
+    return []
+
+
+__all__ = ["SERVICE", "EmergencyStop"]
