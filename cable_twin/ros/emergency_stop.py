@@ -1,14 +1,15 @@
 """The service `emergency_stop` of a twin: a DDS participant, an executor and a thread of its own.
 
-Whatever holds the node up (messages by the thousand, a scenario that is loaded, a disk that stalls), a call comes through
-sockets, queues and a thread that serve nothing else, goes before all that waits for the frame loop, and is answered.
+Whatever holds the node up (messages by the thousand, a scenario that is loaded, a disk that stalls), a call comes
+through sockets, queues and a thread that serve nothing else, goes before all that waits for the frame loop, and is
+answered.
 """
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Any
+from itertools import pairwise
 
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -135,7 +136,7 @@ class EmergencyStop:
 
 def _enclave(arguments: Sequence[str]) -> list[str] | None:
     """Arguments of ROS that say in which enclave a participant is; none where there is no such argument."""
-    for option, value in zip(arguments, arguments[1:], strict=False):
+    for option, value in pairwise(arguments):
         if option in ("-e", "--enclave"):
             return ["--ros-args", option, value]
     return []
