@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.messages import Status, diagnostics_message
+from cable_twin.units import number, shown_unit
 
 OK, WARNING = 0, 1  # levels of diagnostics
 
@@ -34,12 +35,14 @@ def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
 
 def describe(figure: KeyFigure) -> str:
     """Value, time and place of a figure, with its limit where it has one."""
-    unit = "" if figure.unit == "-" else f" {figure.unit}"
-    parts = [f"{figure.value:.4g}{unit} at {figure.time:.2f} s"]
+    sizes = [abs(value) for value in (figure.value, figure.limit) if value is not None]
+    unit, scale = shown_unit(figure.unit, max(sizes))
+    unit = "" if unit == "-" else f" {unit}"
+    parts = [f"{number(figure.value * scale)}{unit} at {figure.time:.2f} s"]
     if figure.place:
         parts.append(figure.place)
     if figure.limit is not None:
-        parts.append(f"allowed: {figure.bound} {figure.limit:.4g}{unit} ({figure.source})")
+        parts.append(f"allowed: {figure.bound} {number(figure.limit * scale)}{unit} ({figure.source})")
     return ", ".join(parts)
 
 

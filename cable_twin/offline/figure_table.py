@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import string
 import sys
 from collections import Counter
@@ -14,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cable_twin.key_figures import KeyFigure
+from cable_twin.units import number, shown_unit
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
@@ -75,7 +75,7 @@ def print_figures(
 
 def shown(value: float, scale: float) -> str:
     """A value in SI in the unit that has this scale; 0 where it is but rounding there."""
-    return "0" if abs(value * scale) < NOISE else f"{value * scale:.4g}"
+    return "0" if abs(value * scale) < NOISE else number(value * scale)
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
@@ -83,7 +83,7 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
     if figure.limit is None:
         return ""
     note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-    return f"{figure.bound} {figure.limit * scale:.4g}{note}"
+    return f"{figure.bound} {number(figure.limit * scale)}{note}"
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
@@ -97,14 +97,3 @@ def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
         return "kept" if True in kept else ""
     broken = " and ".join(label for label, keeps in zip(LABELS, kept, strict=False) if keeps is False)
     return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
-
-
-def shown_unit(unit: str, value: float) -> tuple[str, float]:
-    """Unit in which a value in SI reads well, and what to multiply it by."""
-    if unit == "rad":
-        return "deg", 180.0 / math.pi
-    if unit in ("N", "W"):
-        for prefix, size in (("M", 1e6), ("k", 1e3)):
-            if abs(value) >= size and (prefix == "k" or unit == "W"):
-                return f"{prefix}{unit}", 1.0 / size
-    return unit, 1.0

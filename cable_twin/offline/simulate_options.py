@@ -109,14 +109,15 @@ def parser() -> OneLineParser:
         "--sweep",
         type=sweep_of,
         metavar="KEY=START:STOP:STEP",
-        help="run once for each value of a number of the scenario, on all cores and without logs, and say at which one "
-        "the first limit is passed; wind.y is that of air.wind, --csv and --json have the key figures of all runs",
+        help="run once for each value of a number of the scenario, on all cores and without logs, and say between which "
+        "values all limits are kept, with runs in between to find where they end; wind.y is that of air.wind, --csv and "
+        "--json have the key figures of all runs",
     )
     result.add_argument(
         "--plot",
         type=Path,
         metavar="FILE",
-        help="of a sweep, draw the figures nearest to their limits: .png, .pdf, .svg",
+        help="of a sweep, draw the figures whose limits are passed first: .png, .pdf, .svg",
     )
     source = result.add_mutually_exclusive_group()
     source.add_argument("--script", type=Path, metavar="FILE", help="commands, .yaml or .csv, see below")

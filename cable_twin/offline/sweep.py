@@ -1,4 +1,4 @@
-"""`simulate --sweep`: the runs over the values of a key, their figures beside their limits, and the operating limit."""
+"""`simulate --sweep`: the runs over the values of a key, their figures beside their limits, and where all are kept."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -19,15 +20,16 @@ from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.script import ScriptError, check_script, read_script
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, plots_fault
-from cable_twin.offline.sweep_limits import limited_figures, operating_limit
-from cable_twin.offline.sweep_report import limit_line, print_sweep, write_csv, write_json
-from cable_twin.offline.sweep_runs import Job, SweptRun, run_all, swept_scenarios
+from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
+from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv, write_json
+from cable_twin.offline.sweep_runs import Job, SweptRun, is_whole, side_by_side, swept_scenarios
 from cable_twin.scenario import ScenarioError
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
 
 DONE, FAILED = 0, 1
 DRAWN = (".png", ".pdf", ".svg")
+PRECISION, TURNS = 0.01, 12  # of a step, to which ends of windows are sought at least, and how often
 
 
 def sweep(options: argparse.Namespace) -> int:
@@ -45,8 +47,9 @@ def sweep(options: argparse.Namespace) -> int:
         for path in (options.csv, options.json, options.plot):
             if path not in (None, STDOUT):
                 Path(path).touch()  # what cannot be written is said before anything runs
-        with _progress(console, len(jobs)) as on_run:
-            runs = run_all(jobs, on_run)
+        with side_by_side(len(jobs)) as run_all, _progress(console, len(jobs)) as show:
+            runs = run_all(jobs, show)
+            runs = _refined(options, jobs[0], runs, lambda more: run_all(more, show))
         return _report(options, jobs[0].scenario.name, runs)
     except KeyboardInterrupt:
         print("simulate: ended by Ctrl-C", file=sys.stderr)
@@ -82,8 +85,7 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
         ScenarioError, ScriptError, EquilibriumError: something cannot be used.
     """
     script = read_script(options.script) if options.script is not None else []
-    source = DEFAULT_SCENARIO if options.scenario is None else options.scenario
-    scenarios = swept_scenarios(options.sweep, source, dict(options.set))
+    scenarios = swept_scenarios(options.sweep, _source(options), dict(options.set))
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         first = Simulation(scenarios[0], meanwhile=compile_figures)
     if faults := check_script(first, script):
@@ -97,6 +99,35 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
     ]
 
 
+def _refined(
+    options: argparse.Namespace, like: Job, runs: list[SweptRun], run_all: Callable[[Sequence[Job]], list[SweptRun]]
+) -> list[SweptRun]:
+    """All runs in their order, with more between those given until the ends of all windows are known well."""
+    values, whole = options.sweep.values, is_whole(like.scenario, options.sweep.key)
+    if len(values) < 2:
+        return runs
+    least = 1.0 if whole else PRECISION * abs(values[1] - values[0])
+    way = 1.0 if values[1] > values[0] else -1.0
+    for turn in range(TURNS):
+        tried = []
+        for gap, expected in unsure_gaps(runs, limited_figures(runs), least):
+            low, high = sorted((runs[gap].value, runs[gap + 1].value))
+            jumps = turn % 3 == 2 or not low < expected < high  # so that what lies on no curve is halved
+            value = 0.5 * (low + high) if jumps else expected
+            tried.append(min(max(round(value), low + 1), high - 1) if whole else value)
+        if not tried:
+            break
+        between = replace(options.sweep, values=tuple(tried))
+        scenarios = swept_scenarios(between, _source(options), dict(options.set))
+        jobs = [replace(like, value=value, scenario=one) for value, one in zip(tried, scenarios, strict=True)]
+        runs = sorted([*runs, *run_all(jobs)], key=lambda run: way * run.value)
+    return runs
+
+
+def _source(options: argparse.Namespace) -> str:
+    return DEFAULT_SCENARIO if options.scenario is None else options.scenario
+
+
 def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) -> int:
     """Say what came of the runs.
 
@@ -106,23 +137,26 @@ def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) ->
     key, unit = options.sweep.key, _unit(options.sweep.key)
     swept = f"{key} [{unit}]" if unit not in ("", "-") else key
     figures = limited_figures(runs)
-    limit = operating_limit(figures, rising=runs[-1].value >= runs[0].value)
+    windows = windows_of(runs, figures)
+    ends = [end.run for window in windows for end in (window.low, window.high)]
+    asked = [run for run in runs if run.value in options.sweep.values]
     with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
         if figures:
-            print_sweep(table_console(), swept, runs, figures)
-        print(f"{name}: {limit_line(key, unit, runs, limit)}")
-    faults = [f"{key} {run.value:g}: {line}" for run in runs for line in (run.fault, *run.refused[:2]) if line]
+            print_sweep(table_console(), swept, runs, figures, {*options.sweep.values, *ends})
+        for line in window_lines(key, unit, runs, figures, windows):
+            print(f"{name}: {line}")
+    faults = [f"{key} {run.value:g}: {line}" for run in asked for line in (run.fault, *run.refused[:2]) if line]
     for line in faults:
         print(f"simulate: {line}", file=sys.stderr)
     if options.csv is not None:
         write_csv(options.csv, key, runs)
     if options.json is not None:
         head = {"scenario": name, "key": key, "unit": unit, "values": list(options.sweep.values)}
-        write_json(options.json, head, runs, limit)
+        write_json(options.json, head, runs, windows)
     if options.plot is not None and figures:
         from cable_twin.offline.sweep_plot import write_sweep_plot  # noqa: PLC0415 - matplotlib takes a second
 
-        write_sweep_plot(f"{name}: {key}", swept, figures, limit, Path(options.plot))
+        write_sweep_plot(f"{name}: {key}", swept, figures, windows, Path(options.plot))
     return FAILED if faults else DONE
 
 
@@ -140,7 +174,16 @@ def _progress(console: Console, count: int) -> Iterator[Callable[[SweptRun], Non
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("runs", total=count)
-        yield lambda _: progress.advance(task)
+        done = 0
+
+        def show(_: SweptRun) -> None:
+            nonlocal done
+            done += 1
+            if done > count:  # more of them, in the gaps in which limits are passed
+                progress.update(task, description="runs between", total=None)
+            progress.advance(task)
+
+        yield show
 
 
 __all__ = ["plot_fault", "sweep"]

@@ -1,53 +1,122 @@
-"""What a sweep shows: each figure that has a limit over the swept value, and from where on it passes it."""
+"""Verdicts of a sweep: where each figure passes its limit, and between which values all limits are kept."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from cable_twin.key_figures import KeyFigure
+from cable_twin.key_figures.figure import TOLERANCE
 from cable_twin.offline.sweep_runs import SweptRun
 
 
 @dataclass(frozen=True, slots=True)
 class SweptFigure:
-    """One key figure with a limit, at all values; None where a run has no such figure."""
+    """One key figure with a limit, at all values in the order of the sweep; None where a run has no such figure."""
 
     name: str
     unit: str
-    limit: float
     bound: str
     source: str
     values: Sequence[float]
     figures: Sequence[KeyFigure | None]
 
     @property
-    def passed_at(self) -> float | None:
-        """Value at which the limit is passed, between the runs before and after; None where it is kept throughout."""
-        for number, figure in enumerate(self.figures):
-            if figure is None or figure.kept is not False:
-                continue
-            before = self.figures[number - 1] if number else None
-            if before is None:
-                return self.values[number]
-            share = (self.limit - before.value) / (figure.value - before.value)
-            share = min(max(share, 0.0), 1.0) if math.isfinite(share) else 1.0
-            return self.values[number - 1] + share * (self.values[number] - self.values[number - 1])
-        return None
+    def limits(self) -> tuple[float, float]:
+        """Least and most of its limit, which is another one at each value where the limit itself is swept."""
+        limits = [one.limit for one in self.figures if one is not None and one.limit is not None]
+        return min(limits), max(limits)
 
     @property
     def use(self) -> float:
         """How much of the limit is used where it is most, 1 at the limit."""
         return max(use_of(figure) for figure in self.figures if figure is not None)
 
+    @property
+    def worst(self) -> tuple[float, KeyFigure]:
+        """The swept value at which most of the limit is used, and the figure there; of equal ones the first."""
+        there = [(value, one) for value, one in zip(self.values, self.figures, strict=True) if one is not None]
+        return max(there, key=lambda item: use_of(item[1]))
+
+    @property
+    def passed_at(self) -> float | None:
+        """The first value on the way of the sweep at which the limit is not kept; None where it is kept throughout."""
+        for place, figure in enumerate(self.figures):
+            if figure is not None and figure.kept is False:
+                before = self.figures[place - 1] if place else None
+                return self.values[place] if before is None else self.crossing(place - 1)
+        return None
+
+    def passed(self) -> Iterator[tuple[float, float]]:
+        """Stretches of values (least, most) in which the limit is not kept; infinite where the sweep ends within."""
+        first, last = None, len(self.values) - 1
+        for place, figure in enumerate(self.figures):
+            broken = figure is not None and figure.kept is False
+            if broken and first is None:
+                first = place
+            if first is not None and (not broken or place == last):
+                way = math.copysign(math.inf, self.values[-1] - self.values[0])
+                start = self.crossing(first - 1) if first else -way
+                end = way if broken else self.crossing(place - 1)
+                yield (start, end) if start < end else (end, start)
+                first = None
+
+    def crossing(self, gap: int) -> float:
+        """Value at which the figure meets its limit between the run of this number and the next one.
+
+        It is on a curve through all runs that has no more turns than they, as loads by wind go with its square. Where
+        a run beside the gap has no such figure, it is the value of the run that keeps the limit.
+        """
+        before, after = self.figures[gap], self.figures[gap + 1]
+        ends = self.values[gap], self.values[gap + 1]
+        if before is None or after is None:
+            return ends[0] if after is not None and after.kept is False else ends[1]
+        points = sorted(
+            (value, beyond)
+            for value, one in zip(self.values, self.figures, strict=True)
+            if one is not None and math.isfinite(beyond := beyond_limit(one))
+        )
+        low, high = sorted(ends)
+        roots = PchipInterpolator(*np.array(points).T).roots(extrapolate=False) if len(points) > 1 else ()
+        found = [root for root in roots if low <= root <= high]
+        if found:
+            return float(found[0])
+        here, there = beyond_limit(before), beyond_limit(after)  # a limit is kept to a thousandth: none in between
+        return ends[0] if abs(here) < abs(there) else ends[1]
+
 
 @dataclass(frozen=True, slots=True)
-class OperatingLimit:
-    """The value at which the first limit is passed."""
+class Edge:
+    """End of a window.
+
+    Attributes:
+        value: where it is.
+        figure: whose limit is passed beyond it; None where the sweep ends there, or a run before its time.
+        run: value of the outermost run within the window.
+    """
 
     value: float
-    figure: SweptFigure
+    figure: SweptFigure | None
+    run: float
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Values between which all limits are kept."""
+
+    low: Edge
+    high: Edge
+
+
+def beyond_limit(figure: KeyFigure) -> float:
+    """How far, in its unit, a figure is beyond its limit; negative where it keeps it."""
+    assert figure.limit is not None
+    return figure.value - figure.limit if figure.bound == "at most" else figure.limit - figure.value
 
 
 def use_of(figure: KeyFigure) -> float:
@@ -62,23 +131,93 @@ def use_of(figure: KeyFigure) -> float:
     return top / below
 
 
+def keeps_all(run: SweptRun) -> bool:
+    """Whether a run has come to its end with all limits kept."""
+    return not run.fault and not any(figure.kept is False for figure in run.figures)
+
+
 def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
-    """All figures with a limit, those that come nearest to theirs first."""
+    """All figures with a limit: those that are passed in the order of the sweep, then those nearest to their limits.
+
+    Of limits that are passed from the first run on, that which is kept again last comes first.
+    """
     values = [run.value for run in runs]
     by_run = [{figure.name: figure for figure in run.figures if figure.limit is not None} for run in runs]
     found = []
     for name in dict.fromkeys(name for run in by_run for name in run):
         figures = [run.get(name) for run in by_run]
         one = next(figure for figure in figures if figure is not None)
-        assert one.limit is not None
-        found.append(SweptFigure(name, one.unit, one.limit, one.bound, one.source, values, figures))
-    return sorted(found, key=lambda figure: -figure.use)
+        found.append(SweptFigure(name, one.unit, one.bound, one.source, values, figures))
+    way = 1.0 if values[-1] >= values[0] else -1.0
+
+    def order(figure: SweptFigure) -> tuple[float, ...]:
+        at = figure.passed_at
+        broken = sum(one is not None and one.kept is False for one in figure.figures)
+        return (math.inf, 0, -figure.use) if at is None else (way * at, -broken, -figure.use)
+
+    return sorted(found, key=order)
 
 
-def operating_limit(figures: Sequence[SweptFigure], rising: bool) -> OperatingLimit | None:
-    """The first limit that is passed on the way; None where all are kept."""
-    passed = [OperatingLimit(figure.passed_at, figure) for figure in figures if figure.passed_at is not None]
-    return min(passed, key=lambda limit: limit.value if rising else -limit.value, default=None)
+def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list[Window]:
+    """All stretches of values between which all limits are kept, in the order of the sweep."""
+    found: list[Window] = []
+    first = 0
+    for last, run in enumerate(runs):
+        if not keeps_all(run):
+            first = last + 1
+            continue
+        if last + 1 == len(runs) or not keeps_all(runs[last + 1]):
+            edges = edge(runs, figures, first, first - 1), edge(runs, figures, last, last + 1)
+            low, high = sorted(edges, key=lambda one: one.value)
+            found.append(Window(low, high))
+    return found
 
 
-__all__ = ["OperatingLimit", "SweptFigure", "limited_figures", "operating_limit", "use_of"]
+def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, outside: int) -> Edge:
+    """The end of a window between a run within it and its neighbour outside."""
+    value = runs[inside].value
+    if not 0 <= outside < len(runs) or runs[outside].fault:
+        return Edge(value, None, value)
+    gap = min(inside, outside)
+    broken = [figure for figure in figures if (one := figure.figures[outside]) is not None and one.kept is False]
+    found = [Edge(figure.crossing(gap), figure, value) for figure in broken]
+    return min(found, key=lambda one: abs(one.value - value))
+
+
+def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least: float) -> Iterator[tuple[int, float]]:
+    """Gaps between runs in which an end of a window is not known well, each with the value to try there.
+
+    Args:
+        runs: in the order of the sweep.
+        figures: of these, those with limits.
+        least: of a gap in which something is looked for.
+    """
+    for gap, (one, other) in enumerate(pairwise(runs)):
+        if one.fault or other.fault or abs(other.value - one.value) <= least:
+            continue
+        kept = keeps_all(one), keeps_all(other)
+        if all(kept):
+            continue
+        if any(kept):
+            inside, outside = (gap, gap + 1) if kept[0] else (gap + 1, gap)
+            end = edge(runs, figures, inside, outside)
+            assert end.figure is not None
+            last = end.figure.figures[inside]
+            sure = last is not None and abs(beyond_limit(last)) <= TOLERANCE * abs(last.limit or 0.0)
+            if not sure:
+                yield gap, end.value
+            continue
+        broken = [
+            {figure.name: figure for figure in figures if (it := figure.figures[row]) is not None and it.kept is False}
+            for row in (gap, gap + 1)
+        ]
+        if broken[0].keys() & broken[1].keys():
+            continue
+        # what is passed at the first run may be kept before the limits of the second one are passed
+        again = max(abs(figure.crossing(gap) - one.value) for figure in broken[0].values())
+        until = min(abs(figure.crossing(gap) - one.value) for figure in broken[1].values())
+        if again < until:
+            yield gap, one.value + math.copysign(0.5 * (again + until), other.value - one.value)
+
+
+__all__ = ["Edge", "SweptFigure", "Window", "keeps_all", "limited_figures", "unsure_gaps", "use_of", "windows_of"]

@@ -1,4 +1,4 @@
-"""Picture of a sweep: the figures that come nearest to their limits over the swept value."""
+"""Picture of a sweep: the figures whose limits are passed first over the swept value, and where all are kept."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from cable_twin.offline.figure_table import shown_unit
 from cable_twin.offline.line_plot import LIMIT
 from cable_twin.offline.plots import COLORS, QUIET, STYLE
-from cable_twin.offline.sweep_limits import OperatingLimit, SweptFigure
+from cable_twin.offline.sweep_limits import SweptFigure, Window
+from cable_twin.units import number, shown_unit
 
 PANELS = 6
+KEPT = "#2E9E5B"
 
 
 def write_sweep_plot(
-    title: str, swept: str, figures: Sequence[SweptFigure], limit: OperatingLimit | None, path: Path
+    title: str, swept: str, figures: Sequence[SweptFigure], windows: Sequence[Window], path: Path
 ) -> None:
-    """Draw up to six figures with their limits, the value of the operating limit across all.
+    """Draw up to six figures with their limits, and the values that keep all limits as a green ground.
 
     Raises:
         OSError: it cannot be written.
@@ -38,7 +39,7 @@ def write_sweep_plot(
             if number >= len(shown):
                 axes.axis("off")
                 continue
-            _panel(axes, shown[number], COLORS[number % len(COLORS)], limit)
+            _panel(axes, shown[number], COLORS[number % len(COLORS)], windows)
             if number + columns >= len(shown):
                 axes.set_xlabel(swept)
         figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
@@ -47,22 +48,29 @@ def write_sweep_plot(
         plt.close(figure)
 
 
-def _panel(axes: Axes, figure: SweptFigure, color: str, limit: OperatingLimit | None) -> None:
+def _panel(axes: Axes, figure: SweptFigure, color: str, windows: Sequence[Window]) -> None:
     values = np.array([np.nan if one is None else one.value for one in figure.figures])
-    unit, scale = shown_unit(figure.unit, float(np.nanmax(np.abs([*values, figure.limit]))))
+    limits = np.array([np.nan if one is None or one.limit is None else one.limit for one in figure.figures])
+    unit, scale = shown_unit(figure.unit, float(np.nanmax(np.abs([*values, *limits]))))
+    for window in windows:
+        axes.axvspan(window.low.value, window.high.value, color=KEPT, alpha=0.12, linewidth=0)
     axes.plot(figure.values, values * scale, marker=".", color=color)
-    axes.axhline(figure.limit * scale, color=LIMIT, linewidth=1.0)
+    least, most = figure.limits
+    if least == most:
+        axes.axhline(least * scale, color=LIMIT, linewidth=1.0)
+    else:
+        axes.plot(figure.values, limits * scale, color=LIMIT, linewidth=1.0)
     axes.annotate(
-        f"{figure.bound} {figure.limit * scale:.4g}",
-        (0.01, figure.limit * scale),
+        figure.bound if least != most else f"{figure.bound} {number(least * scale)}",
+        (0.01, float(limits[np.isfinite(limits)][0]) * scale),
         xycoords=("axes fraction", "data"),
         xytext=(0, 3),
         textcoords="offset points",
         color=LIMIT,
         fontsize=8.5,
     )
-    if limit is not None:
-        axes.axvline(limit.value, color=QUIET, linestyle="--", linewidth=1.0)
+    for value in {end.value for window in windows for end in (window.low, window.high) if end.figure is not None}:
+        axes.axvline(value, color=QUIET, linestyle="--", linewidth=1.0)
     axes.set_title(figure.name, fontsize=9.5)
     axes.set_ylabel("" if unit == "-" else unit)
     axes.margins(y=0.15)

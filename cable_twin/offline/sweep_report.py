@@ -1,11 +1,12 @@
-"""A sweep for people and for other programs: tables, the operating limit, CSV and JSON."""
+"""A sweep for people and for other programs: tables, the values that keep all limits, CSV and JSON."""
 
 from __future__ import annotations
 
 import csv
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TextIO
@@ -16,75 +17,124 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.offline.export import STDOUT, figure_columns
-from cable_twin.offline.figure_table import shown, shown_unit
-from cable_twin.offline.sweep_limits import OperatingLimit, SweptFigure
+from cable_twin.offline.figure_table import shown
+from cable_twin.offline.sweep_limits import Edge, SweptFigure, Window, keeps_all
 from cable_twin.offline.sweep_runs import SweptRun
+from cable_twin.units import number, shown_unit
 
 COLUMN = 17  # characters of a column of the table
 MOST_COLUMNS = 9
+DIGITS = 5  # of a swept value
 
 
-def print_sweep(console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> None:
-    """Print a row for each value with the figures that come nearest to their limits, and where limits are passed."""
+def print_sweep(
+    console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], rows: Collection[float]
+) -> None:
+    """Print a row for each of these values with the figures whose limits are passed first, and where each limit is."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
-    nearest = figures[:room]
+    shown_figures = figures[:room]
     table = Table(escape(title), box=box.SIMPLE_HEAD, pad_edge=False)
     scales = []
-    for figure in nearest:
+    for figure in shown_figures:
         unit, scale = _unit_of(figure)
         scales.append(scale)
         head = f"{figure.name}\n[dim]{_bound(figure, scale)}[/]"
         table.add_column(f"{head} [dim]{'' if unit == '-' else unit}[/]", justify="right", max_width=COLUMN)
-    for number, run in enumerate(runs):
-        cells = [_cell(figure, number, scale) for figure, scale in zip(nearest, scales, strict=True)]
-        table.add_row(f"{run.value:g}", *cells)
+    for place, run in enumerate(runs):
+        if run.value in rows:
+            cells = [_cell(figure, place, scale) for figure, scale in zip(shown_figures, scales, strict=True)]
+            table.add_row(number(run.value, DIGITS), *cells)
     console.print(table)
-    passed = [(figure, figure.passed_at) for figure in figures if figure.passed_at is not None]
+    passed = [figure for figure in figures if figure.passed_at is not None]
     lines = ["* the limit is not kept"] if passed else []
     if len(figures) > room:
-        lines.append(f"{len(figures) - room} more figures with limits are farther from them; --csv and --json have all")
+        lines.append(f"{len(figures) - room} more figures have limits: --csv and --json have all")
     if lines:
         console.print("\n".join(f"  {line}" for line in lines), markup=False)
     if not passed:
         return
-    rising = runs[-1].value >= runs[0].value
-    below = Table("passes its limit", "", escape(title), "limit", "source", box=box.SIMPLE_HEAD, pad_edge=False)
-    for figure, value in sorted(passed, key=lambda item: item[1] if rising else -item[1]):
+    below = Table("passes its limit", escape(title), "limit", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("worst", "at", "source"):
+        below.add_column(head, justify="left" if head == "source" else "right")
+    for figure in passed:
         unit, scale = _unit_of(figure)
+        where, worst = figure.worst
         limit = f"{_bound(figure, scale)} {'' if unit == '-' else unit}".strip()
-        below.add_row(figure.name, "from" if value == runs[0].value else "at", f"{value:.4g}", limit, figure.source)
+        below.add_row(
+            figure.name,
+            "; ".join(map(_stretch, figure.passed())),
+            limit,
+            shown(worst.value, scale),
+            number(where),
+            figure.source,
+        )
     console.print(below)
+
+
+def _stretch(stretch: tuple[float, float]) -> str:
+    low, high = (number(value) if math.isfinite(value) else "" for value in stretch)
+    return f"{low} to {high}" if low and high else f"above {low}" if low else f"below {high}" if high else "throughout"
 
 
 def _unit_of(figure: SweptFigure) -> tuple[str, float]:
     sizes = [abs(one.value) for one in figure.figures if one is not None]
-    return shown_unit(figure.unit, max([*sizes, abs(figure.limit)]))
+    return shown_unit(figure.unit, max([*sizes, *map(abs, figure.limits)]))
 
 
 def _bound(figure: SweptFigure, scale: float) -> str:
-    return f"{figure.bound} {figure.limit * scale:.4g}"
+    least, most = (number(limit * scale) for limit in figure.limits)
+    return f"{figure.bound} {least}" if least == most else f"{figure.bound} {least} to {most}"
 
 
-def _cell(figure: SweptFigure, number: int, scale: float) -> str:
-    one = figure.figures[number]
+def _cell(figure: SweptFigure, place: int, scale: float) -> str:
+    one = figure.figures[place]
     if one is None:
         return ""
     text = shown(one.value, scale)
     return f"[bold red]{text} *[/]" if one.kept is False else text
 
 
-def limit_line(key: str, unit: str, runs: Sequence[SweptRun], limit: OperatingLimit | None) -> str:
-    """The operating limit in one line."""
+def window_lines(
+    key: str, unit: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], windows: Sequence[Window]
+) -> list[str]:
+    """Say between which values all limits are kept, and which ones end that: a line each."""
     unit = "" if unit in ("", "-") else f" {unit}"
     first, last = runs[0].value, runs[-1].value
-    if limit is None:
-        return f"operating limit of {key}: none from {first:g} to {last:g}{unit}, all limits are kept"
-    figure = limit.figure
-    scaled, scale = _unit_of(figure)
-    what = f"{figure.name}, {_bound(figure, scale)} {'' if scaled == '-' else scaled}".rstrip()
-    if limit.value == first:
-        return f"operating limit of {key}: below {first:g}{unit}, the first value: {what}"
-    return f"operating limit of {key}: {limit.value:.4g}{unit}: {what}"
+    if not windows:
+        here = [figure for figure in figures if figure.passed_at is not None]
+        worst = (
+            f": {_limit(here[0])}, and {len(here) - 1} more"
+            if len(here) > 1
+            else f": {_limit(here[0])}"
+            if here
+            else ""
+        )
+        return [f"{key}: no value from {number(first)} to {number(last)}{unit} keeps all limits{worst}"]
+    found = []
+    for window in windows:
+        near, far = sorted((window.low, window.high), key=lambda one: abs(one.value - first))
+        if near.value == first and far.figure is not None:
+            found.append(f"operating limit of {key}: {number(far.value)}{unit}: {_limit(far.figure)}")
+        elif {near.value, far.value} == {first, last}:
+            found.append(
+                f"operating limit of {key}: none from {number(first)} to {number(last)}{unit}, all limits are kept"
+            )
+        else:
+            ends = [
+                f"{way}, {_limit(one.figure)}"
+                for way, one in (("below", window.low), ("above", window.high))
+                if one.figure is not None
+            ]
+            found.append(
+                f"{key}: all limits are kept from {number(window.low.value)} to {number(window.high.value)}{unit}; "
+                + "; ".join(ends)
+            )
+    return found
+
+
+def _limit(figure: SweptFigure) -> str:
+    unit, scale = _unit_of(figure)
+    return f"{figure.name}, {_bound(figure, scale)} {'' if unit == '-' else unit}".rstrip()
 
 
 def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
@@ -105,8 +155,8 @@ def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
                 writer.writerow([run.value, *row.values()])
 
 
-def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], limit: OperatingLimit | None) -> None:
-    """Write the sweep, all key figures of its runs and the operating limit.
+def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windows: Sequence[Window]) -> None:
+    """Write the sweep, all key figures of its runs, the operating limit and the windows in which all limits are kept.
 
     Raises:
         OSError: it cannot be written.
@@ -115,10 +165,19 @@ def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], limit
         {"value": run.value, "fault": run.fault or None, "key_figures": [figure_columns(one) for one in run.figures]}
         for run in runs
     ]
-    operating = None if limit is None else {"value": limit.value, "key_figure": limit.figure.name}
+    stretches = [{"low": _edge(window.low), "high": _edge(window.high)} for window in windows]
+    operating = None  # what ends a window in which the sweep begins
+    if windows and keeps_all(runs[0]):
+        far = windows[0].high if runs[-1].value >= runs[0].value else windows[0].low
+        operating = _edge(far) if far.figure is not None else None
     with _opened(path) as file:
-        json.dump({"sweep": sweep, "operating_limit": operating, "runs": found}, file, indent=1, allow_nan=False)
+        content = {"sweep": sweep, "operating_limit": operating, "windows": stretches, "runs": found}
+        json.dump(content, file, indent=1, allow_nan=False)
         file.write("\n")
+
+
+def _edge(one: Edge) -> dict[str, Any]:
+    return {"value": one.value, "key_figure": None if one.figure is None else one.figure.name}
 
 
 def _opened(path: str) -> Any:
@@ -128,4 +187,4 @@ def _opened(path: str) -> Any:
     return Path(path).open("w", encoding="utf-8", newline="")
 
 
-__all__ = ["limit_line", "print_sweep", "write_csv", "write_json"]
+__all__ = ["print_sweep", "window_lines", "write_csv", "write_json"]

@@ -10,6 +10,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,6 +115,14 @@ def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> li
     return [load_scenario(source, {**changes, **_override(base, sweep.key, value)}) for value in sweep.values]
 
 
+def is_whole(scenario: Scenario, key: str) -> bool:
+    """Whether a key takes whole numbers alone."""
+    node: Any = scenario.resolved()
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, Mapping) else None
+    return isinstance(node, int)
+
+
 def _override(base: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
     """The value by its key, or the whole list in which it stands."""
     parts = key.split(".")
@@ -151,26 +160,27 @@ def _within(node: Any, parts: Sequence[str], value: float) -> Any:
     return node
 
 
-def run_all(jobs: Sequence[Job], on_run: Callable[[SweptRun], object]) -> list[SweptRun]:
-    """Do all runs, as many at a time as there are cores, and give them in the order of their values."""
+@contextmanager
+def side_by_side(count: int) -> Iterator[Callable[[Sequence[Job], Callable[[SweptRun], object]], list[SweptRun]]]:
+    """Worker processes for up to `count` runs at a time; yields what does jobs and returns their runs in that order."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
-    pool = ProcessPoolExecutor(min(cores, len(jobs)), context, _leave_ctrl_c)
+    pool = ProcessPoolExecutor(min(cores, count), context, _leave_ctrl_c)
+
+    def run_all(jobs: Sequence[Job], on_run: Callable[[SweptRun], object]) -> list[SweptRun]:
+        done = []
+        for run in pool.map(run_job, jobs):
+            on_run(run)
+            done.append(run)
+        return done
+
     try:
-        return list(_in_order(pool, jobs, on_run))
+        yield run_all
     finally:
         processes = list((pool._processes or {}).values())
         pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:  # after Ctrl-C nobody waits for a run
             process.terminate()
-
-
-def _in_order(
-    pool: ProcessPoolExecutor, jobs: Sequence[Job], on_run: Callable[[SweptRun], object]
-) -> Iterator[SweptRun]:
-    for run in pool.map(run_job, jobs):
-        on_run(run)
-        yield run
 
 
 def _leave_ctrl_c() -> None:
@@ -190,4 +200,4 @@ def run_job(job: Job) -> SweptRun:
     return SweptRun(job.value, figures.figures(), outcome.fault, outcome.refused)
 
 
-__all__ = ["Job", "Sweep", "SweptRun", "run_all", "run_job", "sweep_of", "swept_scenarios"]
+__all__ = ["Job", "Sweep", "SweptRun", "is_whole", "run_job", "side_by_side", "sweep_of", "swept_scenarios"]

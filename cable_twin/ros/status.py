@@ -21,6 +21,7 @@ from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
+from cable_twin.units import number, shown_unit
 
 SPAN = 1.5  # s over which the real-time factor is taken
 SHOWN = 2  # of what is driven, so that the line stays one
@@ -101,10 +102,10 @@ class Status:
         highest = {name: float(snapshot.columns.rope_tension[part].max()) for name, part in ropes.items()}
         limits = self._highest_tensions
         name = max(highest, key=lambda name: (highest[name] / limits.get(name, math.inf), highest[name]))
-        unit, scale = ("kN", 1e-3) if highest[name] >= 1e3 else ("N", 1.0)
+        unit, scale = shown_unit("N", highest[name])
         if name not in limits:
-            return f"{name} {highest[name] * scale:.4g} {unit}", ""
-        text = f"{name} {highest[name] * scale:.4g} of {limits[name] * scale:.4g} {unit}"
+            return f"{name} {number(highest[name] * scale)} {unit}", ""
+        text = f"{name} {number(highest[name] * scale)} of {number(limits[name] * scale)} {unit}"
         return text, "red" if highest[name] > limits[name] else ""
 
     def _recording(self) -> tuple[str, str]:

@@ -1,23 +1,26 @@
-"""`simulate --sweep`: the limit lies where closed forms and straight lines between the runs have it."""
+"""`simulate --sweep`: the values that keep all limits end where closed forms have it, on either side."""
 
 from __future__ import annotations
 
 import csv
 import json
-from math import atan2
+from math import atan2, sqrt, tan
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.simulate import main
-from cable_twin.offline.sweep_limits import limited_figures, operating_limit
+from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
+from cable_twin.offline.sweep_report import window_lines
 from cable_twin.offline.sweep_runs import SweptRun, sweep_of
 from verification import JIT
 
 LIMIT = 0.2  # rad
 FORCE_PER_SPEED = 0.5 * 1.225 * 5.0  # N s²/m²
 CABIN = {"mass": 200.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0], "drag_area": 5.0}
+AT = sqrt(200.0 * 9.81 * tan(LIMIT) / FORCE_PER_SPEED)  # m/s of wind at which the limit is
 HANGING = {
     "cable": {
         "unstrained_length": 99.9,
@@ -43,15 +46,15 @@ def scenario(tmp_path):
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
-def test_the_operating_limit_is_between_the_runs_around_it(scenario, tmp_path, capsys):
+def test_the_operating_limit_is_where_the_closed_form_has_it(scenario, tmp_path, capsys):
     files = [str(tmp_path / name) for name in ("sweep.csv", "sweep.json", "sweep.png")]
     arguments = (scenario, "--sweep", "wind.x=0:20:5", "--duration", "0.1")
     assert main([*arguments, "--csv", files[0], "--json", files[1], "--plot", files[2]]) == 0
     output = capsys.readouterr().out
     swing = {wind: atan2(FORCE_PER_SPEED * wind**2, 200.0 * 9.81) for wind in (0.0, 5.0, 10.0, 15.0, 20.0)}
-    at = 10.0 + 5.0 * (LIMIT - swing[10.0]) / (swing[15.0] - swing[10.0])
-    told = f"hanging: operating limit of air.wind.x: {at:.4g} m/s: car: swing along the track, at most 11.46 deg"
-    assert output.splitlines()[-1] == told
+    (line,) = output.splitlines()[-1:]
+    assert line.startswith(f"hanging: operating limit of air.wind.x: {AT:.3g}")  # 10.1 on a straight line
+    assert line.endswith(" m/s: car: swing along the track, at most 11.46 deg")
     assert f"{np.rad2deg(swing[15.0]):.4g} *" in output  # the limit is not kept
     found = json.loads((tmp_path / "sweep.json").read_text())
     assert found["sweep"] == {
@@ -61,12 +64,40 @@ def test_the_operating_limit_is_between_the_runs_around_it(scenario, tmp_path, c
         "values": [0.0, 5.0, 10.0, 15.0, 20.0],
     }
     assert found["operating_limit"]["key_figure"] == "car: swing along the track"
-    assert found["operating_limit"]["value"] == pytest.approx(at, abs=1e-3)
+    assert found["operating_limit"]["value"] == pytest.approx(AT, rel=1e-3)
     with (tmp_path / "sweep.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["key_figure"] == "car: swing along the track"]
     got = {float(row["air.wind.x"]): float(row["value"]) for row in rows}
-    assert got == pytest.approx(swing, abs=1e-5)
+    assert {wind: got[wind] for wind in swing} == pytest.approx(swing, abs=1e-5)
+    assert any(got[wind] == pytest.approx(LIMIT, rel=1e-3) for wind in got)  # a run at the limit itself
     assert (tmp_path / "sweep.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_wind_from_either_side_has_a_window(scenario, tmp_path, capsys):
+    path = tmp_path / "sweep.json"
+    arguments = (scenario, "--sweep", "wind.x=-20:20:10", "--duration", "0.1", "--json", str(path))
+    assert main(arguments) == 0
+    assert "hanging: air.wind.x: all limits are kept from -1" in capsys.readouterr().out
+    found = json.loads(path.read_text())
+    ends = [found["windows"][0][end]["value"] for end in ("low", "high")]
+    assert ends == pytest.approx([-AT, AT], rel=1e-3)
+    assert found["operating_limit"] is None  # the first value is out of it
+    assert len(found["runs"]) < 16
+
+
+@pytest.mark.long
+def test_a_counterweight_of_a_lift_has_a_window(tmp_path):
+    path = tmp_path / "sweep.json"
+    arguments = ("chairlift", "--set", "limits.tension_per_transverse_load=28", "--set",
+                 "sheaves.return.counterweight.travel=[-20,20]", "--sweep",
+                 "sheaves.return.counterweight.mass=24e3:40e3:4e3", "--duration", "1")  # fmt: skip
+    assert main([*arguments, "--json", str(path)]) == 0
+    (window,) = json.loads(path.read_text())["windows"]
+    assert 28000.0 < window["low"]["value"] < 30000.0
+    assert 37000.0 < window["high"]["value"] < 38500.0
+    names = [window[end]["key_figure"] for end in ("low", "high")]
+    assert names == ["chair: tension over transverse load", "up: rope safety factor"]
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
@@ -113,7 +144,7 @@ def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("cable_twin.offline.sweep.run_all", None)
+    monkeypatch.setattr("cable_twin.offline.sweep.side_by_side", None)
     missing = tmp_path / "nowhere" / "sweep.csv"
     assert main([scenario, "--sweep", "wind.x=0:1:1", "--csv", str(missing)]) == 1
     assert capsys.readouterr().err == f"simulate: {missing}: No such file or directory\n"
@@ -145,9 +176,74 @@ def test_values_and_short_keys():
     assert sweep_of("wind.turbulence.intensity=0:1:1").key == "air.turbulence.intensity"
 
 
-def test_limits_that_are_passed_from_the_start_and_those_of_runs_that_have_no_figures():
-    from cable_twin.key_figures import KeyFigure  # noqa: PLC0415
+def swept(values, **limited):
+    """Runs at values, each with figures NAME=(function of the value, limit, bound)."""
+    return [
+        SweptRun(value, [KeyFigure(name, read(value), "m", 0.0, limit=limit, bound=bound)
+                         for name, (read, limit, bound) in limited.items() if read(value) is not None])
+        for value in values
+    ]  # fmt: skip
 
+
+TENSIONED = {
+    "ratio": (lambda mass: 0.95 * mass, 28.0, "at least"),  # kept from 29.47 on
+    "factor": (lambda mass: 170.5 / mass, 4.5, "at least"),  # kept up to 37.89
+}
+
+
+@pytest.mark.parametrize("values", [(24.0, 28.0, 32.0, 36.0, 40.0), (40.0, 36.0, 32.0, 28.0, 24.0)])
+def test_a_sizing_has_a_window(values):
+    runs = swept(values, **TENSIONED)
+    figures = limited_figures(runs)
+    (window,) = windows_of(runs, figures)
+    assert (window.low.figure.name, window.high.figure.name) == ("ratio", "factor")
+    assert window.low.value == pytest.approx(28.0 / 0.95, rel=1e-3)
+    assert window.high.value == pytest.approx(170.5 / 4.5, rel=1e-3)
+    (line,) = window_lines("mass", "t", runs, figures, [window])
+    assert line.startswith("mass: all limits are kept from 29.47 to 37.8")
+    assert line.endswith(" t; below, ratio, at least 28 m; above, factor, at least 4.5 m")
+
+
+def test_a_window_between_two_runs_is_looked_for():
+    runs = swept((24.0, 40.0), **TENSIONED)
+    assert not windows_of(runs, limited_figures(runs))
+    ((gap, value),) = unsure_gaps(runs, limited_figures(runs), 0.1)
+    assert gap == 0
+    more = swept((24.0, value, 40.0), **TENSIONED)
+    assert windows_of(more, limited_figures(more))
+    always = {**TENSIONED, "never kept": (lambda _: 2.0, 1.0, "at most")}
+    runs = swept((24.0, 40.0), **always)
+    assert not [*unsure_gaps(runs, limited_figures(runs), 0.1)]
+
+
+def test_limits_that_are_passed_first_come_first_and_say_where_they_are_passed_most():
+    limits = {
+        "late and far": (lambda wind: 10.0 * (wind > 25.0), 1.0, "at most"),
+        "early": (lambda wind: wind**2 / 100.0, 1.0, "at most"),
+        "calm": (lambda wind: 1.0 - 0.1 * wind, 0.8, "at most"),
+        "kept": (lambda wind: 0.9 + 0.0 * wind, 1.0, "at most"),
+    }
+    runs = swept((0.0, 5.0, 10.0, 15.0, 20.0, 30.0), **limits)
+    found = limited_figures(runs)
+    assert [figure.name for figure in found] == ["calm", "early", "late and far", "kept"]
+    assert found[1].passed_at == pytest.approx(10.0, abs=0.01)
+    assert [value for value, _ in (figure.worst for figure in found)] == [0.0, 30.0, 30.0, 0.0]
+    assert [[*figure.passed()] for figure in found[:2]] == [
+        [(-np.inf, pytest.approx(2.0, abs=0.1))],
+        [(pytest.approx(10.0, abs=0.01), np.inf)],
+    ]
+
+
+def test_a_limit_that_is_swept_itself_is_met_where_the_figure_has_it():
+    values = (1.0, 2.0, 3.0)
+    runs = [SweptRun(one, [KeyFigure("sag", 2.4, "m", 0.0, limit=one)]) for one in values]
+    (figure,) = limited_figures(runs)
+    (window,) = windows_of(runs, [figure])
+    assert window.low.value == pytest.approx(2.4)
+    assert window.high.figure is None
+
+
+def test_limits_that_are_passed_from_the_start_and_those_of_runs_that_have_no_figures():
     def run(value, swing, clearance=None):
         figures = [KeyFigure("swing", swing, "rad", 0.0, limit=1.0)]
         if clearance is not None:
@@ -157,8 +253,12 @@ def test_limits_that_are_passed_from_the_start_and_those_of_runs_that_have_no_fi
     runs = [run(0.0, 0.5, 2.0), run(10.0, 0.8, 1.0), SweptRun(20.0, (), "failed"), run(30.0, 0.9, -1.0)]
     found = {figure.name: figure.passed_at for figure in limited_figures(runs)}
     assert found == {"swing": None, "clearance": 30.0}  # there is no run just before it
-    assert operating_limit(limited_figures(runs[:2]), rising=True) is None
+    windows = windows_of(runs, limited_figures(runs))
+    assert [(window.low.value, window.high.value) for window in windows] == [(0.0, 10.0)]  # the run at 20 has failed
+    assert windows[0].high.figure is None
     runs = [run(3.0, 2.0), run(2.0, 1.5), run(1.0, 0.5)]
-    limit = operating_limit(limited_figures(runs), rising=False)
-    assert limit is not None
-    assert limit.value == 3.0
+    (figure,) = limited_figures(runs)
+    assert figure.passed_at == 3.0
+    (window,) = windows_of(runs, [figure])
+    assert window.low.value == 1.0
+    assert 1.0 < window.high.value < 2.0

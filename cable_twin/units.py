@@ -1,0 +1,43 @@
+"""Numbers as engineers write them: in the unit that reads well, with four digits and no exponent. Loads nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+LARGER: Mapping[str, tuple[tuple[float, str, float], ...]] = {  # from a size on, another unit, and its size
+    "N": ((1e3, "kN", 1e3),),
+    "N m": ((1e6, "MN m", 1e6), (1e3, "kN m", 1e3)),
+    "W": ((1e6, "MW", 1e6), (1e3, "kW", 1e3)),
+    "J": ((1e6, "MJ", 1e6), (1e3, "kJ", 1e3)),
+    "kg": ((1e4, "t", 1e3),),
+}
+PLAIN = -4, 7  # powers of ten between which a number has no exponent
+
+
+def shown_unit(unit: str, size: float) -> tuple[str, float]:
+    """Unit in which values in SI of about this size read well, and the factor that takes them to it."""
+    if unit == "rad":
+        return "deg", 180.0 / math.pi
+    for least, larger, one in LARGER.get(unit, ()):
+        if abs(size) >= least:
+            return larger, 1.0 / one
+    return unit, 1.0
+
+
+def number(value: float, digits: int = 4) -> str:
+    """The value with so many significant digits at least, without an exponent from 0.0001 to 10 million."""
+    power = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+    if not PLAIN[0] <= power < PLAIN[1]:
+        return f"{value:.{digits}g}"
+    text = f"{value:.{max(digits - 1 - power, 0)}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def with_unit(value: float, unit: str, digits: int = 4) -> str:
+    """A value in SI with the unit that reads well."""
+    shown, scale = shown_unit(unit, value)
+    return f"{number(value * scale, digits)} {shown}" if shown not in ("", "-") else number(value * scale, digits)
+
+
+__all__ = ["number", "shown_unit", "with_unit"]
