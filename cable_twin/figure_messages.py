@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.messages import Status, diagnostics_message
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 OK, WARNING = 0, 1  # levels of diagnostics
 
@@ -38,11 +38,11 @@ def describe(figure: KeyFigure) -> str:
     sizes = [abs(value) for value in (figure.value, figure.limit) if value is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
     unit = "" if unit == "-" else f" {unit}"
-    parts = [f"{number(figure.value * scale)}{unit} at {figure.time:.2f} s"]
+    parts = [f"{rounded(figure.value * scale)}{unit} at {figure.time:.2f} s"]
     if figure.place:
         parts.append(figure.place)
     if figure.limit is not None:
-        parts.append(f"allowed: {figure.bound} {number(figure.limit * scale)}{unit} ({figure.source})")
+        parts.append(f"allowed: {figure.bound} {rounded(figure.limit * scale)}{unit} ({figure.source})")
     return ", ".join(parts)
 
 

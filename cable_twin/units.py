@@ -25,19 +25,21 @@ def shown_unit(unit: str, size: float) -> tuple[str, float]:
     return unit, 1.0
 
 
-def number(value: float, digits: int = 4) -> str:
-    """The value with so many significant digits at least, without an exponent from 0.0001 to 10 million."""
-    power = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
+def rounded(value: float, digits: int = 4) -> str:
+    """The value with so many significant digits, without an exponent from 0.0001 to 10 million."""
+    short = f"{value:.{digits}g}"
+    plain = float(short)
+    power = math.floor(math.log10(abs(plain))) if plain and math.isfinite(plain) else 0
     if not PLAIN[0] <= power < PLAIN[1]:
-        return f"{value:.{digits}g}"
-    text = f"{value:.{max(digits - 1 - power, 0)}f}"
+        return short
+    text = f"{plain:.{max(digits - 1 - power, 0)}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
     """A value in SI with the unit that reads well."""
     shown, scale = shown_unit(unit, value)
-    return f"{number(value * scale, digits)} {shown}" if shown not in ("", "-") else number(value * scale, digits)
+    return f"{rounded(value * scale, digits)} {shown}" if shown not in ("", "-") else rounded(value * scale, digits)
 
 
-__all__ = ["number", "shown_unit", "with_unit"]
+__all__ = ["rounded", "shown_unit", "with_unit"]

@@ -42,6 +42,7 @@ ALLOWED = {
     "scenario": (
         "limited_yaml",
         "printable",
+        "units",
         "mechanics.parameters",
         "mechanics.solution.catenary",
         "mechanics.solution.bundle.records",
@@ -52,7 +53,7 @@ ALLOWED = {
     "snapshot": ("layout", "mechanics.readout", "records", "scenario"),
     "plotted_signals": ("records", "snapshot"),
     "geometry": ("mechanics.parameters", "mechanics.readout", "records", "scenario"),
-    "simulation": ("geometry", "mechanics", "commands", "printable", "records", "scenario", "snapshot"),
+    "simulation": ("geometry", "mechanics", "commands", "printable", "records", "scenario", "snapshot", "units"),
     "messages": ("commands", "rates", "records", "snapshot"),
     "command_messages": ("commands", "messages", "printable", "records"),
     "figure_messages": ("key_figures", "messages", "units"),

@@ -88,7 +88,7 @@ def test_a_rope_that_no_vehicle_can_reach_is_told():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"sheaves__drive__friction": 0.005}, "sheaves.drive: at rest its strands pull with 1.89"),
+        ({"sheaves__drive__friction": 0.005}, "sheaves.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
         (
             {"sheaves__return__counterweight": {**WEIGHT, "travel": [-0.2, 0.2]}},
             "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.3695 m; allowed: limits "
@@ -102,11 +102,11 @@ def test_a_rope_that_no_vehicle_can_reach_is_told():
         (
             {"sheaves__return__counterweight__mass": 100.0},
             "sheaves.return.counterweight.mass: given 100 kg, which pulls with 981 N: no static equilibrium; "
-            "allowed: about 2.87e+04 kg",
+            "allowed: about 28700 kg",
         ),
         (
             {"sheaves__return__counterweight__force": 500.0},
-            "sheaves.return.counterweight.force: given 500 N: no static equilibrium; allowed: about 2.81e+05 N",
+            "sheaves.return.counterweight.force: given 500 N: no static equilibrium; allowed: about 281000 N",
         ),
     ],
 )

@@ -67,7 +67,7 @@ FAULTS = [
     (
         "cable.unstrained_length",
         3.3,
-        "needs a strain of 9.09 % and a tension of 1.29e+05 N; allowed: at least 3.42857 m",
+        "needs a strain of 9.09 % and a tension of 129 kN; allowed: at least 3.42857 m",
     ),
     ("carriages.carriage.arc_length", 0.0, "given 0.0; allowed: 0.0201 to 3.9999 m"),
     ("carriages.carriage.arc_length", 4.01, "given 4.01; allowed: 0.0201 to 3.9999 m"),

@@ -10,6 +10,7 @@ from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.limits import limited
 from cable_twin.records import SolverReport
 from cable_twin.scenario import Grading, Scenario
+from cable_twin.units import with_unit
 
 ENERGY_LOST = "energy lost by the solver, of that which moved"
 BLOCK = 5.0  # s of simulated time over which losses are added up
@@ -87,7 +88,11 @@ class Dissipation:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
         lost, moved, start, end = self._worst
         figure = KeyFigure(
-            ENERGY_LOST, self._worst.share, "-", end, f"{lost:.3g} of {moved:.3g} J from {start:.1f} s on"
+            ENERGY_LOST,
+            self._worst.share,
+            "-",
+            end,
+            f"{with_unit(lost, 'J', 3)} of {with_unit(moved, 'J', 3)} from {start:.1f} s on",
         )
         figure = limited(self._scenario, figure, "energy_lost")
         return replace(figure, place=f"{figure.place}; {cause(self._scenario)}") if figure.kept is False else figure
@@ -97,7 +102,7 @@ class Dissipation:
         whole = Block(waiting.lost + self._block.lost, waiting.moved + self._block.moved, waiting.start, time)
         if not whole.moved >= self._floor:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
-        place = f"{whole.lost:.3g} of {whole.moved:.3g} J; judged after {2.0 * BLOCK:g} s"
+        place = f"{with_unit(whole.lost, 'J', 3)} of {with_unit(whole.moved, 'J', 3)}; judged after {2.0 * BLOCK:g} s"
         return KeyFigure(ENERGY_LOST, whole.share, "-", time, place)
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.thinned_series import Comparison, Difference, unit_of
 from cable_twin.scenario.carriers import Carriers
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 WIDE = 110  # characters that the whole table needs
 
@@ -30,8 +30,8 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
     for name, difference in _worst_of_each(comparison.differences, carriers).items():
         if difference.count:
             unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
-            numbers = [number(value * scale) for value in (difference.largest, difference.rms)]
-            there = [number(value * scale, 6) for value in difference.values]
+            numbers = [rounded(value * scale) for value in (difference.largest, difference.rms)]
+            there = [rounded(value * scale, 6) for value in difference.values]
             when = f"{difference.time:.2f} s"
             if wide:
                 table.add_row(name, *numbers, unit, when, *there)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cable_twin.key_figures import KeyFigure
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
@@ -75,7 +75,7 @@ def print_figures(
 
 def shown(value: float, scale: float) -> str:
     """A value in SI in the unit that has this scale; 0 where it is but rounding there."""
-    return "0" if abs(value * scale) < NOISE else number(value * scale)
+    return "0" if abs(value * scale) < NOISE else rounded(value * scale)
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
@@ -83,7 +83,7 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
     if figure.limit is None:
         return ""
     note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-    return f"{figure.bound} {number(figure.limit * scale)}{note}"
+    return f"{figure.bound} {rounded(figure.limit * scale)}{note}"
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:

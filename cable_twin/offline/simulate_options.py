@@ -109,9 +109,9 @@ def parser() -> OneLineParser:
         "--sweep",
         type=sweep_of,
         metavar="KEY=START:STOP:STEP",
-        help="run once for each value of a number of the scenario, on all cores and without logs, and say between which "
-        "values all limits are kept, with runs in between to find where they end; wind.y is that of air.wind, --csv and "
-        "--json have the key figures of all runs",
+        help="run once for each value of a number of the scenario, on all cores and without logs, and say between "
+        "which values all limits are kept, with runs in between to find where they end; wind.y is that of air.wind, "
+        "--csv and --json have the key figures of all runs",
     )
     result.add_argument(
         "--plot",

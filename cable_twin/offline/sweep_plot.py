@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from cable_twin.offline.line_plot import LIMIT
 from cable_twin.offline.plots import COLORS, QUIET, STYLE
 from cable_twin.offline.sweep_limits import SweptFigure, Window
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 PANELS = 6
 KEPT = "#2E9E5B"
@@ -61,7 +61,7 @@ def _panel(axes: Axes, figure: SweptFigure, color: str, windows: Sequence[Window
     else:
         axes.plot(figure.values, limits * scale, color=LIMIT, linewidth=1.0)
     axes.annotate(
-        figure.bound if least != most else f"{figure.bound} {number(least * scale)}",
+        figure.bound if least != most else f"{figure.bound} {rounded(least * scale)}",
         (0.01, float(limits[np.isfinite(limits)][0]) * scale),
         xycoords=("axes fraction", "data"),
         xytext=(0, 3),

@@ -20,7 +20,7 @@ from cable_twin.offline.export import STDOUT, figure_columns
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.sweep_limits import Edge, SweptFigure, Window, keeps_all
 from cable_twin.offline.sweep_runs import SweptRun
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 COLUMN = 17  # characters of a column of the table
 MOST_COLUMNS = 9
@@ -43,7 +43,7 @@ def print_sweep(
     for place, run in enumerate(runs):
         if run.value in rows:
             cells = [_cell(figure, place, scale) for figure, scale in zip(shown_figures, scales, strict=True)]
-            table.add_row(number(run.value, DIGITS), *cells)
+            table.add_row(rounded(run.value, DIGITS), *cells)
     console.print(table)
     passed = [figure for figure in figures if figure.passed_at is not None]
     lines = ["* the limit is not kept"] if passed else []
@@ -65,14 +65,14 @@ def print_sweep(
             "; ".join(map(_stretch, figure.passed())),
             limit,
             shown(worst.value, scale),
-            number(where),
+            rounded(where),
             figure.source,
         )
     console.print(below)
 
 
 def _stretch(stretch: tuple[float, float]) -> str:
-    low, high = (number(value) if math.isfinite(value) else "" for value in stretch)
+    low, high = (rounded(value) if math.isfinite(value) else "" for value in stretch)
     return f"{low} to {high}" if low and high else f"above {low}" if low else f"below {high}" if high else "throughout"
 
 
@@ -82,7 +82,7 @@ def _unit_of(figure: SweptFigure) -> tuple[str, float]:
 
 
 def _bound(figure: SweptFigure, scale: float) -> str:
-    least, most = (number(limit * scale) for limit in figure.limits)
+    least, most = (rounded(limit * scale) for limit in figure.limits)
     return f"{figure.bound} {least}" if least == most else f"{figure.bound} {least} to {most}"
 
 
@@ -109,15 +109,15 @@ def window_lines(
             if here
             else ""
         )
-        return [f"{key}: no value from {number(first)} to {number(last)}{unit} keeps all limits{worst}"]
+        return [f"{key}: no value from {rounded(first)} to {rounded(last)}{unit} keeps all limits{worst}"]
     found = []
     for window in windows:
         near, far = sorted((window.low, window.high), key=lambda one: abs(one.value - first))
         if near.value == first and far.figure is not None:
-            found.append(f"operating limit of {key}: {number(far.value)}{unit}: {_limit(far.figure)}")
+            found.append(f"operating limit of {key}: {rounded(far.value)}{unit}: {_limit(far.figure)}")
         elif {near.value, far.value} == {first, last}:
             found.append(
-                f"operating limit of {key}: none from {number(first)} to {number(last)}{unit}, all limits are kept"
+                f"operating limit of {key}: none from {rounded(first)} to {rounded(last)}{unit}, all limits are kept"
             )
         else:
             ends = [
@@ -126,7 +126,7 @@ def window_lines(
                 if one.figure is not None
             ]
             found.append(
-                f"{key}: all limits are kept from {number(window.low.value)} to {number(window.high.value)}{unit}; "
+                f"{key}: all limits are kept from {rounded(window.low.value)} to {rounded(window.high.value)}{unit}; "
                 + "; ".join(ends)
             )
     return found

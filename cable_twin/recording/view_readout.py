@@ -10,7 +10,7 @@ from cable_twin.commands import KINDS
 from cable_twin.plotted_signals import driven, driven_names
 from cable_twin.records import AppliedCommand
 from cable_twin.snapshot import Columns, Layout
-from cable_twin.units import number
+from cable_twin.units import rounded
 
 SLIPPED = 1e-3  # m, above which slip is written
 
@@ -24,7 +24,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
         lines += (
             (f"{name} {at}", place, f"{place:.2f} m"),
             ("speed", speed, f"{speed:.2f} m/s"),
-            ("drive force", force, f"{number(force * scale, 3)} {unit}"),
+            ("drive force", force, f"{rounded(force * scale, 3)} {unit}"),
         )
     if layout.drives:
         on_line = c.attached == 1.0
@@ -42,14 +42,14 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
             ("wind across", float(c.wind[1]), f"{c.wind[1]:.1f} m/s"),
         )
     low, high = float(c.rope_tension.min()) * scale, float(c.rope_tension.max()) * scale
-    lines.append(("tension", low + high, f"{number(low)} … {number(high)} {unit}"))
+    lines.append(("tension", low + high, f"{rounded(low)} … {rounded(high)} {unit}"))
     for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
-        lines.append((name, load, "lifted off" if load == 0.0 else f"{number(load * scale)} {unit}"))
+        lines.append((name, load, "lifted off" if load == 0.0 else f"{rounded(load * scale)} {unit}"))
     lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
     for name, (on, off), slip, travel in zip(
         layout.sheaves, c.sheave_tension.tolist(), c.sheave_slip.tolist(), c.sheave_travel.tolist(), strict=True
     ):
-        lines += [(name, on + off, f"{number(on * scale)} to {number(off * scale)} {unit}")]
+        lines += [(name, on + off, f"{rounded(on * scale)} to {rounded(off * scale)} {unit}")]
         lines += [(f"{name} slip", slip, f"{slip:.3f} m")] if abs(slip) > SLIPPED else []
         lines += [(f"{name} travel", travel, f"{travel:+.3f} m")]
     shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]

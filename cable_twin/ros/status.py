@@ -21,7 +21,7 @@ from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.output import Output
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
-from cable_twin.units import number, shown_unit
+from cable_twin.units import rounded, shown_unit
 
 SPAN = 1.5  # s over which the real-time factor is taken
 SHOWN = 2  # of what is driven, so that the line stays one
@@ -104,8 +104,8 @@ class Status:
         name = max(highest, key=lambda name: (highest[name] / limits.get(name, math.inf), highest[name]))
         unit, scale = shown_unit("N", highest[name])
         if name not in limits:
-            return f"{name} {number(highest[name] * scale)} {unit}", ""
-        text = f"{name} {number(highest[name] * scale)} of {number(limits[name] * scale)} {unit}"
+            return f"{name} {rounded(highest[name] * scale)} {unit}", ""
+        text = f"{name} {rounded(highest[name] * scale)} of {rounded(limits[name] * scale)} {unit}"
         return text, "red" if highest[name] > limits[name] else ""
 
     def _recording(self) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from cable_twin.scenario.end_supports import EndSupport
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
 from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading
 from cable_twin.scenario.schema import Scenario
+from cable_twin.units import with_unit
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
@@ -196,8 +197,8 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
         yield Fault(
             ("cable", "unstrained_length"),
             f"given {cable.unstrained_length!r} for ends that are {way:.6g} m{over}, which needs a strain of "
-            f"{100.0 * strain:.3g} % and a tension of {cable.axial_stiffness * strain:.3g} N; allowed: at least "
-            f"{way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+            f"{100.0 * strain:.3g} % and a tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}; allowed: at "
+            f"least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
         )
 
 

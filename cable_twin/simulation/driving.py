@@ -15,6 +15,7 @@ from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario
+from cable_twin.units import with_unit
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:
@@ -60,8 +61,8 @@ def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
         force = float(state.drive_force[index])
         if not hang_in_rope(system, state, index, force):
             raise EquilibriumError(
-                f"carriages.{name}.drive.haul_rope: it would have to push with {abs(force):.4g} N to hold the "
-                f"carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
+                f"carriages.{name}.drive.haul_rope: it would have to push with {with_unit(abs(force), 'N')} to hold "
+                f"the carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
             )
         if drive_mode(state, index) != SPEED:
             state.drive_force[index] = 0.0

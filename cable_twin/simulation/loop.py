@@ -21,6 +21,7 @@ from cable_twin.mechanics.state import clone_state, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.units import rounded, with_unit
 
 SOUND = 0.02  # of a pull: as near as that to what it has to be, another one is at fault
 
@@ -84,11 +85,12 @@ class Loop:
                 continue
             weighed = sheave.counterweight is not None and sheave.counterweight.force is None
             scale, unit = (1.0 / self._scenario.gravity, "kg") if weighed else (1.0, "N")
-            pulling = f", which pulls with {given:.3g} N" if weighed else ""
+            has, needs = rounded(given * scale), rounded(needed * scale, 3)
+            pulling = f", which pulls with {with_unit(given, 'N', 3)}" if weighed else ""
             lines.append(
                 f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}."
-                f"{'mass' if weighed else 'force'}: given {given * scale:.4g} {unit}{pulling}: no static equilibrium; "
-                f"allowed: about {needed * scale:.3g} {unit}, to rest at a travel of 0 m with ropes of this length"
+                f"{'mass' if weighed else 'force'}: given {has} {unit}{pulling}: no static equilibrium; "
+                f"allowed: about {needs} {unit}, to rest at a travel of 0 m with ropes of this length"
             )
         return "\n".join(lines)
 
@@ -133,8 +135,9 @@ class Loop:
             used, most = max(on / off, off / on), float(self._bundle.sheaves.adhesion[row])
             if min(on, off) <= 0.0 or used > most:
                 raise EquilibriumError(
-                    f"sheaves.{self._names[row]}: at rest its strands pull with {on:.4g} and {off:.4g} N, a ratio of "
-                    f"{used:.3g}, and the rope would slip; allowed: {most:.3g}, exp(friction times wrap)"
+                    f"sheaves.{self._names[row]}: at rest its strands pull with {with_unit(on, 'N')} and "
+                    f"{with_unit(off, 'N')}, a ratio of {used:.3g}, and the rope would slip; allowed: {most:.3g}, "
+                    "exp(friction times wrap)"
                 )
 
     def _check_travel(self) -> None:

@@ -13,6 +13,7 @@ from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
 from cable_twin.scenario.vehicles import Carriage
+from cable_twin.units import with_unit
 
 
 class Pair(NamedTuple):
@@ -60,8 +61,8 @@ class Meeting:
             one, other = int(self._before[number]), int(self._after[number])
             return (
                 f"'{self._names[one]}' and '{self._names[other]}' are pressed through each other at "
-                f"{places[one]:.2f} m of the cable, with {push[one]:.3g} N; allowed: drives with limits.force (N), or "
-                "buffers.stiffness (N/m) that holds them apart"
+                f"{places[one]:.2f} m of the cable, with {with_unit(push[one], 'N', 3)}; allowed: drives with "
+                "limits.force (N), or buffers.stiffness (N/m) that holds them apart"
             )
         return ""
 

@@ -1,0 +1,43 @@
+"""Numbers as engineers write them."""
+
+from __future__ import annotations
+
+import pytest
+
+from cable_twin.figure_messages import describe
+from cable_twin.key_figures import KeyFigure
+from cable_twin.units import rounded, with_unit
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "written"),
+    [
+        (56460.0, "N m", "56.46 kN m"),
+        (1.234e6, "N m", "1.234 MN m"),
+        (19800.0, "kg", "19.8 t"),
+        (1200.0, "kg", "1200 kg"),
+        (-123456.0, "N", "-123.5 kN"),
+        (0.5, "rad", "28.65 deg"),
+        (2.5e5, "J", "250 kJ"),
+        (12345.6, "m", "12350 m"),
+        (0.0001234, "-", "0.0001234"),
+        (0.0, "N", "0 N"),
+    ],
+)
+def test_a_value_has_the_unit_that_reads_well_and_no_exponent(value, unit, written):
+    assert with_unit(value, unit) == written
+
+
+def test_a_number_is_rounded_to_its_digits():
+    assert [rounded(value) for value in (9999.96, 29526.3, 1e7, 1e-5, float("inf"))] == [
+        "10000",
+        "29530",
+        "1e+07",
+        "1e-05",
+        "inf",
+    ]
+
+
+def test_a_figure_on_a_topic_is_in_one_unit_with_its_limit():
+    figure = KeyFigure("drive: drive force", 900.0, "N", 1.0, limit=106000.0, source="scenario")
+    assert describe(figure) == "0.9 kN at 1.00 s, allowed: at most 106 kN (scenario)"
