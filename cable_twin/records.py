@@ -67,6 +67,20 @@ class AppliedCommand:
     source: str
 
 
+@dataclass(frozen=True, slots=True)
+class RefusedCommand:
+    """A command that was refused whole."""
+
+    time: float  # s, simulated
+    source: str  # topic that brought it, or `script`
+    reason: str  # a line: what was given, what is allowed, the unit
+    count: int  # commands of the run that were refused so far, this one included
+
+    def __str__(self) -> str:
+        """Time, source and reason, for people."""
+        return f"at {self.time:.2f} s from {self.source}: {self.reason}"
+
+
 class VehicleColumns(NamedTuple):
     """All vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
 

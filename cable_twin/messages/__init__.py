@@ -1,12 +1,24 @@
 """Messages of topics and bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`) and texts (`texts`)."""
 
 from cable_twin.messages.bullwheels import bullwheel_numbers, fill_bullwheels
-from cable_twin.messages.cdr import SECOND, TYPESTORE, Header, Time, decode, header, nanoseconds, serialize, time_of
+from cable_twin.messages.cdr import (
+    SECOND,
+    TYPESTORE,
+    Header,
+    Time,
+    decode,
+    header,
+    nanoseconds,
+    serialize,
+    stamp_in,
+    time_of,
+)
 from cable_twin.messages.derailments import DerailmentWatch, read_derailments
 from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
 from cable_twin.messages.joints import hung_rows, joint_names
 from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
 from cable_twin.messages.references import fill_references, reference_numbers
+from cable_twin.messages.refusals import refused_command_from_message, refused_command_message
 from cable_twin.messages.texts import (
     Status,
     diagnostics_message,
@@ -30,6 +42,7 @@ from cable_twin.messages.topics import (
     KEY_FIGURES,
     MARKERS,
     PANTOGRAPHS,
+    REFUSED_COMMANDS,
     ROBOT_DESCRIPTION,
     SCENARIO,
     SHEAVES,
@@ -65,6 +78,7 @@ __all__ = [
     "MARKERS",
     "NAMESPACE",
     "PANTOGRAPHS",
+    "REFUSED_COMMANDS",
     "ROBOT_DESCRIPTION",
     "ROPE_FIELD",
     "SCENARIO",
@@ -99,9 +113,12 @@ __all__ = [
     "pose_topic",
     "read_derailments",
     "reference_numbers",
+    "refused_command_from_message",
+    "refused_command_message",
     "scenario_from_message",
     "scenario_message",
     "serialize",
+    "stamp_in",
     "statuses_of_message",
     "support_force_topic",
     "time_of",

@@ -53,6 +53,13 @@ def time_of(stamp_ns: int) -> Time:
     return Time(*divmod(stamp_ns, SECOND))
 
 
+def stamp_in(data: bytes) -> int:
+    """Read the stamp (ns) of an encoded message whose first field is a header; its length has been checked."""
+    order = "<" if data[1] & 1 else ">"
+    seconds, nanosecond = struct.unpack_from(f"{order}iI", data, ENCAPSULATION)
+    return int(seconds) * SECOND + int(nanosecond)
+
+
 def header(stamp_ns: int, frame_id: str = FRAME_ID) -> Header:
     """Header with a stamp in ns."""
     return Header(time_of(stamp_ns), frame_id)
@@ -169,5 +176,6 @@ __all__ = [
     "marks",
     "nanoseconds",
     "serialize",
+    "stamp_in",
     "time_of",
 ]

@@ -39,6 +39,7 @@ CARRIER_POSES = "carriers/poses"
 CARRIER_FORCES = "carriers/forces"
 SCENARIO = "scenario"
 APPLIED_COMMANDS = "applied_commands"
+REFUSED_COMMANDS = "refused_commands"
 KEY_FIGURES = "key_figures"
 DERAILMENTS = "derailments"
 DIAGNOSTICS = "/diagnostics"
@@ -89,6 +90,7 @@ def topics(
         Topic(SCENARIO, String.__msgtype__, durability="transient_local", depth=1),
         *(Topic(name, message_type, depth=50) for name, message_type in INPUTS.items()),  # as received
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
+        Topic(REFUSED_COMMANDS, DiagnosticArray.__msgtype__),
         Topic(JOINT_STATES, JointState.__msgtype__, group="joints"),
         *([Topic(JOINT_REFERENCES, JointState.__msgtype__, group="joints")] if layout.commanded else []),
         Topic(CABLE, PointCloud2.__msgtype__, group="rope"),

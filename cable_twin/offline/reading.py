@@ -13,7 +13,7 @@ from cable_twin.offline.thinned_series import Signals, signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
-from cable_twin.records import AppliedCommand
+from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.snapshot import Snapshot
 
@@ -50,8 +50,9 @@ class Reading:
         self.view: _View | None = None
         self.table: RunTable | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
+        self.refused: RefusedCommand | None = None  # the last one
         self._items = read_snapshots(log, on_position=on_position)
-        self._early: list[AppliedCommand | RecordedFigures] = []
+        self._early: list[AppliedCommand | RefusedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
     @property
@@ -83,6 +84,9 @@ class Reading:
             if self.view is not None:
                 self.view.log_command(item)
             return
+        if isinstance(item, RefusedCommand):
+            self.refused = item
+            return
         if isinstance(item, RecordedFigures):
             self._recorded, self._figures_time = self._understand(item), item.time
             return
@@ -109,6 +113,7 @@ class Reading:
         return (
             f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
             f"{self.frames} frames, {self.commands} commands"
+            + (f", {self.refused.count} refused, the last {self.refused}" if self.refused else "")
             + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )
 

@@ -16,7 +16,7 @@ from cable_twin.offline.script_places import PlaceWatch
 from cable_twin.rates import LOGGED
 from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.recording.run import Run
-from cable_twin.records import AppliedCommand, CommandError
+from cable_twin.records import AppliedCommand, CommandError, RefusedCommand
 from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.snapshot import Snapshot
@@ -144,6 +144,7 @@ def _apply(
         applied = simulation.apply(item.command, item.source)
     except CommandError as error:
         outcome.refused.append(f"{item.place}: {error}")
+        output.refusal(RefusedCommand(simulation.time, item.source, str(error), len(outcome.refused)))
         return None
     outcome.applied += 1
     output.command(applied)

@@ -8,9 +8,18 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import DerailmentWatch, FrameNames, MessageEncoder, Schedule, Topic, nanoseconds
+from cable_twin.messages import (
+    REFUSED_COMMANDS,
+    DerailmentWatch,
+    FrameNames,
+    MessageEncoder,
+    Schedule,
+    Topic,
+    nanoseconds,
+    refused_command_message,
+)
 from cable_twin.recording.run import Run
-from cable_twin.records import AppliedCommand
+from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.sensor_messages import SensorOutput
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
@@ -108,6 +117,12 @@ class FrameOutput:
         recorder.record([frame.messages[number] for number in frame.taken[-1]], frame.stamp_ns, frame.snapshot)
         while recorder.backlog > self._backlog:  # as fast as possible is not faster than the disk
             time.sleep(0.002)
+
+    def refusal(self, refused: RefusedCommand) -> None:
+        """Record a command that was refused."""
+        if self.run is not None:
+            stamp_ns = self.encoder.epoch_ns + nanoseconds(refused.time)
+            self.run.recorder.record([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def command(self, applied: AppliedCommand) -> bytes:
         """Record a command that took effect; returns its message."""

@@ -33,6 +33,7 @@ from cable_twin.messages import (
     JOINT_STATES,
     KEY_FIGURES,
     PANTOGRAPHS,
+    REFUSED_COMMANDS,
     ROPE_FIELD,
     SECOND,
     SHEAVES,
@@ -48,6 +49,7 @@ from cable_twin.messages import (
     joint_names,
     pose_topic,
     reference_numbers,
+    refused_command_from_message,
     statuses_of_message,
     support_force_topic,
 )
@@ -57,7 +59,7 @@ from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.logged_supports import LoggedSupports
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.records import AppliedCommand, FloatArray, SolverReport
+from cable_twin.records import AppliedCommand, FloatArray, RefusedCommand, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import Layout, Snapshot
@@ -73,7 +75,7 @@ class RecordedFigures(NamedTuple):
     statuses: list[Status]
 
 
-Item = Snapshot | AppliedCommand | RecordedFigures
+Item = Snapshot | AppliedCommand | RefusedCommand | RecordedFigures
 
 
 def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
@@ -84,7 +86,8 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
         on_position: Called with the bytes of the file read so far.
 
     Yields:
-        Snapshots, each command where it took effect, and key figures where they were recorded, in the order of the log.
+        Snapshots, each command where it took effect or was refused, and key figures where they were recorded, in the
+        order of the log.
 
     Raises:
         LogError: The scenario is not understood, or a message is unreadable; the line names topic and time.
@@ -94,7 +97,7 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
     except ScenarioError as error:
         raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
     stamp = -1
-    topics = [*frames.readers, APPLIED_COMMANDS, KEY_FIGURES]
+    topics = [*frames.readers, APPLIED_COMMANDS, REFUSED_COMMANDS, KEY_FIGURES]
     before: LogFile | None = None
     for file, moved in log.files_in_turn(on_position):
         if before is not None and not file.follows(before):
@@ -111,6 +114,8 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
                 applied = log.command(stamp_ns, data)
                 frames.command(applied)
                 yield applied
+            elif topic == REFUSED_COMMANDS:
+                yield frames.refusal(stamp_ns, data)
             else:
                 yield frames.figures(stamp_ns, data)
     if (snapshot := frames.take()) is not None:
@@ -221,6 +226,13 @@ class _Frames:
             self._winds[1] = self._winds[0]
             self._payloads = self._first_payloads()
             self._supports.reset()
+
+    def refusal(self, stamp_ns: int, data: bytes) -> RefusedCommand:
+        """Read a refused command; raises LogError where it is unreadable."""
+        try:
+            return refused_command_from_message(data, self._time(stamp_ns))
+        except UNREADABLE as error:
+            raise self._unreadable(REFUSED_COMMANDS, stamp_ns, error) from error
 
     def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
         """Read recorded key figures; raises LogError where they are unreadable."""

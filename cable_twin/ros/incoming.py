@@ -9,11 +9,14 @@ from functools import partial
 from typing import Any
 
 from cable_twin.command_messages import command_from_message
+from cable_twin.messages import SECOND as NANOSECONDS
+from cable_twin.messages import stamp_in
 from cable_twin.printable import printable
 from cable_twin.records import CommandError
 from cable_twin.ros.frame_loop import FrameLoop
 
-WARNING_PERIOD = 1.0  # s between two warnings of refused commands
+WARNING_PERIOD = 5.0  # s between two warnings of refused commands
+TELLING_PERIOD = 0.05  # s between two of them that are told on their topic
 LONGEST_REASON = 400  # characters
 SECOND = 1.0  # s over which commands are counted
 
@@ -26,11 +29,13 @@ class CommandLimits:
         size: bytes of a message; what is larger is not decoded.
         rate: commands in a second, all topics together; what comes beyond is refused.
         names: in one message; there are no more joints.
+        age: s by which a stamp may differ from that of the newest frame; 0 where stamps do not count.
     """
 
     size: int
     rate: int
     names: int
+    age: float = 0.0
 
 
 class Incoming:
@@ -42,7 +47,10 @@ class Incoming:
         counts: of the diagnostics, which has `commands_refused`.
         logger: of the node.
         full_name: of a topic, as it is remapped.
+        now_ns: stamp (ns) of the newest frame.
         record: is given each message that took effect, with its topic; nothing of what is refused, which may be large.
+        tell_refused: is given the topic, the reason in a line, and how many commands were refused so far; as often as
+            `TELLING_PERIOD` allows.
     """
 
     def __init__(
@@ -52,11 +60,15 @@ class Incoming:
         counts: dict[str, int],
         logger: Any,
         full_name: Callable[[str], str],
+        now_ns: Callable[[], int],
         record: Callable[[str, bytes], None],
+        tell_refused: Callable[[str, str, int], None],
     ) -> None:
         self._loop, self._limits, self._counts, self._logger = loop, limits, counts, logger
-        self._full_name, self._record = full_name, record
+        self._full_name, self._now_ns = full_name, now_ns
+        self._record, self._tell_refused = record, tell_refused
         self._warned = -WARNING_PERIOD  # s, when a refused command was last named
+        self._told = -TELLING_PERIOD  # s, when one was last told on the topic
         self._second, self._taken = -SECOND, 0  # s, since when commands are counted, and how many there were
 
     def take(self, topic: str, data: bytes) -> None:
@@ -65,11 +77,22 @@ class Incoming:
             if len(data) > self._limits.size:
                 raise CommandError(f"a message of {len(data)} bytes; allowed are up to {self._limits.size} bytes")
             command = command_from_message(topic, data, self._limits.names)
+            self._check_age(stamp_in(data))
             self._count()
         except CommandError as error:
             self._refuse(topic, error)
             return
         self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic, data))
+
+    def _check_age(self, stamp_ns: int) -> None:
+        """Refuse a stamp (ns) of another time than now; without a stamp (0) a command is of now."""
+        most, age = self._limits.age, (self._now_ns() - stamp_ns) / NANOSECONDS
+        if most > 0.0 and stamp_ns != 0 and abs(age) > most:
+            when = "older" if age > 0.0 else "later"
+            raise CommandError(
+                f"stamp {abs(age):.6g} s {when} than the newest frame; allowed are up to {most:g} s by "
+                "command_max_age, or a stamp of 0"
+            )
 
     def _count(self) -> None:
         """Refuse what comes too often; what was refused before does not count, so that it crowds nobody out."""
@@ -90,12 +113,14 @@ class Incoming:
 
     def _refuse(self, topic: str, error: BaseException) -> None:
         self._counts["commands_refused"] += 1
-        now = time.monotonic()
+        now, count, reason = time.monotonic(), self._counts["commands_refused"], printable(error, LONGEST_REASON)
+        if now - self._told >= TELLING_PERIOD:
+            self._told = now
+            self._tell_refused(topic, reason, count)
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self._logger.warning(
-                f"{self._full_name(topic)}: command refused, the last good one stays: "
-                f"{printable(error, LONGEST_REASON)} ({self._counts['commands_refused']} refused so far)"
+                f"{self._full_name(topic)}: command refused, the last good one stays: {reason} ({count} refused so far)"
             )
 
 

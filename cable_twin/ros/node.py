@@ -18,9 +18,16 @@ from rich.console import Console
 from cable_twin.commands import JOINT_COMMANDS, KINDS
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import compile_figures
-from cable_twin.messages import SCENARIO, FrameNames, scenario_message, topics
+from cable_twin.messages import (
+    REFUSED_COMMANDS,
+    SCENARIO,
+    FrameNames,
+    refused_command_message,
+    scenario_message,
+    topics,
+)
 from cable_twin.recording.run import start_run
-from cable_twin.records import AppliedCommand
+from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.ros.declaration import (
     ParameterError,
     as_meant,
@@ -132,8 +139,18 @@ class TwinNode(Node):
         )
         names, counts = self._endpoints.names, self._diagnostics.counts
         joints = len(layout.vehicles) + len(layout.drives) + 3 * len(layout.bodies)  # in space a body may have three
-        limits = CommandLimits(self._settings["command_size"], self._settings["command_rate"], joints)
-        incoming = Incoming(self._loop, limits, counts, self.get_logger(), names.full, self._record_command)
+        settings = [self._settings[f"command_{name}"] for name in ("size", "rate", "max_age")]
+        limits = CommandLimits(settings[0], settings[1], joints, settings[2])
+        incoming = Incoming(
+            self._loop,
+            limits,
+            counts,
+            self.get_logger(),
+            names.full,
+            self._stamp_ns,
+            self._record_command,
+            self._tell_refused,
+        )
         self._endpoints.subscribe(incoming.take)
         self._endpoints.warn_of_unknown()
         self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
@@ -296,8 +313,16 @@ class TwinNode(Node):
                 f"from {applied.time:.2f} s of simulated time on"
             )
 
+    def _stamp_ns(self) -> int:
+        """Stamp of the newest frame."""
+        return self._run_clock.stamp_ns(self._loop.simulated_time)
+
     def _record_command(self, topic: str, data: bytes) -> None:
-        self._output.record([(topic, data)], self._run_clock.stamp_ns(self._loop.simulated_time))
+        self._output.record([(topic, data)], self._stamp_ns())
+
+    def _tell_refused(self, topic: str, reason: str, count: int) -> None:
+        refused, stamp_ns = RefusedCommand(self._loop.simulated_time, topic, reason, count), self._stamp_ns()
+        self._output.send([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""

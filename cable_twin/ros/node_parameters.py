@@ -96,6 +96,14 @@ PARAMETERS = (
     Parameter(
         "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
     ),
+    Parameter(
+        "command_max_age",
+        0.0,
+        "a command whose stamp is further from that of the newest frame is refused, 0: stamps do not count",
+        "s",
+        0.0,
+        3600.0,
+    ),
     Parameter("command_size", 65_536, "largest message that is taken as a command", "bytes", 1_024, 16_777_216),
     Parameter("command_rate", 1_000, "commands of topics that are taken in a second", "1/s", 1, 1_000_000),
     Parameter(

@@ -21,6 +21,8 @@ from cable_twin.messages import (
     decode,
     diagnostics_message,
     header,
+    refused_command_from_message,
+    refused_command_message,
     scenario_from_message,
     scenario_message,
     serialize,
@@ -30,7 +32,15 @@ from cable_twin.messages import (
 from cable_twin.messages.cdr import STAMP, Template, marks
 from cable_twin.messages.templates import Point, Pose, Quaternion, Vector3, Wrench
 from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped, WrenchStamped
-from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, DriveState, SupportState
+from cable_twin.records import (
+    AppliedCommand,
+    CableSamples,
+    CarriageState,
+    Command,
+    DriveState,
+    RefusedCommand,
+    SupportState,
+)
 from cable_twin.ros.description import still_transforms
 from cable_twin.scenario import load_scenario
 from cable_twin.snapshot import Snapshot
@@ -230,6 +240,15 @@ def plain(value):
     return [plain(item) for item in value]
 
 
+REFUSED = RefusedCommand(0.25, "joint_commands", "speed of 'cabin' is 99 m/s", 3)
+
+
+def test_a_refused_command_comes_back_from_its_message():
+    data = refused_command_message(REFUSED, EPOCH)
+    assert refused_command_from_message(data, REFUSED.time) == REFUSED
+    assert str(REFUSED) == "at 0.25 s from joint_commands: speed of 'cabin' is 99 m/s"
+
+
 def every_message() -> dict[str, bytes]:
     applied = AppliedCommand(0.25, Command("force", {"cabin": 12.5}), "script")
     return {
@@ -241,6 +260,7 @@ def every_message() -> dict[str, bytes]:
             TYPESTORE.types["geometry_msgs/msg/Vector3Stamped"](header(1_000_000_002), Vector3(3.0, 0.0, -1.0))
         ),
         "applied_commands": applied_command_message(applied, EPOCH),
+        "refused_commands": refused_command_message(REFUSED, EPOCH),
         "key_figures": diagnostics_message(EPOCH, *(Status(0, name, "1 m", {"unit": "m"}) for name in ("a", "b"))),
         "/diagnostics": diagnostics_message(
             EPOCH, Status(1, "cable_twin", "late", {"lag (s)": "0.2", "missed frames": "3"})

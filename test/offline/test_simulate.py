@@ -17,7 +17,8 @@ from cable_twin.offline.run_report import report
 from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
-from cable_twin.records import Command
+from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.records import Command, RefusedCommand
 from cable_twin.scenario import load_scenario
 
 SCRIPT = """\
@@ -110,7 +111,13 @@ def test_what_the_other_scenario_refuses_is_told_and_the_rest_goes_on(scripted, 
     said = capsys.readouterr()
     assert "command at 0.000 s: speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s" in said.err
     assert "4 commands, 1 refused" in said.out
-    assert len(read_log(the_run(tmp_path)).commands) == 4
+    log = read_log(the_run(tmp_path))
+    assert len(log.commands) == 4
+    refused = [item for item in read_snapshots(log) if isinstance(item, RefusedCommand)]
+    assert refused == [RefusedCommand(0.0, "script", "speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s", 1)]
+    assert review.main([str(log.path), "--no-viewer"]) == 0
+    told = "4 commands, 1 refused, the last at 0.00 s from script: speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s"
+    assert told in capsys.readouterr().out
 
 
 def test_frame_rate_and_duration_are_as_asked(scripted, tmp_path, capsys):

@@ -10,23 +10,27 @@ from test_frame_loop import frame_loop
 
 from cable_twin.command_messages import command_from_joint_state
 from cable_twin.commands import JOINT_COMMANDS
-from cable_twin.messages import JointState, header, serialize
+from cable_twin.messages import SECOND, JointState, header, serialize
 from cable_twin.records import Command, CommandError
-from cable_twin.ros.incoming import LONGEST_REASON, CommandLimits, Incoming
+from cable_twin.ros.incoming import LONGEST_REASON, WARNING_PERIOD, CommandLimits, Incoming
 
 MANY = 20_000  # names
+NOW = 1_700_000_000 * SECOND  # ns, stamp of the newest frame
 
 
 class Taken:
     """What comes for a twin that stands still, whose loop does at once what it is asked for."""
 
     def __init__(self, **limits):
-        self.recorded, self.lines, self.applied = [], [], []
+        self.recorded, self.lines, self.applied, self.refused = [], [], [], []
         self.counts = {"commands_refused": 0}
         self.loop = frame_loop(on_applied=self.applied.append)
         limits = CommandLimits(**{"size": 65_536, "rate": 1000, "names": 9} | limits)
         record = lambda topic, data: self.recorded.append((topic, data))  # noqa: E731
-        self.incoming = Incoming(self.loop, limits, self.counts, self, "/cable_twin/{}".format, record)
+        tell = lambda *refused: self.refused.append(refused)  # noqa: E731
+        self.incoming = Incoming(
+            self.loop, limits, self.counts, self, "/cable_twin/{}".format, lambda: NOW, record, tell
+        )
 
     def warning(self, line):
         self.lines.append(line)
@@ -36,8 +40,10 @@ class Taken:
         self.loop._obey()
 
 
-def command(*names, frame="", speed=1.0):
-    return serialize(JointState(header(0, frame), list(names), np.empty(0), np.full(len(names), speed), np.empty(0)))
+def command(*names, frame="", speed=1.0, stamp_ns=0):
+    return serialize(
+        JointState(header(stamp_ns, frame), list(names), np.empty(0), np.full(len(names), speed), np.empty(0))
+    )
 
 
 def seconds(action):
@@ -86,6 +92,9 @@ def test_what_is_refused_is_counted_named_in_a_short_line_and_not_recorded(messa
     assert reason in line
     assert line.isprintable()
     assert len(line) < LONGEST_REASON + 200
+    ((topic, told, count),) = taken.refused
+    assert (topic, count) == (JOINT_COMMANDS, 1)
+    assert told in line
     assert (taken.counts, taken.recorded, taken.applied) == ({"commands_refused": 1}, [], [])
 
 
@@ -107,6 +116,38 @@ def test_commands_beyond_the_rate_are_refused_and_refused_ones_crowd_nobody_out(
     taken.incoming._second -= 1.0
     taken.take(command("cabin"))
     assert len(taken.applied) == 11
+
+
+def test_a_stream_of_refused_commands_is_one_line_and_some_messages():
+    """50 in a second: the log has one line, their topic up to 20, each with the number of all so far."""
+    taken = Taken()
+    for _ in range(50):
+        taken.take(command("nobody"))
+        taken.incoming._told -= 0.02  # so much time has gone by
+    assert len(taken.lines) == 1
+    assert [count for *_, count in taken.refused] == [*range(1, 51, 3)]
+    taken.incoming._warned -= WARNING_PERIOD
+    taken.take(command("nobody"))
+    assert "51 refused so far" in taken.lines[1]
+
+
+@pytest.mark.parametrize(
+    ("age", "stamp_ns", "reason"),
+    [
+        (0.0, 1, ""),  # of 1970: stamps do not count
+        (0.5, 0, ""),  # no stamp
+        (0.5, NOW - SECOND // 4, ""),
+        (0.5, NOW + SECOND // 4, ""),
+        (0.5, 1, "stamp 1.7e+09 s older than the newest frame; allowed are up to 0.5 s by command_max_age"),
+        (0.5, NOW - SECOND, "stamp 1 s older than the newest frame"),
+        (0.5, NOW + SECOND, "stamp 1 s later than the newest frame"),
+    ],
+)
+def test_commands_of_another_time_are_refused_where_that_is_asked_for(age, stamp_ns, reason):
+    taken = Taken(age=age)
+    taken.take(command("cabin", stamp_ns=stamp_ns))
+    assert len(taken.applied) == (not reason)
+    assert [reason in line for line in taken.lines] == [True] * bool(reason)
 
 
 def test_an_urgent_command_goes_before_others_and_those_that_come_meanwhile_wait():

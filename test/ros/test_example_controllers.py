@@ -1,0 +1,73 @@
+"""The controllers of examples/ that need nothing of the package: one live, one in lockstep."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from twin_process import COMPILING, write_quick_scenario
+
+pytest.importorskip("rclpy")
+from std_srvs.srv import SetBool, Trigger
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+START, PLACE, PERIOD = 60.0, 61.0, 0.01  # m, m, s
+
+
+@pytest.fixture
+def drive(running, processes):
+    """Run an example beside the twin at its start; returns what it has printed, in lines."""
+    twin, participant = running
+
+    def run(script, *arguments, paused):
+        assert participant.call("pause", SetBool, data=paused).success
+        assert participant.call("reset", Trigger).success
+        process = processes(*arguments, module=str(EXAMPLES / script), domain=twin.domain)
+        assert process.wait(COMPILING) == 0, process.output
+        assert "Traceback" not in process.output
+        return process.output.splitlines()
+
+    return run
+
+
+def test_forty_lines_drive_to_a_place_and_know_their_dead_time(running, drive):
+    place, dead_time = drive("position_controller.py", "cabin", str(PLACE), paused=False)
+    assert place == f"cabin is at {PLACE:.2f} m" or abs(float(place.split()[3]) - PLACE) < 0.05
+    told = re.fullmatch(r"commands took effect (\d+) ms after their states \(median\)", dead_time)
+    # a frame is computed ahead of its time, so that an answer to it comes into the one after it
+    assert PERIOD * 1e3 <= int(told[1]) < 10.0 * PERIOD * 1e3
+    participant = running[1]
+    participant.until(lambda: participant.speed == pytest.approx(0.0, abs=0.05), what="a cabin that stands")
+    code = (EXAMPLES / "position_controller.py").read_text().splitlines()
+    assert len([line for line in code if line.strip() and not line.lstrip().startswith(("#", '"""'))]) <= 40
+
+
+def test_lockstep_gives_the_numbers_of_the_python_api(drive, tmp_path):
+    """The law of the example, in the simulation itself: to the last digit that is printed."""
+    simulation = Simulation(load_scenario(write_quick_scenario(tmp_path)))
+    simulation.advance_to(PERIOD)
+    expected = []
+    for frame in range(6000):
+        cabin, follows = simulation.snapshot.carriages["cabin"], simulation.snapshot.columns.reference_speed[0]
+        left = PLACE - cabin.arc_length
+        if frame % 100 == 0:
+            numbers = cabin.arc_length, cabin.speed, follows, cabin.drive_force
+            expected.append("{:5d} {:10.4f} m {:9.5f} m/s, reference {:9.5f} m/s, {:10.1f} N".format(frame, *numbers))
+        if abs(left) < 0.01 and abs(cabin.speed) < 0.01:
+            break
+        simulation.command("cabin", speed=math.copysign(min(math.sqrt(2.0 * 0.3 * abs(left)), 5.0), left))
+        simulation.advance_to(simulation.time + PERIOD)
+    expected.append(f"{frame} frames, at {cabin.arc_length:.4f} m with {cabin.speed:.5f} m/s")
+    assert len(expected) > 3
+    assert drive("lockstep.py", "cabin", "--to", str(PLACE), paused=True) == expected
+
+
+def test_lockstep_says_why_it_cannot(domain, processes):
+    process = processes("cabin", "--to", "1", "--wait", "0.5", module=str(EXAMPLES / "lockstep.py"), domain=domain)
+    assert process.wait(COMPILING) == 1
+    assert process.output == "lockstep.py: a twin that listens: not within 0.5 s\n"
