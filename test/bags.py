@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 
@@ -48,12 +49,37 @@ def cut_short(source: Path, target: Path, part: float) -> Path:
 
 def damage_middle(file: Path) -> None:
     """Spoil the chunk in the middle of a finished bag."""
-    with file.open("rb") as stream:
-        chunks = sorted(index.chunk_start_offset for index in make_reader(stream).get_summary().chunk_indexes)
+    chunks = chunks_of(file)
     content = bytearray(file.read_bytes())
-    middle = chunks[len(chunks) // 2] + 100
+    middle = chunks[len(chunks) // 2].chunk_start_offset + 100
     content[middle : middle + 200] = bytes(200)
     file.write_bytes(content)
+
+
+def chunks_of(file: Path) -> list[ChunkIndex]:
+    """What the index of a finished bag says of its chunks, in their order."""
+    with file.open("rb") as stream:
+        return sorted(make_reader(stream).get_summary().chunk_indexes, key=lambda index: index.chunk_start_offset)
+
+
+def chunk_with(file: Path, topic: str) -> ChunkIndex:
+    """The first chunk that holds a topic of the usual name."""
+    with file.open("rb") as stream:
+        channels = make_reader(stream).get_summary().channels
+    named = {number for number, channel in channels.items() if channel.topic == f"/cable_twin/{topic}"}
+    return next(chunk for chunk in chunks_of(file) if not named.isdisjoint(chunk.message_index_offsets))
+
+
+def flip_bit(file: Path, place: int) -> None:
+    """Change one bit of the byte at a place."""
+    content = bytearray(file.read_bytes())
+    content[place] ^= 0x10
+    file.write_bytes(content)
+
+
+def flip_chunk(file: Path, chunk: ChunkIndex) -> None:
+    """Change one bit in the middle of what a chunk holds."""
+    flip_bit(file, chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size // 2)
 
 
 def unchanged(_topic: str, _stamp_ns: int, data: bytes) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from enum import Enum, auto
 from io import BytesIO
 
 import numpy as np
@@ -16,6 +17,14 @@ from cable_twin.simulation.snapshot_file import FullState, read_full_state
 from cable_twin.snapshot import Snapshot
 
 
+class Joint(Enum):
+    """How a replay gets from one file to the next."""
+
+    GOES_ON = auto()
+    FROM_ITS_STATE = auto()
+    LEFT_OUT = auto()
+
+
 def join(
     before: LogFile,
     file: LogFile,
@@ -24,39 +33,38 @@ def join(
     result: Comparison,
     *,
     exactly: bool,
-) -> bool:
+) -> Joint:
     """Go from one file of a log to the next: compare the state attached to it, or take it over.
+
+    A state that is damaged is said; where it is needed, the file is left out.
 
     Args:
         before: What has been read.
         file: What comes next.
         simulation: Where the file before has ended.
         advance: Brings the simulation to a time (s), with the commands until then.
-        result: Gets what differs, or that the state was taken over.
+        result: Gets what differs, that the state was taken over, or that it is damaged.
         exactly: The states have to be equal to the last bit; else they are not compared.
 
     Returns:
-        Whether the simulation went on without a break.
-
-    Raises:
-        LogError, SnapshotError: The state is needed and cannot be used.
+        Whether the simulation goes on without a break, or from the state of the file, or cannot go on with it.
     """
-    name = f"{file.path.name}: {SNAPSHOT_NAME}"
-    whole = file.follows(before)
-    attached = file.snapshot()
-    if attached is None:
-        raise SnapshotError(f"{name}: not attached, and it is not the first file")
+    whole, name = file.follows(before), f"{file.path.name}: {SNAPSHOT_NAME}"
     try:
-        full = read_full_state(BytesIO(attached), name)
-    except SnapshotError:
-        if exactly or not whole:
-            raise
-        return True  # of another version, and not needed
+        full = read_full_state(BytesIO(file.snapshot() or b""), name)
+        if not whole:
+            simulation.restore(full)
+    except SnapshotError as error:
+        if not whole:
+            result.restarts.append(f"{file.path.name}: left out: what comes before it is lost, and so is {error}")
+            return Joint.LEFT_OUT
+        if exactly:
+            result.restarts.append(f"{error}; its state is not compared")
+        return Joint.GOES_ON  # of another version, or damaged, and not needed
     if not whole:
-        simulation.restore(full)
         result.end = full.time
         result.restarts.append(f"{file.path.name}: what comes before {full.time:.2f} s is lost; goes on from its state")
-        return False
+        return Joint.FROM_ITS_STATE
     if exactly:
         advance(full.time)
         result.samples[SNAPSHOT_NAME] += 1
@@ -64,7 +72,7 @@ def join(
         if difference is not None:
             result.first = result.first or difference
             result.differing[SNAPSHOT_NAME] += 1
-    return True
+    return Joint.GOES_ON
 
 
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:

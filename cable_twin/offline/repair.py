@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel
 
 from cable_twin.limited_yaml import read_yaml
-from cable_twin.messages import Topic, TopicNames
-from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, one_line
+from cable_twin.messages import TYPESTORE, Topic, TopicNames
+from cable_twin.recording.log_file import UNREADABLE, LogFile, one_line
+from cable_twin.recording.log_metadata import LOST_FROM
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import McapLog
+
+QOS_LIMIT = 10_000  # characters of the QoS of a topic
+DEEPEST = 1_000_000  # messages of a history
+QOS = {"reliability": ("reliable", "best_effort"), "durability": ("volatile", "transient_local")}
 
 
 def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[Path, int]:
     """Copy all that can be read of a bag to a new one beside it; the old one stays as it is.
 
+    Where commands are lost, the copy says from when on: a replay needs every one of them.
+
     Args:
-        log: What was cut short.
+        log: What was cut short or damaged; read to its end, so that what is lost is known.
         on_position: Called with the bytes of the file read so far, to show progress.
 
     Returns:
@@ -34,14 +41,16 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
     directory = log.source.with_name(f"{log.source.name}_repaired")
     first = log.files[0]
     names = first.names
-    new = McapLog(directory, _topics(log, names), log.metadata, names=names, number=first.number)
+    metadata = {key: value for key, value in log.metadata.items() if key != LOST_FROM}
+    new = McapLog(directory, _topics(log, names), metadata, names=names, number=first.number)
     count = 0
     try:
-        new.begin(log.epoch_ns, log.snapshot)
+        new.begin(log.epoch_ns, log.snapshot, lost_from_ns=first.lost_from_ns)
         before = first
         for file, moved in log.files_in_turn(on_position):
             if file is not first:
-                new.split(file.snapshot(), file.number, after_loss=not file.follows(before))
+                lost = not file.follows(before)
+                new.split(file.snapshot(), file.number, after_loss=lost, lost_from_ns=file.lost_from_ns)
             before = file
             for topic, stamp_ns, data in file.messages(on_position=moved):
                 new.write(topic, stamp_ns, data)
@@ -56,35 +65,38 @@ def _topics(log: Log, names: TopicNames) -> list[Topic]:
     faults = []
     for file in log.files:
         try:
-            if topics := _topics_of(file.path, names):
+            if topics := _topics_of(file, names):
                 return topics
         except LogError as error:  # noqa: PERF203 - every file has them
             faults.append(error)
     raise faults[0] if faults else LogError(f"{log.path}: no channel in it")
 
 
-def _topics_of(path: Path, names: TopicNames) -> list[Topic]:
-    """Topics of a file; they stand before the first message."""
-    schemas: dict[int, str] = {}
-    topics = []
+def _topics_of(file: LogFile, names: TopicNames) -> list[Topic]:
+    """Topics of a file."""
     try:
-        with path.open("rb") as stream:
-            for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = record.name
-                elif isinstance(record, Channel):
-                    (qos,) = read_yaml(record.metadata["offered_qos_profiles"]).content
-                    topics.append(
-                        Topic(
-                            names.own(record.topic),
-                            schemas[record.schema_id],
-                            qos["reliability"],
-                            qos["durability"],
-                            qos["depth"],
-                        )
-                    )
-                elif isinstance(record, Message):
-                    break
+        channels, schemas = file.declared()
+        return [_topic(channel, schemas[channel.schema_id].name, names) for channel in channels.values()]
     except UNREADABLE as error:
-        raise LogError(f"{path}: channels are damaged: {one_line(error)}") from error
-    return topics
+        raise LogError(f"{file.path}: channels are damaged: {one_line(error)}") from error
+
+
+def _topic(channel: Channel, message_type: str, names: TopicNames) -> Topic:
+    """A topic with the QoS that it was offered with, where that can be read; else with the usual one."""
+    if message_type not in TYPESTORE.fielddefs:
+        raise ValueError(f"topic {channel.topic!r} is of an unknown type, {message_type!r}")
+    qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
+    sound = {key: qos[key] for key, allowed in QOS.items() if qos.get(key) in allowed}
+    depth = qos.get("depth")
+    if isinstance(depth, int) and 0 <= depth <= DEEPEST:
+        sound["depth"] = depth
+    return Topic(names.own(channel.topic), message_type, **sound)
+
+
+def _qos(text: str) -> dict[str, Any]:
+    """The one profile that a topic of ours has; nothing where it is none."""
+    try:
+        (qos,) = read_yaml(text[:QOS_LIMIT]).content
+    except UNREADABLE:
+        return {}
+    return qos if isinstance(qos, dict) and all(isinstance(qos.get(key), str | None) for key in QOS) else {}

@@ -28,10 +28,10 @@ from cable_twin.messages import (
     decode,
     topics,
 )
-from cable_twin.offline.file_joint import join
+from cable_twin.offline.file_joint import Joint, join
 from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
 from cable_twin.offline.start import start_of
-from cable_twin.recording.log_file import UNREADABLE, LogFile
+from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogFile
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import run_metadata
@@ -94,6 +94,8 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         position = value
 
     def advance(time: float) -> Snapshot:
+        if time - simulation.time > LONGEST_GAP:
+            raise LogError(f"from {simulation.time:g} s to {time:g} s at once; allowed: {LONGEST_GAP:g} s")
         while waiting and waiting[0].time < time:
             simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
             simulation.apply(waiting.popleft().command, "replay")
@@ -102,9 +104,13 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     def stream() -> Iterator[tuple[str, int, bytes]]:
         before: LogFile | None = None
         for file, moved in log.files_in_turn(note_position):
-            if before is not None and not join(before, file, simulation, advance, result, exactly=tolerance == 0.0):
-                waiting.clear()
-            yield from file.messages([*types, APPLIED_COMMANDS], moved)
+            if before is not None:
+                how = join(before, file, simulation, advance, result, exactly=tolerance == 0.0)
+                if how is Joint.LEFT_OUT:
+                    continue
+                if how is Joint.FROM_ITS_STATE:
+                    waiting.clear()
+            yield from file.messages([*types, APPLIED_COMMANDS], moved, whole=True)
             before = file
 
     stamp = -1
@@ -200,6 +206,27 @@ def origin(log: Log, commands: CommandStream) -> list[str]:
     ]
 
 
+def first_start(log: Log) -> tuple[Log, Simulation]:
+    """Build the simulation of a log as it was at its start, or at that of the first file whose state is not damaged.
+
+    Returns:
+        The log from that file on, and the simulation.
+
+    Raises:
+        SnapshotError: There is no such file.
+        ScenarioError, EquilibriumError: It cannot be simulated.
+    """
+    first = log
+    while True:
+        try:
+            return log, start_of(log, samples=int(log.metadata["sample_count"]))
+        except SnapshotError as error:  # noqa: PERF203 - of each file
+            if len(log.files) == 1:
+                raise
+            lost = str(error).replace(str(log.path), log.files[0].path.name)
+            log = dataclasses.replace(first, files=log.files[1:], lost=(*log.lost, lost))
+
+
 def made_here(log: Log) -> bool:
     """Whether the same bits can be expected: same versions, numba, numpy and kind of CPU."""
     here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
@@ -251,7 +278,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             tolerance = 0.0 if made_here(log) else ELSEWHERE
         with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
             with left_at_once("replay"):
-                simulation = start_of(log, samples=int(log.metadata["sample_count"]))
+                log, simulation = first_start(log)
             result = replay(log, simulation, tolerance=tolerance, progress=progress)
     except (LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError) as error:
         for line in str(error).splitlines():

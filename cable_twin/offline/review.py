@@ -120,19 +120,20 @@ def _repair(logs: Sequence[Log], console: Console) -> int:
     for log in logs:
         try:
             with _progress(console) as progress:
-                if log.complete:
-                    task = progress.add_task(f"reading {log.path.name}", total=log.size)
-                    for _ in log.messages(on_position=_mover(progress, task)):
-                        pass  # whether it is damaged is known in the end
-                    if not log.damage:
-                        print(f"{log.path}: complete, nothing to repair")
-                        continue
+                task = progress.add_task(f"reading {log.path.name}", total=log.size)
+                for _ in log.messages(on_position=_mover(progress, task)):
+                    pass  # what is lost is known in the end
+                if log.complete and not log.damage:
+                    print(f"{log.path}: complete, nothing to repair")
+                    continue
                 task = progress.add_task(f"repairing {log.path.name}", total=log.size)
                 directory, count = repair(log, _mover(progress, task))
         except OSError as error:
             print(f"review: --repair {log.path}: {error.strerror or error}: {error.filename}", file=sys.stderr)
             return NOT_WRITTEN
         print(f"{directory}: {count} messages, all that could be read of {log.path}")
+        for line in log.damage:
+            print(f"  {line}")
     return SHOWN
 
 

@@ -2,29 +2,53 @@
 
 from __future__ import annotations
 
-import os
-import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
-import zstandard
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from rosbags.serde.errors import SerdeError
 
-from cable_twin.messages import TopicNames
-from cable_twin.recording.log_versions import LogError, check_format
+from cable_twin.messages import APPLIED_COMMANDS, SECOND, TopicNames
+from cable_twin.recording import mcap_records
+from cable_twin.recording.log_metadata import LATEST, LOST_FROM, check_metadata
+from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import AFTER_LOSS
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
+from cable_twin.recording.mcap_records import (
+    CHUNK,
+    CHUNK_LIMIT,
+    RATIO_LIMIT,
+    ChunkPlace,
+    Index,
+    chunk_messages,
+    declared,
+    parsed,
+    read_index,
+    record_at,
+    unpacked,
+    unpacked_size,
+    walk,
+)
 
-RECORD_LIMIT = 2**30  # bytes; a longer record is garbage
-UNREADABLE = (McapError, SerdeError, zstandard.ZstdError, struct.error, ValueError, OverflowError, KeyError)
+LONGEST_GAP = 86400.0  # s of simulated time from one message to the next: a disk that stood still has no more
+MOST_TOLD = 5  # pieces of a file that are lost, each in words
+# what a message raises that is not what it says
+UNREADABLE = (*mcap_records.UNREADABLE, SerdeError, AssertionError, IndexError, TypeError, RecursionError)
+
+
+class _Piece(NamedTuple):
+    """A chunk, unpacked or lost."""
+
+    place: ChunkPlace | None  # none without an index
+    data: bytes
+    fault: str  # why it is lost
 
 
 @dataclass(frozen=True)
@@ -34,7 +58,10 @@ class LogFile:
     path: Path
     metadata: Mapping[str, str]
     epoch_ns: int
-    damage: list[str] = field(default_factory=list, compare=False)  # why a finished file was not read to its end
+    damage: list[str] = field(default_factory=list, compare=False)  # what was not read, and why, a line each
+    _lost_from: list[int] = field(
+        default_factory=list, compare=False, repr=False
+    )  # stamps after which commands may miss
 
     @property
     def number(self) -> int:
@@ -47,10 +74,15 @@ class LogFile:
         return self.path.stat().st_size
 
     @cached_property
+    def index(self) -> Index | None:
+        """What stands at its end, where it was closed and that is not damaged."""
+        with _open(self.path) as stream:
+            return read_index(stream)
+
+    @property
     def complete(self) -> bool:
         """Whether it was closed; else the process was killed, and everything but about its last second is here."""
-        with _open(self.path) as stream:
-            return _has_index(stream)
+        return self.index is not None and bool(self.index.chunks)
 
     @property
     def names(self) -> TopicNames:
@@ -62,56 +94,172 @@ class LogFile:
         """Whether the full state that it starts from is attached; else it starts as the scenario does."""
         return self.metadata.get("starts_from") == SNAPSHOT_NAME
 
+    @property
+    def commands_lost(self) -> bool:
+        """Whether commands may be missing in it, as far as it has been read; all until then are there."""
+        return bool(self._lost_from) or LOST_FROM in self.metadata
+
+    @property
+    def lost_from_ns(self) -> int | None:
+        """Stamp (ns since 1970) after which commands may be missing, as far as it has been read; None for none."""
+        given = [int(self.metadata[LOST_FROM])] if LOST_FROM in self.metadata else []
+        return min((*given, *self._lost_from), default=None)
+
     def follows(self, before: LogFile) -> bool:
-        """Whether nothing is missing between a file that has been read and this one."""
-        lost = not before.complete or before.damage or AFTER_LOSS in self.metadata
+        """Whether no command is missing between a file that has been read and this one."""
+        lost = not before.complete or before.commands_lost or AFTER_LOSS in self.metadata
         return not lost and self.number <= before.number + 1
 
     def snapshot(self) -> bytes | None:
-        """Read the file of the full state that it starts from, None where it starts as the scenario does."""
+        """Read the file of the full state that it starts from, None where it starts as the scenario does.
+
+        Where it is damaged, it is given as it is; nothing at all where it is not found.
+        """
         if not self.starts_from_snapshot:
             return None
         with _open(self.path) as stream:
-            return _read_origin(self.path, stream)[1]
+            return _attached(stream, self.index)
+
+    def declared(self) -> tuple[dict[int, Channel], dict[int, Schema]]:
+        """Channels and schemas by number; from the index, or in one pass without."""
+        if self.index is not None and self.index.channels:
+            return dict(self.index.channels), dict(self.index.schemas)
+        channels: dict[int, Channel] = {}
+        schemas: dict[int, Schema] = {}
+        with _open(self.path) as stream:
+            for piece in self._pieces(stream, None):
+                with suppress(*UNREADABLE):  # what is lost is told where messages are read
+                    for one in declared(piece.data):
+                        if isinstance(one, Channel):
+                            channels.setdefault(one.id, one)
+                        else:
+                            schemas.setdefault(one.id, one)
+        return channels, schemas
 
     def end_ns(self) -> int:
         """Stamp (ns since 1970) of the last message, the epoch where there is none; from the index, or in a pass."""
-        last = self.epoch_ns
-        if self.complete:
-            with _open(self.path) as stream:
-                summary = SeekingReader(stream).get_summary()
-                chunks = summary.chunk_indexes if summary is not None else ()
-                return max((chunk.message_end_time for chunk in chunks), default=last)
-        for _, stamp_ns, _ in self.messages():
-            last = max(last, stamp_ns)
-        return last
+        last: int | None = None
+        if self.index is not None and self.complete:
+            for chunk in self.index.chunks:
+                if chunk.last_ns and self._may_follow(chunk.last_ns, last):
+                    last = max(last or 0, chunk.last_ns)
+        else:
+            for _, stamp_ns, _ in self.messages():
+                last = max(last or 0, stamp_ns)
+        return last or self.epoch_ns
 
     def messages(
-        self, topics: Collection[str] | None = None, on_position: Callable[[int], None] | None = None
+        self,
+        topics: Collection[str] | None = None,
+        on_position: Callable[[int], None] | None = None,
+        *,
+        whole: bool = False,
     ) -> Iterator[tuple[str, int, bytes]]:
         """Stream messages in the order in which they were written, never more than a chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
             on_position: Called before each message with the bytes of the file read so far, to show progress.
+            whole: End where a command may be missing.
 
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        A file cut short just ends, and so does a finished one where it is damaged; `damage` then says so.
+        A file cut short just ends. Chunks that are damaged are left out, and `damage` then says so.
         """
-        names = self.names
-        own = cache(names.own)
-        wanted = None if topics is None else {names.full(topic) for topic in topics}
+        own = cache(self.names.own)
+        wanted = None if topics is None else {self.names.full(topic) for topic in topics}
+        names = {} if self.index is None else {id_: channel.topic for id_, channel in self.index.channels.items()}
+        lost_from, last = self.lost_from_ns, None if self.starts_from_snapshot else self.epoch_ns
         with _open(self.path) as stream:
+            for piece in self._pieces(stream, wanted):
+                try:
+                    if piece.fault:
+                        raise McapError(piece.fault)
+                    for channel, stamp_ns, data in chunk_messages(piece.data, names):
+                        if not self._may_follow(stamp_ns, last):
+                            self._lose(
+                                f"the stamp {stamp_ns} ns in it is none of this run; what follows is left out", last
+                            )
+                            return
+                        if whole and lost_from is not None and stamp_ns > lost_from:
+                            self._lose("commands after it are lost", lost_from)
+                            return
+                        last = stamp_ns
+                        if (topic := names.get(channel)) is None:
+                            raise McapError(f"channel {channel} is not declared")
+                        if wanted is None or topic in wanted:
+                            if on_position is not None:
+                                on_position(stream.tell())
+                            yield own(topic), stamp_ns, data
+                except UNREADABLE as error:  # noqa: PERF203 - of each chunk
+                    self._lose(one_line(error), last, piece.place)
+                    if whole and self.commands_lost:
+                        return
+
+    def _pieces(self, stream: IO[bytes], wanted: Collection[str] | None) -> Iterator[_Piece]:
+        """Chunks one after the other: with the index those that hold the topics, all without."""
+        total, allowed = 0, CHUNK_LIMIT + RATIO_LIMIT * self.size
+        for place, record in self._chunk_records(stream, wanted):
             try:
-                for topic, message in _indexed(stream, wanted) if self.complete else _streamed(stream, wanted):
-                    if on_position is not None:
-                        on_position(stream.tell())
-                    yield own(topic), message.log_time, message.data
+                if isinstance(record, Exception):
+                    raise record
+                total += unpacked_size(record)
+                if total > allowed:
+                    yield _Piece(
+                        place, b"", f"it unpacks to more than {RATIO_LIMIT} times its size; the rest is left out"
+                    )
+                    return
+                yield _Piece(place, unpacked(record), "")
+            except UNREADABLE as error:  # noqa: PERF203 - of each chunk
+                yield _Piece(place, b"", one_line(error))
+
+    def _chunk_records(
+        self, stream: IO[bytes], wanted: Collection[str] | None
+    ) -> Iterator[tuple[ChunkPlace | None, bytes | Exception]]:
+        """Each chunk as it stands in the file, or why there is none."""
+        if self.index is None or not self.complete:
+            for record in walk(stream):
+                if isinstance(record, McapError):
+                    yield None, record
+                elif record.opcode == CHUNK:
+                    yield None, record.content
+            return
+        numbers = {id_ for id_, channel in self.index.channels.items() if wanted is None or channel.topic in wanted}
+        for place in self.index.chunks:
+            if numbers.isdisjoint(place.channels) and (place.channels or not place.last_ns):
+                continue  # nothing that is wanted, or no message at all
+            try:
+                found = record_at(stream, place.offset)
+                if found.opcode != CHUNK:
+                    raise McapError(f"no chunk at byte {place.offset}")
+                yield place, found.content
             except UNREADABLE as error:
-                if self.complete and not self.damage:
-                    self.damage.append(one_line(error))
+                yield place, error
+
+    def _may_follow(self, stamp_ns: int, last: int | None) -> bool:
+        """Whether a message may have this stamp (ns since 1970) where the one before has `last`."""
+        return 0 <= stamp_ns < LATEST and (last is None or stamp_ns - last <= LONGEST_GAP * SECOND)
+
+    def _lose(self, why: str, last: int | None, place: ChunkPlace | None = None) -> None:
+        """Note what is not read, and whether commands may be in it."""
+        commands = self.names.full(APPLIED_COMMANDS)
+        channels = self.index.channels if self.index is not None else {}
+        if (
+            place is None
+            or not place.channels
+            or any(id_ not in channels or channels[id_].topic == commands for id_ in place.channels)
+        ):
+            since = last if last is not None else self.epoch_ns
+            self._lost_from.append(since if place is None or not place.first_ns else min(since, place.first_ns))
+        if place is not None and place.last_ns:
+            first, end = ((stamp - self.epoch_ns) / SECOND for stamp in (place.first_ns, place.last_ns))
+            line = f"{first:.2f} to {end:.2f} s are lost: {why}"
+        else:
+            line = f"a part after {((last or self.epoch_ns) - self.epoch_ns) / SECOND:.2f} s is lost: {why}"
+        if line in self.damage or len(self.damage) > MOST_TOLD:
+            return
+        self.damage.append(line if len(self.damage) < MOST_TOLD else "and more")
 
 
 def file_number(path: Path) -> int:
@@ -127,85 +275,71 @@ def open_file(path: Path) -> LogFile:
         LogError: It is no bag, not one of this package, or of a format that this version does not know.
     """
     with _open(path) as stream:
-        metadata, _ = _read_origin(path, stream)
-    check_format(path, metadata)
-    for key, unit in (("epoch_ns", "of nanoseconds"), ("sample_count", "of points")):
-        if not metadata.get(key, "").isdecimal():
-            raise LogError(f"{path}: {key} is {metadata.get(key)!r}, a whole number {unit} is expected")
+        metadata = _metadata(path, stream)
+    check_metadata(path, metadata)
     return LogFile(path, metadata, int(metadata["epoch_ns"]))
 
 
 def _open(file: Path) -> IO[bytes]:
+    if file.exists() and not file.is_file():  # one that never ends, or never begins
+        raise LogError(f"{file}: no regular file")
     try:
         return file.open("rb")
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
 
 
-def _read_origin(file: Path, stream: IO[bytes]) -> tuple[dict[str, str], bytes | None]:
-    """Find where the run comes from, and the state it starts from if that is attached: before the first message."""
-    metadata: dict[str, str] | None = None
+def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
+    """Find where the run comes from: before the first message, or where the index says."""
+    if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        raise LogError(f"{file}: not a bag: no MCAP file")
+    fault = ""
+    for content in (*_of_kind(stream, None, Opcode.METADATA), *_of_kind(stream, read_index(stream), Opcode.METADATA)):
+        try:
+            record = parsed(Metadata, content)
+        except UNREADABLE as error:
+            fault = one_line(error)
+            continue
+        if record.name == METADATA_NAME:
+            return dict(record.metadata)
     try:
-        for record in StreamReader(stream, record_size_limit=RECORD_LIMIT).records:
-            if isinstance(record, Metadata) and record.name == METADATA_NAME:
-                metadata = record.metadata
-                if metadata.get("starts_from") != SNAPSHOT_NAME:
-                    return metadata, None
-            elif metadata is not None and isinstance(record, Attachment) and record.name == SNAPSHOT_NAME:
-                return metadata, record.data
-            elif isinstance(record, Message):
-                break
-    except InvalidMagic as error:
-        raise LogError(f"{file}: not a bag: no MCAP file") from error
-    except UNREADABLE as error:
-        raise LogError(f"{file}: not a bag, or empty: {one_line(error)}") from error
-    if metadata is not None:
-        raise LogError(f"{file}: the run started from a snapshot, and {SNAPSHOT_NAME} is not attached any more")
+        record_at(stream, len(MCAP0_MAGIC))
+    except McapError as error:
+        fault = one_line(error)
+    if fault:
+        raise LogError(f"{file}: not a bag, or empty: {fault}")
     raise LogError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
 
 
-def _has_index(stream: IO[bytes]) -> bool:
-    stream.seek(0, os.SEEK_END)
-    if stream.tell() < 2 * len(MCAP0_MAGIC):
-        return False
-    stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-    if stream.read() != MCAP0_MAGIC:
-        return False
-    stream.seek(0)
-    try:
-        summary = SeekingReader(stream).get_summary()
-    except UNREADABLE:
-        return False
-    return summary is not None and bool(summary.chunk_indexes)
-
-
-def _indexed(stream: IO[bytes], topics: Collection[str] | None) -> Iterator[tuple[str, Message]]:
-    """Read only the chunks that hold the topics; mcap's own reader in this order would load all of them at once."""
-    summary = SeekingReader(stream).get_summary()
-    if summary is None:
-        return
-    names = {
-        id_: channel.topic for id_, channel in summary.channels.items() if topics is None or channel.topic in topics
-    }
-    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
-        if names.keys().isdisjoint(index.message_index_offsets):
+def _attached(stream: IO[bytes], index: Index | None) -> bytes:
+    """The full state, damaged or not; nothing where it is not found."""
+    for content in (*_of_kind(stream, None, Opcode.ATTACHMENT), *_of_kind(stream, index, Opcode.ATTACHMENT)):
+        try:
+            record = parsed(Attachment, content)
+        except UNREADABLE:
             continue
-        stream.seek(index.chunk_start_offset)
-        chunk = next(StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=RECORD_LIMIT).records)
-        if not isinstance(chunk, Chunk):
-            raise McapError(f"no chunk at byte {index.chunk_start_offset}")
-        for record in breakup_chunk(chunk, validate_crc=True):
-            if isinstance(record, Message) and record.channel_id in names:
-                yield names[record.channel_id], record
+        if record.name == SNAPSHOT_NAME:
+            return bytes(record.data)
+    return b""
 
 
-def _streamed(stream: IO[bytes], topics: Collection[str] | None) -> Iterator[tuple[str, Message]]:
-    names: dict[int, str] = {}
-    for record in StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_LIMIT).records:
-        if isinstance(record, Channel):
-            names[record.id] = record.topic
-        elif isinstance(record, Message) and (topics is None or names[record.channel_id] in topics):
-            yield names[record.channel_id], record
+def _of_kind(stream: IO[bytes], index: Index | None, opcode: Opcode) -> list[bytes]:
+    """Contents of the records of a kind that stand before the second chunk, or where the index says."""
+    found: list[bytes] = []
+    if index is not None:
+        for offset in index.others:
+            try:
+                record = record_at(stream, offset)
+            except UNREADABLE:
+                continue
+            found += [record.content] if record.opcode == opcode else []
+        return found
+    chunks = 0
+    for one in walk(stream):
+        if isinstance(one, McapError) or (chunks := chunks + (one.opcode == CHUNK)) > 1:
+            break
+        found += [one.content] if one.opcode == opcode else []
+    return found
 
 
 def one_line(error: BaseException) -> str:

@@ -48,7 +48,13 @@ def open_logs(
         OSError: when the bag cannot be made; all others are faults, and the bag goes on.
     """
     scenario = simulation.scenario
-    metadata = run_metadata(scenario=scenario.name, frame_period=frame_period, sample_count=SAMPLES, frames=frames)
+    metadata = run_metadata(
+        scenario=scenario.name,
+        frame_period=frame_period,
+        sample_count=SAMPLES,
+        frames=frames,
+        resolved=scenario.resolved(),
+    )
     log = McapLog(directory, topics, metadata, names=names)
     view, web = None, None
     faults: list[str] = []

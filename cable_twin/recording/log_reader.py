@@ -10,9 +10,12 @@ from typing import Any
 
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
-from cable_twin.recording.log_file import RECORD_LIMIT, UNREADABLE, LogFile, file_number, one_line, open_file
+from cable_twin.recording.log_file import UNREADABLE, LogFile, file_number, one_line, open_file
+from cable_twin.recording.log_metadata import scenario_of_metadata
 from cable_twin.recording.log_versions import LogError
 from cable_twin.records import AppliedCommand
+
+STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: they are one, but for rounding
 
 
 @dataclass(frozen=True)
@@ -70,11 +73,14 @@ class Log:
 
     def command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
         """Read a message of applied_commands; raises LogError where it is unreadable."""
+        when = (stamp_ns - self.epoch_ns) / SECOND
         try:
-            return applied_command_from_message(data, self.epoch_ns)
+            applied = applied_command_from_message(data, self.epoch_ns)
+            if abs(applied.time - when) > STAMPS_APART:
+                raise ValueError(f"it says to be of {applied.time:.6f} s")
         except UNREADABLE as error:
-            when = f"{(stamp_ns - self.epoch_ns) / SECOND:.6f} s"
-            raise LogError(f"{self.path}: command at {when} is unreadable: {one_line(error)}") from error
+            raise LogError(f"{self.path}: command at {when:.6f} s is unreadable: {one_line(error)}") from error
+        return applied
 
     @cached_property
     def end(self) -> float:
@@ -88,7 +94,7 @@ class Log:
         numbers = [file.number for file in self.files]
         which = f"files {numbers[0]} to {numbers[-1]}, " if len(self.files) > 1 else ""
         if damage := self.damage:
-            return f"{which}damaged, read as far as it goes ({'; '.join(damage)})"
+            return f"{which}damaged, all else is read ({'; '.join(damage)})"
         return f"{which}{'complete' if self.complete else 'cut short, read as far as it goes'}"
 
     @property
@@ -108,7 +114,8 @@ class Log:
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        A file that is cut short or damaged ends there, and the next one follows; `damage` then says so.
+        A file that is cut short ends there, and the next one follows; of a damaged one the rest is read. `damage` then
+        says so.
         """
         for file, moved in self.files_in_turn(on_position):
             yield from file.messages(topics, moved)
@@ -190,6 +197,9 @@ def _read_scenario(file: LogFile) -> dict[str, Any]:
                 return scenario_from_message(data)
             except UNREADABLE as error:
                 raise LogError(f"{file.path}: scenario is unreadable: {one_line(error)}") from error
+    scenario = scenario_of_metadata(file.metadata)
+    if scenario is not None and not (empty and not file.damage):
+        return scenario
     if file.damage:
         raise LogError(f"{file.path}: damaged: {file.damage[0]}")
     raise LogError(
@@ -197,4 +207,4 @@ def _read_scenario(file: LogFile) -> dict[str, Any]:
     )
 
 
-__all__ = ["RECORD_LIMIT", "UNREADABLE", "Log", "LogError", "one_line", "read_log"]
+__all__ = ["UNREADABLE", "Log", "LogError", "one_line", "read_log"]

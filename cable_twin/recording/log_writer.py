@@ -15,11 +15,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import indent
+from typing import Any
 
 from llvmlite.binding import get_host_cpu_name
 
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
+from cable_twin.recording.log_metadata import LOST_FROM, scenario_metadata
 from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
 from cable_twin.recording.splitting import ClosedSize, Splitting
@@ -28,7 +30,12 @@ AFTER_LOSS = "after_loss"  # key of the metadata of a file before which somethin
 
 
 def run_metadata(
-    *, scenario: str, frame_period: float, sample_count: int, frames: FrameNames | None = None
+    *,
+    scenario: str,
+    frame_period: float,
+    sample_count: int,
+    frames: FrameNames | None = None,
+    resolved: Mapping[str, Any] | None = None,
 ) -> dict[str, str]:
     """Tell where a run comes from.
 
@@ -37,6 +44,7 @@ def run_metadata(
         frame_period: s of simulated time between frames.
         sample_count: Points of the cable in each frame.
         frames: Names of coordinate frames, where they are not the usual ones.
+        resolved: The whole scenario, for a second copy of it in each file.
 
     Returns:
         The metadata for `McapLog`.
@@ -52,6 +60,7 @@ def run_metadata(
         "frame_period": repr(frame_period),
         "sample_count": str(sample_count),
         **(frames or FrameNames()).metadata,
+        **(scenario_metadata(resolved) if resolved is not None else {}),
     }
 
 
@@ -127,19 +136,20 @@ class McapLog:
         """Return the path of a file of the run, the rerun recording beside it has the suffix .rrd."""
         return self.directory / f"{self.directory.resolve().name}_{number}.mcap"
 
-    def begin(self, epoch_ns: int, snapshot: bytes | None = None) -> None:
+    def begin(self, epoch_ns: int, snapshot: bytes | None = None, *, lost_from_ns: int | None = None) -> None:
         """Write where the run comes from; before the first message.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
             snapshot: Full state from which the run starts, attached; none where it starts as its scenario does.
+            lost_from_ns: Stamp (ns since 1970) after which commands are missing in the first file, if they are.
 
         Raises:
             OSError: The disk refuses; the log only wants to be closed.
         """
         self._epoch_ns = epoch_ns
         try:
-            self._begin_file(snapshot)
+            self._begin_file(snapshot, lost_from_ns)
         except OSError:
             self._abandon()
             raise
@@ -167,13 +177,21 @@ class McapLog:
         """Have all on the disk: from now on neither a kill nor a power cut can take it."""
         self._file.flush()
 
-    def split(self, snapshot: bytes | None, number: int | None = None, *, after_loss: bool = False) -> None:
+    def split(
+        self,
+        snapshot: bytes | None,
+        number: int | None = None,
+        *,
+        after_loss: bool = False,
+        lost_from_ns: int | None = None,
+    ) -> None:
         """Close the file and go on in the next one.
 
         Args:
             snapshot: Full state from which the next file starts, attached.
             number: Of the next file; by default the next number.
             after_loss: Something is missing before it, and its metadata say so.
+            lost_from_ns: Stamp (ns since 1970) after which commands are missing in it, likewise.
 
         Raises:
             OSError: The disk refuses; all closed files stay readable, and the log only wants to be closed.
@@ -189,7 +207,7 @@ class McapLog:
             raise
         self._number = number
         try:
-            self._begin_file(snapshot, after_loss=after_loss)
+            self._begin_file(snapshot, lost_from_ns, after_loss=after_loss)
             self._write_bag_metadata(running=True)
         except OSError:
             self._abandon()
@@ -233,11 +251,13 @@ class McapLog:
             self._close_file()
         self._ended = True
 
-    def _begin_file(self, snapshot: bytes | None, *, after_loss: bool = False) -> None:
+    def _begin_file(self, snapshot: bytes | None, lost_from_ns: int | None, *, after_loss: bool = False) -> None:
         own = {"format_version": FORMAT_VERSION, "epoch_ns": str(self._epoch_ns), **self._names.metadata}
         which = {"starts_from": "scenario" if snapshot is None else SNAPSHOT_NAME, "file": str(self._number)}
         if after_loss:
             which[AFTER_LOSS] = "true"
+        if lost_from_ns is not None:
+            which[LOST_FROM] = str(lost_from_ns)
         self._file.begin({**own, **self._metadata, **which}, snapshot)
 
     def _close_file(self) -> None:

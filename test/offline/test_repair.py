@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from bags import bag, damage_middle
+from bags import alter, bag, chunks_of, damage_middle, flip_chunk, unchanged
 from mcap.reader import make_reader
+from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
@@ -20,6 +21,7 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
+from cable_twin.offline import replay
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import McapLog, run_metadata
@@ -35,7 +37,8 @@ def whole(tmp_path_factory):
     """A finished run of two seconds of a node with a name of its own, in many chunks."""
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
-    metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES)
+    resolved = simulation.scenario.resolved()
+    metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES, resolved=resolved)
     names = TopicNames("/valley/twin", {"cable": "/rope", "joint_states": "/js"})
     log = McapLog(directory, topics(simulation.layout), metadata, names=names)
     log.begin(EPOCH)
@@ -104,7 +107,7 @@ def test_file_alone_is_repaired_beside_it(cut, tmp_path, capsys):
     assert error.count("\n") == 1
 
 
-def test_damaged_bag_is_read_and_repaired_up_to_there(whole, tmp_path, capsys):
+def test_damaged_bag_is_read_and_repaired_but_for_the_chunk_that_is_lost(whole, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     damage_middle(bag(run))
@@ -115,11 +118,66 @@ def test_damaged_bag_is_read_and_repaired_up_to_there(whole, tmp_path, capsys):
     ):
         assert main(arguments) == 0
     output = capsys.readouterr().out
-    assert f"{bag(run)}: damaged, read as far as it goes (" in output
+    assert f"{bag(run)}: damaged, all else is read (0.81 to 1.00 s are lost: " in output
     assert f"{bag(tmp_path / 'run_repaired')}: complete; scenario" in output
     intact, rescued = list(read_log(whole).messages()), list(read_log(tmp_path / "run_repaired").messages())
-    assert rescued == intact[: len(rescued)]
-    assert 0.2 < len(rescued) / len(intact) < 0.8
+    lost = [message for message in intact if message not in rescued]
+    assert rescued == [message for message in intact if message not in lost]
+    assert {message[1] for message in lost} == {EPOCH + frame * 10**7 for frame in range(81, 101)}
+    for directory in (run, tmp_path / "run_repaired"):  # the index says that no command was in what is lost
+        assert replay.main([str(directory)]) == 0
+        output = capsys.readouterr().out
+        assert "joint_states                                  180 samples,        0 differ" in output
+        assert "every sample agrees to the last bit" in output
+
+
+@pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
+def test_a_replay_ends_where_a_command_may_be_lost(whole, tmp_path, finished, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    chunks = chunks_of(bag(run))
+    if finished:
+        alter(bag(whole), bag(run), unchanged, chunk_size=300_000)  # whose chunks have commands where they are given
+        chunks = chunks_of(bag(run))
+    else:
+        bag(run).write_bytes(bag(run).read_bytes()[:-1000])
+    hit = chunks[0] if finished else chunks[len(chunks) // 2]
+    flip_chunk(bag(run), hit)
+    assert main([str(run), "--repair"]) == 0
+    capsys.readouterr()
+    for directory in (run, tmp_path / "run_repaired"):
+        code = replay.main([str(directory)])
+        printed = capsys.readouterr()
+        if finished:  # from the start
+            assert (code, printed.err.endswith("no frame of the twin in it\n")) == (2, True)
+            continue
+        assert code == 0
+        assert "101 samples" in printed.out or "81 samples" in printed.out
+        assert "every sample agrees to the last bit" in printed.out
+
+
+def test_odd_qos_of_topics_does_not_keep_a_bag_from_being_repaired(whole, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    odd = iter(["", "[", "- &a [*a]", "{}", "- 7", "- depth: -3", "- {reliability: [], depth: many}", "- !!python/x 1"])
+    with bag(whole).open("rb") as stream, bag(run).open("wb") as output:
+        reader, writer = make_reader(stream), McapWriter(output)
+        writer.start("ros2", "test")
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        channels = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                qos = {"offered_qos_profiles": next(odd, "- {reliability: perhaps, durability: 3}")}
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", number, qos)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    bag(run).write_bytes(bag(run).read_bytes()[:-100])
+    assert main([str(run), "--repair"]) == 0
+    assert list(read_log(tmp_path / "run_repaired").messages()) == list(read_log(whole).messages())
+    with AnyReader([tmp_path / "run_repaired"]) as reader:
+        assert reader.message_count == len(list(read_log(whole).messages()))
 
 
 def test_complete_bag_needs_no_repair(whole, capsys):

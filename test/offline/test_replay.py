@@ -196,7 +196,7 @@ def test_what_is_no_log_is_named_in_a_line(tmp_path, capsys, make, said):
 )
 def test_log_that_lacks_what_a_replay_needs_is_named_in_a_line(recorded, tmp_path, capsys, change, said):
     target = tmp_path / "altered.mcap"
-    alter(bag(recorded), target, change)
+    alter(bag(recorded), target, change, metadata={"scenario_text": ""})
     assert main([str(target)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"replay: {target}: ")

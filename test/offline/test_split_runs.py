@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from bags import damage_middle
+from bags import damage_middle, flip_bit
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from small_tramway import TRAMWAY
 from split_run import COMMANDS, EPOCH, bags, record_split
@@ -145,7 +146,7 @@ def test_last_file_with_nothing_in_it_is_said(copy, capsys):
     last.write_bytes(last.read_bytes()[:60])  # killed while it was opened
     assert replay.main([str(copy)]) == 0
     output = capsys.readouterr().out
-    assert f"files 0 to 2, damaged, read as far as it goes ({last.name}: not a bag, or empty: " in output
+    assert f"files 0 to 2, damaged, all else is read ({last.name}: not a bag, or empty: " in output
     assert " 6.00 s, " not in output
     assert repaired(copy) > 500
 
@@ -162,15 +163,57 @@ def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil
     output = capsys.readouterr().out
     assert f"{files[2].name}: what comes before 4.00 s is lost; goes on from its state" in output
     assert re.search(rf"^ +snapshot\.npz +{states} samples, +0 differ$", output, re.MULTILINE)
-    assert "damaged, read as far as it goes (" in output
+    assert "damaged, all else is read (" in output
     assert "every sample agrees to the last bit" in output
     assert review.main([str(copy), "--no-viewer"]) == 0
-    assert "damaged, read as far as it goes (" in capsys.readouterr().out
+    assert "damaged, all else is read (" in capsys.readouterr().out
     assert repaired(copy) == sum(1 for _ in read_log(copy).messages())
     copied = copy.with_name(f"{copy.name}_repaired")
     capsys.readouterr()
     assert replay.main([str(copied)]) == 0
     assert "what comes before 4.00 s is lost" in capsys.readouterr().out
+
+
+def test_a_damaged_state_is_said_and_the_replay_goes_on(copy, capsys):
+    flip_state(bags(copy)[2])
+    assert replay.main([str(copy)]) == 0
+    output = capsys.readouterr().out
+    assert f"  {bags(copy)[2].name}: snapshot.npz: damaged" in output
+    assert "its state is not compared" in output
+    assert re.search(r"^ +snapshot\.npz +2 samples, +0 differ$", output, re.MULTILINE)
+    assert re.search(r"^ +joint_states +376 samples, +0 differ$", output, re.MULTILINE)
+    assert review.main([str(copy), "--no-viewer"]) == 0
+    assert "376 frames, 8 commands" in capsys.readouterr().out
+    flip_state(bags(copy)[3])
+    for file in bags(copy)[:2]:
+        file.unlink()
+    assert replay.main([str(copy)]) == 2  # from no state that is left
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_damaged_state_that_is_needed_costs_its_file(copy, capsys):
+    files = bags(copy)
+    files[0].unlink()
+    flip_state(files[1])
+    assert replay.main([str(copy)]) == 0  # from the next one
+    output = capsys.readouterr().out
+    assert f"{copy}: files 2 to 3, damaged, all else is read ({files[1].name}: snapshot: damaged" in output
+    assert "every sample agrees to the last bit" in output
+    damage_middle(files[2])
+    flip_state(files[3])
+    flip_state(files[1])  # back
+    assert replay.main([str(copy)]) == 0
+    output = capsys.readouterr().out
+    assert (
+        f"  {files[3].name}: left out: what comes before it is lost, and so is {files[3].name}: snapshot.npz" in output
+    )
+
+
+def flip_state(file: Path) -> None:
+    """Change one bit in the middle of the attached state."""
+    with file.open("rb") as stream:
+        (attached,) = make_reader(stream).get_summary().attachment_indexes
+    flip_bit(file, attached.offset + attached.length // 2)
 
 
 def repaired(run: Path) -> int:

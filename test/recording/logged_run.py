@@ -23,7 +23,7 @@ SAMPLES = 50
 LAYOUT = Layout({"cabin": ("hanger",)}, ("start", "end"), (), np.linspace(0.0, 4.0, SAMPLES))
 EPOCH = 1_700_000_000_123_456_789
 SCENARIO_VALUES = {"description": "Prüfstand", "cable": {"elements": 24}}
-METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=SAMPLES)
+METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=SAMPLES, resolved=SCENARIO_VALUES)
 
 COMMANDS = [
     AppliedCommand(0.0, Command("speed", {"cabin": 1.5}), "joint_commands"),

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import chunk_with, chunks_of, flip_chunk
 from logged_run import COMMANDS, EPOCH, METADATA, SCENARIO_VALUES, open_log, run_messages, write_run
-from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import cable_twin
@@ -52,15 +52,64 @@ def test_zeros_at_the_end_as_after_a_power_cut(finished):
     assert list(read.messages()) == messages
 
 
-def test_damage_to_the_scenario_is_said(finished):
-    log, _ = finished
-    whole = bytearray(log.path.read_bytes())
-    with log.path.open("rb") as stream:
-        chunk = make_reader(stream).get_summary().chunk_indexes[-1]
-    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
-    whole[middle : middle + 50] = bytes(50)
-    log.path.write_bytes(whole)
-    assert f"{log.path}: damaged: " in complaint(log.path)  # its one chunk
+def write_in_chunks(directory, frames=200) -> tuple[Path, list]:
+    """A finished log whose chunks hold ten frames each."""
+    log, messages = open_log(directory), run_messages(frames)
+    for number, message in enumerate(messages):
+        log.write(*message)
+        if number % 50 == 49:
+            log.flush()
+    log.close()
+    return log.path, messages
+
+
+@pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
+def test_a_flipped_bit_costs_the_chunk_that_it_is_in(directory, finished):
+    path, messages = write_in_chunks(directory)
+    whole, chunks = path.read_bytes(), chunks_of(path)
+    assert len(chunks) > 10
+    for number in (1, 2, len(chunks) // 2, len(chunks) - 1):  # the first declares channels
+        path.write_bytes(whole if finished else whole[: -len(whole) // 100])
+        flip_chunk(path, chunks[number])
+        read = read_log(directory)
+        got = list(read.messages())
+        lost = [message for message in messages if message not in got]
+        assert got == [message for message in messages if message not in lost]
+        first = messages.index(lost[0])
+        assert lost == messages[first : first + len(lost)]  # in one place
+        assert len(lost) <= 50
+        (said,) = read.damage
+        assert "checksum" in said or "zstd" in said or "decompress" in said
+        assert read.scenario == SCENARIO_VALUES
+
+
+@pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
+def test_100_random_bytes_cost_the_chunks_that_they_are_in(directory, finished):
+    path, messages = write_in_chunks(directory)
+    whole, chunks = path.read_bytes(), chunks_of(path)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        damaged = bytearray(whole if finished else whole[: chunks[-1].chunk_start_offset])
+        place = int(rng.integers(chunks[1].chunk_start_offset, chunks[-1].chunk_start_offset - 100))
+        damaged[place : place + 100] = rng.bytes(100)
+        path.write_bytes(damaged)
+        hit = [
+            c for c in chunks if c.chunk_start_offset < place + 100 and place < c.chunk_start_offset + c.chunk_length
+        ]
+        got = list(read_log(directory).messages())
+        missing = [message for message in messages if message not in got]
+        assert len(missing) <= 50 * (len(hit) + (not finished))
+
+
+def test_the_scenario_is_in_the_metadata_too(directory):
+    path, _ = write_in_chunks(directory)
+    flip_chunk(path, chunk_with(path, "scenario"))
+    read = read_log(directory)
+    assert read.scenario == SCENARIO_VALUES
+    content = path.read_bytes()
+    assert content.count("Prüfstand".encode()) == 1
+    path.write_bytes(content.replace("Prüfstand".encode(), b"Prufstand "))  # which no checksum of MCAP finds
+    assert "damaged" in complaint(path)
 
 
 def complaint(path) -> str:
@@ -89,7 +138,7 @@ def test_a_log_without_messages_or_scenario_is_said(tmp_path):
     assert "empty: no message" in complaint(log.path)  # while it is written
     log.close()
     assert "empty: no message" in complaint(log.path)
-    log = open_log(tmp_path / "bare")
+    log = open_log(tmp_path / "bare", metadata={**METADATA, "scenario_text": ""})
     log.write(*run_messages(1)[1])
     log.close()
     assert "no scenario" in complaint(log.path)
