@@ -138,15 +138,15 @@ class LogFile:
 
     def end_ns(self) -> int:
         """Stamp (ns since 1970) of the last message, the epoch where there is none; from the index, or in a pass."""
-        last: int | None = None
-        if self.index is not None and self.complete:
-            for chunk in self.index.chunks:
-                if chunk.last_ns and self._may_follow(chunk.last_ns, last):
-                    last = max(last or 0, chunk.last_ns)
-        else:
-            for _, stamp_ns, _ in self.messages():
-                last = max(last or 0, stamp_ns)
-        return last or self.epoch_ns
+        last = self.epoch_ns
+        ends = [chunk.last_ns for chunk in self.index.chunks if chunk.last_ns] if self.index and self.complete else []
+        for before, end in zip([None if self.starts_from_snapshot else last, *ends], ends, strict=False):
+            if not self._may_follow(end, before):  # a stamp of no run, or a gap, in which a pass tells what is what
+                ends = []
+                break
+        for end in ends or (stamp_ns for _, stamp_ns, _ in self.messages()):
+            last = max(last, end)
+        return last
 
     def messages(
         self,
