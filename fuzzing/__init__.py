@@ -20,6 +20,7 @@ DONE, REFUSED = "done", "refused"  # what `run` of a fuzzer returns
 FUZZERS = {  # module: what it feeds to which part of the program
     "scenarios": "scenario files, mutated, to `simulate` for some steps",
     "scripts": "scripts of commands, YAML and CSV, to a run of two scenarios",
+    "bags": "logs with changed bytes, records, messages, metadata and states, to `review`, `replay` and `--from-bag`",
     "snapshots": "files of a full state, with changed bytes, numbers, shapes and headers, to a simulation that goes on",
 }
 

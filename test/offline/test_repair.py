@@ -44,12 +44,13 @@ def whole(tmp_path_factory):
     log.begin(EPOCH)
     encoder = MessageEncoder(simulation.layout, EPOCH)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))
-    applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")
-    log.write(APPLIED_COMMANDS, EPOCH, applied_command_message(applied, EPOCH))
     for frame in range(200):
         snapshot = simulation.advance_to(frame * 0.01)
         for topic, data in encoder.frame(snapshot):
             log.write(topic, EPOCH + nanoseconds(snapshot.time), data)
+        if frame == 0:
+            applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")
+            log.write(APPLIED_COMMANDS, EPOCH, applied_command_message(applied, EPOCH))
         if frame % 20 == 0:
             log.flush()
     log.close()
