@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.strategies import SearchStrategy
 
 from fuzzing import DONE, REFUSED, Case
 from fuzzing.child import MEMORY, READY, ROOT, TRACEBACK, place_of
@@ -226,8 +227,8 @@ def fuzz(
                 return counts
             for file in sorted(seeds.iterdir()) if seeds is not None and seeds.is_dir() else ():
                 take(Case(file.read_bytes(), file.suffix))
-            drawn = time.monotonic()
-            _draw(module, number, lambda: time.monotonic() - drawn < seconds and counts.runs < most, take)
+            strategy, drawn = import_module(module).cases(), time.monotonic()
+            _draw(strategy, number, lambda: time.monotonic() - drawn < seconds and counts.runs < most, take)
         finally:
             child.close()
     counts.seconds = time.monotonic() - started
@@ -244,9 +245,10 @@ def replay(module: str, file: Path, limits: Limits | None = None) -> tuple[str, 
             child.close()
 
 
-def _draw(module: str, number: int, goes_on: Callable[[], bool], take: Callable[[Case], None]) -> None:
+def _draw(
+    strategy: SearchStrategy[Case], number: int, goes_on: Callable[[], bool], take: Callable[[Case], None]
+) -> None:
     """Have hypothesis draw cases and take them, batch after batch, until the time is over."""
-    strategy = import_module(module).cases()
     batch = 0
     while goes_on():
 
