@@ -21,7 +21,7 @@ from cable_twin.command_line import OneLineParser, left_at_once
 from cable_twin.key_figures import values_of
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line_places import Line, calculate, plan_line
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, assignment, plots_fault
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, changed_value, plots_fault
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError
 
@@ -98,7 +98,7 @@ def parser() -> OneLineParser:
         "--set",
         action="append",
         default=[],
-        type=assignment,
+        type=changed_value,
         metavar="KEY=VALUE",
         help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; may be given often",
     )

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from cable_twin.command_line import OneLineParser, typed
-from cable_twin.limited_yaml import UnreadableYamlError, read_yaml
 from cable_twin.offline.export import add_export
 from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.rates import EVERY_FRAME, LOGGED
 from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
-from cable_twin.scenario import scenario_lines
+from cable_twin.scenario import assignment, scenario_lines
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
@@ -95,7 +94,7 @@ def parser() -> OneLineParser:
         "--set",
         action="append",
         default=[],
-        type=assignment,
+        type=changed_value,
         metavar="KEY=VALUE",
         help="change a value of the scenario by its dotted key, as in cable.elements=48; may be given often",
     )
@@ -172,15 +171,12 @@ def plots_fault(option: str) -> str:
     return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
 
 
-def assignment(text: str) -> tuple[str, Any]:
-    """Key and value of KEY=VALUE, the value as YAML has it."""
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip():
-        raise argparse.ArgumentTypeError(f"{text!r} given, KEY=VALUE is needed")
+def changed_value(text: str) -> tuple[str, Any]:
+    """Key and value of an option KEY=VALUE."""
     try:
-        return key.strip(), read_yaml(value).content
-    except UnreadableYamlError:
-        raise argparse.ArgumentTypeError(f"{text!r} given, the value is not YAML") from None
+        return assignment(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _number(low: float, high: float, unit: str) -> Callable[[str], float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import copy
 import math
 import multiprocessing
 import os
@@ -17,11 +16,10 @@ from typing import Any
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import Scenario, full_key, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 
 MOST = 1000  # runs
-AXES = {"x": 0, "y": 1, "z": 2}
 FORM = "KEY=START:STOP:STEP is needed, as in wind.y=0:30:2.5"
 
 
@@ -76,7 +74,7 @@ def sweep_of(text: str) -> Sweep:
         raise argparse.ArgumentTypeError(f"{text!r} given, {count} runs; allowed: at most {MOST}")
     values = (start + number * step for number in range(count))
     whole = all(isinstance(number, int) for number in (start, stop, step))
-    return Sweep(_full_key(key.strip()), tuple(value if whole else round(value, 12) for value in values))
+    return Sweep(full_key(key.strip()), tuple(value if whole else round(value, 12) for value in values))
 
 
 def _number(text: str) -> float:
@@ -92,14 +90,6 @@ def _number(text: str) -> float:
     return value
 
 
-def _full_key(key: str) -> str:
-    """The key in the file: `wind.y` stands for the y of `air.wind`, `wind.turbulence` for that of `air`."""
-    first, _, rest = key.partition(".")
-    if first != "wind" or not rest:
-        return key
-    return f"air.wind.{rest}" if rest in AXES else f"air.{rest}"
-
-
 def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
     """The scenario at each value.
 
@@ -111,8 +101,7 @@ def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> li
     Raises:
         ScenarioError: one line a fault, of the first value that has any.
     """
-    base = load_scenario(source, changes).resolved()
-    return [load_scenario(source, {**changes, **_override(base, sweep.key, value)}) for value in sweep.values]
+    return [load_scenario(source, {**changes, sweep.key: value}) for value in sweep.values]
 
 
 def is_whole(scenario: Scenario, key: str) -> bool:
@@ -121,43 +110,6 @@ def is_whole(scenario: Scenario, key: str) -> bool:
     for part in key.split("."):
         node = node.get(part) if isinstance(node, Mapping) else None
     return isinstance(node, int)
-
-
-def _override(base: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
-    """The value by its key, or the whole list in which it stands."""
-    parts = key.split(".")
-    node: Any = base
-    for depth, part in enumerate(parts):
-        if not isinstance(node, Mapping) or part not in node:
-            break
-        node = node[part]
-        rest = parts[depth + 1 :]
-        if isinstance(node, list) and rest:
-            changed = _within(copy.deepcopy(node), rest, value)
-            return {key: value} if changed is None else {".".join(parts[: depth + 1]): changed}
-    return {key: value}
-
-
-def _within(node: Any, parts: Sequence[str], value: float) -> Any:
-    """A list or mapping with the value put into it, none where it has no such place."""
-    if not parts:
-        return value
-    place: Any = parts[0]
-    if isinstance(node, list):
-        if place in AXES and 2 <= len(node) <= 3:
-            node = [node[0], 0.0, node[1]] if len(node) == 2 and place == "y" else node
-            place = min(AXES[place], len(node) - 1)
-        elif place.isdecimal() and int(place) < len(node):
-            place = int(place)
-        else:
-            return None
-    elif not isinstance(node, dict) or place not in node:
-        return None
-    inner = _within(node[place], parts[1:], value)
-    if inner is None:
-        return None
-    node[place] = inner
-    return node
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter as RosParameter
 from cable_twin.messages.topics import TFMessage
 from cable_twin.rates import ONCE, fault
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS, Parameter, splitting_of
+from cable_twin.scenario import assignment
 from cable_twin.snapshot import Layout
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
@@ -65,6 +66,22 @@ def declare_parameters(node: Node) -> dict[str, Any]:
     if faults:
         raise ParameterError("\n".join(faults))
     return values
+
+
+def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of the scenario by dotted key that the parameter `set` changes.
+
+    Raises:
+        ParameterError: a line of it is no KEY=VALUE, or the scenario is that of a snapshot.
+    """
+    try:
+        changes = dict(assignment(line) for line in values["set"].splitlines() if line.strip())
+    except ValueError as error:
+        raise ParameterError(f"parameter 'set': {error}") from None
+    if changes and values["snapshot"]:
+        names = ", ".join(changes)
+        raise ParameterError(f"parameter 'set' changes {names}; allowed beside 'snapshot': nothing, it has its own")
+    return changes
 
 
 def is_installed(message_type: str) -> bool:

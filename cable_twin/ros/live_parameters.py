@@ -74,7 +74,12 @@ def inherited(node: Node, loading: WorldLoading) -> list[RosParameter]:
     kept = dict(node._parameter_overrides) | {name: node.get_parameter(name) for name in CHANGING}
     kept |= {
         name: RosParameter(name, value=value)
-        for name, value in (("scenario", loading.source), ("snapshot", ""), ("start_paused", loading.paused))
+        for name, value in (
+            ("scenario", loading.source),
+            ("set", ""),
+            ("snapshot", ""),
+            ("start_paused", loading.paused),
+        )
     }
     return list(kept.values())
 

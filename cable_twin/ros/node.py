@@ -31,6 +31,7 @@ from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.ros.declaration import (
     ParameterError,
     as_meant,
+    changes_of,
     count_frame_steps,
     declare_parameters,
     own_topics,
@@ -226,10 +227,10 @@ class TwinNode(Node):
 
     def _build_simulation(self) -> Simulation:
         """Build the simulation, and show how far it is when its kernels must be compiled first."""
-        given = self._settings["scenario"]
+        given, changes = self._settings["scenario"], changes_of(self._settings)
         with compilation_shown(Console(stderr=True), self.get_logger().info):
             if not self._settings["snapshot"]:
-                return Simulation(load_scenario(given), meanwhile=compile_figures)
+                return Simulation(load_scenario(given, changes), meanwhile=compile_figures)
             simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
         own = simulation.scenario.name
         if "scenario" in self._parameter_overrides and Path(given).stem != own:

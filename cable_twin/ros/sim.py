@@ -21,6 +21,7 @@ Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and 
 examples:
   sim                                    the default scenario in real time
   sim seed_example                       the example of the paper; as sim --scenario seed_example
+  sim windy_tramway --set wind.y=15      with other values than the file has, by dotted key
   sim --list                             the scenarios, a line each
   sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
   sim --rerun web                        watch it in a browser; it prints the link
@@ -42,6 +43,10 @@ def parser() -> OneLineParser:
         if parameter.name == "scenario":
             result.add_scenario(f"{parameter.help}; default: {parameter.default}", _scenario_lines)
             continue
+        if parameter.name == "set":
+            text = "change a value of the scenario by its dotted key, as in wind.x=12; may be given often"
+            result.add_argument("--set", action="append", metavar="KEY=VALUE", help=text)
+            continue
         result.add_argument(
             f"--{parameter.name.replace('_', '-')}",
             dest=parameter.name,
@@ -60,7 +65,8 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
     own, for_ros = split_ros_arguments(argv)
     options = parser()
     parsed = options.parse_args(own)
-    given = {**vars(parsed), "scenario": options.given_scenario(parsed)}
+    changes = None if parsed.set is None else "\n".join(parsed.set)
+    given = {**vars(parsed), "scenario": options.given_scenario(parsed), "set": changes}
     arguments = ["--ros-args"]
     for parameter in PARAMETERS:
         value = given[parameter.name]

@@ -11,6 +11,7 @@ from cable_twin.scenario.files import (
     scenario_names,
 )
 from cable_twin.scenario.line import Grading
+from cable_twin.scenario.overrides import assignment, full_key
 from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.wind_conflicts import wind_unfelt
@@ -19,9 +20,11 @@ __all__ = [
     "Grading",
     "Scenario",
     "ScenarioError",
+    "assignment",
     "build_payloads",
     "build_system",
     "config_directory",
+    "full_key",
     "in_space",
     "load_scenario",
     "masts",

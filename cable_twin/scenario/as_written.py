@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cable_twin.scenario.fault import KeyPath
+from cable_twin.scenario.overrides import put_into_list
 
 OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file has below its things
 
@@ -32,6 +33,9 @@ class Written:
         """Set what a file has otherwise than a scenario; whether the key is of these.
 
         That is what is below `sheaves.NAME.drive` or `towers.NAME.ropes`, a whole sheave or tower, and all of them.
+
+        Raises:
+            UnknownKeyError: the key ends in a list that has no such place.
         """
         self._given.add(key)
         section, *below = key.split(".")
@@ -61,12 +65,21 @@ class Written:
         if inner[1:] and not isinstance(node.get(inner[0]), dict):
             return False
         *sections, last = inner
-        for part in sections:
+        for depth, part in enumerate(sections):
+            if isinstance(items := node.get(part), list):
+                path = (section, name, *sections[: depth + 1])
+                node[part] = put_into_list(items, inner[depth + 1 :], value, path)
+                self.give(path)
+                return True
             if not isinstance(node.get(part), dict):
                 node[part] = {}  # not there yet, or null
             node = node[part]
         node[last] = value
         return True
+
+    def give(self, path: KeyPath) -> None:
+        """Take note of what an override has changed."""
+        self._given.add(".".join(map(str, path)))
 
     def depth(self, key: str) -> int:
         """How deep the file has what a key is of."""

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from os.path import isfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from cable_twin.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
 from cable_twin.scenario.fault import Fault, show
-from cable_twin.scenario.find_faults import find_faults, inner_model, unknown_key
+from cable_twin.scenario.find_faults import find_faults
+from cable_twin.scenario.overrides import UnknownKeyError, full_key, override
 from cable_twin.scenario.schema import Scenario
 
 SUFFIXES = (".yaml", ".yml")
@@ -40,7 +41,8 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
 
     Args:
         source: name of a scenario in the config directory, path of a YAML file, or the content of one.
-        overrides: values by dotted key, as in `{"cable.elements": 48}`; a list is overridden whole.
+        overrides: values by dotted key, as in `{"cable.elements": 48, "wind.x": 12.0}`; a key may end in a list, with
+            an axis or a number from 0 on, and a whole thing with a name may be new.
 
     Returns:
         The scenario, with defaults for what it leaves open.
@@ -70,20 +72,26 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
         written = Written(data)
-        values = {str(key): _plain(value, tuple(str(key).split(".")), faults) for key, value in overrides.items()}
+        given = {full_key(str(key)): value for key, value in overrides.items()}
+        values = {key: _plain(value, tuple(key.split(".")), faults) for key, value in given.items()}
         values = dict(sorted(values.items(), key=lambda one: written.depth(one[0])))  # the whole, then what is in it
-        others = [key for key, value in values.items() if not written.put(key, value)]
+        unknown: list[Fault] = []  # keys of overrides, or what they would be in
+        others = []
+        for key, value in values.items():
+            with _kept(unknown):
+                others += [] if written.put(key, value) else [key]
         if in_file := list(faults_in_file(data)):
             raise ScenarioError(*_lines(label, [*faults, *in_file], written))
         data = expand_bullwheels(data)
         later = [(own, values[key]) for key in others for own in written.expanded(key)]
-        unknown: list[Fault] = []  # keys of overrides, or what they would be in
         for key, value in later:
             if key.partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
                 known = ", ".join(f"ropes.{name}" for name in data["ropes"])
                 faults.append(Fault(tuple(key.split(".")), f"given with several ropes; allowed: {known}"))
                 continue
-            unknown += _override(data, key, value)
+            with _kept(unknown):
+                if (changed := override(data, key, value)) != tuple(key.split(".")):  # the list that it is in
+                    written.give(written.path(changed))
     except RecursionError:
         raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
     data.setdefault("name", name)
@@ -93,6 +101,15 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
     if scenario is None or faults:
         raise ScenarioError(*_lines(label, faults, written, unknown))
     return scenario
+
+
+@contextmanager
+def _kept(faults: list[Fault]) -> Iterator[None]:
+    """Add the fault of a key that leads nowhere to the others."""
+    try:
+        yield
+    except UnknownKeyError as error:
+        faults.append(error.fault)
 
 
 def scenario_names() -> list[str]:
@@ -191,34 +208,6 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return value
-
-
-def _override(data: dict[str, Any], key: Any, value: Any) -> Iterator[Fault]:
-    """Set one value by its dotted key; carriages and bodies must be there, other sections are made."""
-    parts = str(key).split(".")
-    node: dict[str, Any] = data
-    container: type | None = None
-    model: type[BaseModel] | None = Scenario
-    for depth, part in enumerate(parts, start=1):
-        known = list(node) if container is dict else list(model.model_fields) if model and container is None else []
-        if part not in known:
-            yield unknown_key(tuple(parts[:depth]), known)
-            return
-        if depth == len(parts):
-            node[part] = value
-            return
-        if container is None and model is not None:
-            container, model = inner_model(model.model_fields[part])
-        else:
-            container = None
-        if node.get(part) is None and model is not None and container is None:
-            node[part] = {}  # not there yet, or null
-        below = node.setdefault(part, {}) if (model is not None or container is dict) and container is not tuple else {}
-        if below is None:  # a section that is left out
-            below = node[part] = {}
-        if not isinstance(below, dict):
-            return  # a fault of its own
-        node = below
 
 
 def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Sequence[Fault] = ()) -> list[str]:

@@ -51,7 +51,8 @@ def running(tmp_path_factory):
     ros = ["--params-file", str(file)]
     for flag, rules in (("-r", REMAPS), ("-p", GIVEN)):
         ros += [word for rule in rules for word in (flag, rule)]
-    process = TwinProcess(directory, str(write_quick_scenario(directory)), "--ros-args", *ros)
+    changes = ["--set", "terrain=[[0, -90], [1000, -90]]", "--set", "terrain.1.1=-91"]
+    process = TwinProcess(directory, str(write_quick_scenario(directory)), *changes, "--ros-args", *ros)
     participant = Participant(process.domain, node=TWIN)
     best_effort = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
     for topic, kind, qos in (
@@ -103,6 +104,11 @@ def test_diagnostics_come_without_a_clock_and_name_node_task_and_scenario_in_ful
     assert all(status.message for status in statuses)
     keys = [pair.key for status in statuses for pair in status.values]
     assert len(set(keys)) == len(keys)
+
+
+def test_values_of_the_scenario_are_changed_line_by_line(running, twin):
+    assert value_of(twin, "set").string_value == "terrain=[[0, -90], [1000, -90]]\nterrain.1.1=-91"
+    assert read_log(running[0].run_directory).scenario["terrain"] == [[0, -90], [1000, -91]]
 
 
 def value_of(twin: Participant, name: str) -> ParameterValue:

@@ -263,6 +263,9 @@ BAD_PARAMETERS = [
     (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: none, file, live"),
     (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
     (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
+    (["--set", "cable.elements"], "sim: parameter 'set': 'cable.elements' given, KEY=VALUE is needed"),
+    (["--set", "carriages.cabbin.speed=1"], "sim: /"),  # and the file, where this key does not exist
+    (["--set", "gravity=1", "--snapshot", "a.npz"], "sim: parameter 'set' changes gravity; allowed beside 'snapshot'"),
     (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
     (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
     (["--keep-size", "-2"], "sim: parameter 'keep_size' is -2.0; allowed are 0 to 1e+09 MB"),
@@ -326,7 +329,7 @@ def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignore
     sim = processes("--frame-rate", "30", "--ros-args", *names)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
-    assert "unknown parameter 'frame_rat' is ignored; known: scenario, snapshot, frame_rate" in sim.output
+    assert "unknown parameter 'frame_rat' is ignored; known: scenario, set, snapshot, frame_rate" in sim.output
     assert "use_sim_time" not in sim.output
     assert "frame_rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in sim.output
     participant.publish(name=["cabin"], velocity=[1.0])
