@@ -268,7 +268,7 @@ def change_arrays(**changes):
         (change_arrays(**{"state/weather": np.zeros(1)}), f"unknown weather in its state; {MADE}"),
         (
             change_arrays(**{"state/reference.velocity": np.full(1, np.nan)}),
-            "damaged: state/reference.velocity is not finite",
+            "state/reference.velocity: holds nan; allowed: finite numbers up to 1e+15",
         ),
         (
             change_arrays(**{"state/reference.velocity": np.zeros(2)}),

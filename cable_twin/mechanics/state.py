@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,22 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.lanes import WIDTH
 from cable_twin.mechanics.language.memory import copy_record
-from cable_twin.mechanics.parameters import FREE, HAULED, SPEED, FloatArray, System
+from cable_twin.mechanics.language.ranges import ANY, CLOCK, Range, ranges_of
+from cable_twin.mechanics.parameters import (
+    FREE,
+    GUSTS,
+    HAULED,
+    IN_GROOVE,
+    LIFTED,
+    SPEED,
+    FloatArray,
+    IntArray,
+    System,
+)
+
+SHARE = Range(-1.0 - 1e-9, 1.0 + 1e-9)  # and what rounding adds
+PLACE = Range("before the rope", "beyond the rope")  # m
+NOT_NEGATIVE = Range(0.0, ANY.most)
 
 
 @by_reference
@@ -40,7 +55,9 @@ class WindField(NamedTuple):
 
     time: FloatArray  # (1,) s, since the start or the last reset
     way: FloatArray  # (1,) m of wind gone by, at its mean speed
-    gust: FloatArray  # (6,) the last one that was commanded, as in `Wind.gusts`
+    gust: Annotated[
+        FloatArray, ANY, ANY, ANY, ANY, ANY, Range(0, len(GUSTS) - 1)
+    ]  # (6,) the last one that was commanded, as in `Wind.gusts`
     points: FloatArray  # (points, 3) m/s, turbulence in x, y, z at the points of `Wind`
     along_rope: FloatArray  # (dim, elements, rounded up to `WIDTH`) m/s, in the middle of each element
     at_bodies: FloatArray  # (bodies, dim) m/s, at each centre of mass
@@ -59,17 +76,21 @@ class State(NamedTuple):
     # known only to Runge-Kutta
     sheaves: Motion  # (carriages,) m, rope that the drive sheave of each haul rope has hauled; no bullwheels of a loop
     hauled: Motion  # (carriages,) m, what each haul rope pulls: its way in space along the track rope
-    joint_element: NDArray[np.int64]  # (carriages,) element on which the joint is
-    friction_deflection: FloatArray  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
+    joint_element: Annotated[IntArray, Range(0, "last element")]  # (carriages,) element on which the joint is
+    friction_deflection: Annotated[
+        FloatArray, SHARE
+    ]  # (carriages,) -, share -1..1 of the rolling friction that is mobilised
     friction_origin: FloatArray  # (carriages,) m, arc length at which that was so: the start of the step
     multipliers: FloatArray  # lambda, (bodies, dim) N on each body at its upper pivot; first of a chain: sliding joint
     moments: FloatArray  # (bodies, turns) N m on each body, of what its joint holds; none in a plane
     clamp_holds: NDArray[np.bool_]  # (carriages,) by a clamp to another rope now
     clamp_force: FloatArray  # (carriages, dim) N of that rope on the carriage
     attached: NDArray[np.bool_]  # (carriages,) on the cable; only what is clamped to a moving one ever is not
-    payload: FloatArray  # (carriages,) kg, already in the masses of the system
-    drive_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE, SPEED, or HAULED
-    sheave_mode: NDArray[np.int64]  # (carriages,) FREE, FORCE or SPEED of the drive sheave where HAULED
+    payload: Annotated[FloatArray, NOT_NEGATIVE]  # (carriages,) kg, already in the masses of the system
+    drive_mode: Annotated[IntArray, Range(FREE, HAULED)]  # (carriages,) FREE, FORCE, SPEED, or HAULED
+    sheave_mode: Annotated[
+        IntArray, Range(FREE, SPEED)
+    ]  # (carriages,) FREE, FORCE or SPEED of the drive sheave where HAULED
     drive_force: FloatArray  # (carriages,) N along the cable, given or (SPEED) the multiplier of the driven joint
     drive_target: FloatArray  # (carriages,) N in FORCE, m/s in SPEED
     drive_braking: NDArray[np.bool_]  # (carriages,) an emergency stop is in force
@@ -82,31 +103,32 @@ class State(NamedTuple):
     rope_braking: NDArray[np.bool_]  # (1,) the emergency deceleration is in force
     kink_length: FloatArray  # (elements,) m, rope of each that sharp kinks take in this step (`solution.kinks`)
     slackness: FloatArray  # (1,) -, mean tension of the rope at rest over that in this step, where kinks are sharp
-    contact_arc_length: FloatArray  # (contacts,) m, place of the rope nearest to each contact of the towers
-    contact_deflection: FloatArray  # (contacts,) -, share -1..1 of its friction that is mobilised
+    contact_arc_length: Annotated[
+        FloatArray, PLACE
+    ]  # (contacts,) m, place of the rope nearest to each contact of the towers
+    contact_deflection: Annotated[FloatArray, SHARE]  # (contacts,) -, share -1..1 of its friction that is mobilised
     contact_origin: FloatArray  # (contacts,) m, arc length less `rope` at which that was so: the start of the step
     tower_load: FloatArray  # (towers, 2) N, sum of normal forces at the end of the last step, and the least of them
     tower_lateral: FloatArray  # (towers, 2) in space: N to the left of the track that a tower gives the rope in its
     # grooves, at the end of the last step, and the highest ratio (-) of its size to the normal force, else NO_RATIO
-    derailment: NDArray[np.int64]  # (towers, 2) in space: IN_GROOVE or how the rope came out, and the clock at that
+    derailment: Annotated[
+        IntArray, Range(IN_GROOVE, LIFTED), CLOCK
+    ]  # (towers, 2) in space: IN_GROOVE or how the rope came out, and the clock at that
     push: FloatArray  # (carriages, 4) N with which each and those after it on the rope push each other, at the end of
     # the last step, and the highest since the start or the last reset; m/s at which they close in; clock of contact
-    touch: FloatArray  # (carriages, 4) 1 + number of the one after it that it has met last, or 0; m, its place on the
+    touch: Annotated[
+        FloatArray, Range(0, "vehicles"), ANY, ANY, ANY
+    ]  # (carriages, 4) 1 + number of the one after it that it has met last, or 0; m, its place on the
     # cable there; m/s at which they met; the clock at that
     wind: FloatArray  # (dim,) m/s, its mean at the reference height
     wind_field: WindField
     newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
-    clock: NDArray[np.int64]  # (1,) whole solver steps since the start
+    clock: Annotated[IntArray, CLOCK]  # (1,) whole solver steps since the start
 
 
-RECORDS: dict[str, Any] = {"nodes": Motion, "bodies": Motion, "joints": Motion, "sheaves": Motion}
-RECORDS |= {"hauled": Motion}
-RECORDS |= {"reference": Course, "rope": Course, "wind_field": WindField}
-FIELDS = tuple(  # as `fields_of` names them
-    name if name not in RECORDS else f"{name}.{field}"
-    for name in State._fields
-    for field in (RECORDS[name]._fields if name in RECORDS else ("",))
-)
+RECORDS: dict[str, Any] = {name: kind for name, kind in get_type_hints(State).items() if hasattr(kind, "_fields")}
+RANGES = ranges_of(State)  # of the arrays, as `fields_of` names them
+FIELDS = tuple(RANGES)
 
 
 @by_reference

@@ -10,36 +10,30 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from cable_twin.mechanics.state import FIELDS, State, fields_of, state_of
+from cable_twin.mechanics.language.ranges import HUGEST, range_faults
+from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
+from cable_twin.mechanics.state import FIELDS, RANGES, State, fields_of, state_of
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
 FORMAT_VERSION = 7
 SUFFIX = ".npz"
+LARGEST = 2**28  # bytes of an array; the largest shipped scenario has 60 kB of them all
+DRIVEN_BY = "speed", "force"  # kinds of commands that stay in force
 PARTS = ("state", "start")  # of ropes beside the first: state2, start2 and on
 BETWEEN = "between"  # what is on no rope alone
-# what zipfile, numpy and json raise on the way
-DAMAGED = (
-    zipfile.BadZipFile,
-    zlib.error,
-    ValueError,
-    KeyError,
-    EOFError,
-    TypeError,
-    AttributeError,
-    OSError,
-    RuntimeError,
-)
+ANY_ERROR = Exception, MemoryError  # zipfile, zlib, numpy and json have dozens for a damaged file
 
 
 class SnapshotError(ValueError):
@@ -59,6 +53,7 @@ class FullState:
     loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
     at_start: bool = False  # of the scenario, with nothing done since; never so of a file
     between: Mapping[str, Any] = field(default_factory=dict)  # arrays of what is on no rope alone, by name
+    foreign: bool = False  # from a file, whose every number is checked before it is used
 
     @property
     def state(self) -> State:
@@ -70,36 +65,69 @@ class FullState:
         """The start of the first rope."""
         return self.starts[0]
 
-    def check(self, scenario: Scenario, own: Sequence[State], between: Mapping[str, Any]) -> None:
-        """Refuse a simulation whose scenario, or whose arrays, are others.
+    def check(self, scenario: Scenario, own: Sequence[tuple[System, State]], between: Mapping[str, Any]) -> None:
+        """Refuse a simulation whose scenario, or whose arrays, are others; and numbers that it cannot go on from.
+
+        Args:
+            scenario: of the simulation.
+            own: system and state of each of its ropes.
+            between: arrays of what is on no rope alone, by name.
 
         Raises:
             SnapshotError: They do not fit.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
-        driven = [*scenario.vehicles, *scenario.drives]
         if len(own) != len(self.states):
             raise SnapshotError(f"{len(self.states)} ropes; its scenario has {len(own)}")
-        pairs = [
-            (f"{part}/{field}", array, target)
-            for part in PARTS
-            for given, ours in zip(getattr(self, f"{part}s"), own, strict=True)
-            for (field, array), target in zip(fields_of(given).items(), fields_of(ours).values(), strict=True)
-        ]
         if self.between.keys() != between.keys():
             raise SnapshotError(f"{', '.join(self.between.keys() ^ between.keys())}: in one of them only")
-        pairs += [(key, self.between[key], between[key]) for key in between]
-        for name, array, target in pairs:
-            if array.shape != target.shape or array.dtype != target.dtype:
-                raise SnapshotError(
-                    f"{name} is {array.dtype} of shape {array.shape}; "
-                    f"its scenario needs {target.dtype} of shape {target.shape}"
-                )
+        _check_shapes(self.between, between)
+        for part, number, state in self._numbered():
+            _, ours = own[int(number or 1) - 1]
+            _check_shapes(
+                *({f"{part}{number}/{name}": array for name, array in fields_of(one).items()} for one in (state, ours))
+            )
+        if self.foreign:
+            self._check_numbers([system for system, _ in own])
+            self._check_orders(scenario)
+
+    def _check_numbers(self, systems: Sequence[System]) -> None:
+        """Refuse what kernels would index memory with, or could not reckon with."""
+        sizes: dict[str, float] = {}
+        for part, number, state in self._numbered():
+            system = systems[int(number or 1) - 1]
+            sizes = _sizes(system, len(systems))
+            # one after the other: the second reads at indices that the first has checked
+            for fault in chain(range_faults(fields_of(state), RANGES, sizes), _state_faults(system, state)):
+                raise SnapshotError(f"{part}{number}/{fault}")
+        clock = int(self.state.clock[0])
+        if not abs(self.time - clock * systems[0].solver.step) <= systems[0].solver.step:
+            raise SnapshotError(
+                f"time is {self.time:g} s; state/clock is {clock} steps of {systems[0].solver.step:g} s"
+            )
+        sizes["beyond the rope"] = max(2.0 * system.cable.unstrained_length for system in systems)
+        sizes["before the rope"] = -sizes["beyond the rope"]
+        for part in ("now", "start"):
+            arrays = {key.partition("/")[2]: array for key, array in self.between.items() if key.startswith(f"{part}/")}
+            for fault in range_faults(arrays, BUNDLE_RANGES, sizes):
+                raise SnapshotError(f"{BETWEEN}/{part}/{fault}")
+
+    def _check_orders(self, scenario: Scenario) -> None:
+        """Refuse what is commanded where it cannot be."""
+        driven = [*scenario.vehicles, *scenario.drives]
         if strange := [name for name in self.commands if name not in driven]:
             raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
+        for name, command in self.commands.items():
+            value = command.values[name]
+            if command.kind not in DRIVEN_BY or not abs(value) <= HUGEST:
+                given = f"command {command.kind!r} of {value!r} for {name}"
+                raise SnapshotError(f"{given}; allowed: a finite {' or '.join(DRIVEN_BY)}")
         if strange := [name for name in self.loading if name not in scenario.vehicles]:
             raise SnapshotError(f"{', '.join(strange)} being loaded; its scenario has: {', '.join(scenario.vehicles)}")
+        for name, mass in self.loading.items():
+            if not 0.0 <= mass <= HUGEST:
+                raise SnapshotError(f"{name} being loaded with {mass:g} kg; allowed: a finite number from 0 on")
 
     def _numbered(self) -> Iterator[tuple[str, str, State]]:
         """Each state with its part and the number of its rope, none for the first."""
@@ -179,20 +207,21 @@ def _read(stream: IO[bytes], name: str) -> FullState:
         stream.seek(0)
         what = "damaged or cut short" if stream.read(2) == b"PK" else "not a snapshot of cable_twin"
         raise SnapshotError(f"{name}: {what}; allowed: a file that ~/save_snapshot or Simulation.save wrote")
-    stream.seek(0)
     try:
+        _check_archive(stream)
+        stream.seek(0)
         with np.load(stream, allow_pickle=False) as archive:
             if "header" not in archive.files:
-                raise SnapshotError(f"{name}: not a snapshot of cable_twin: no header in it")
+                raise SnapshotError("not a snapshot of cable_twin: no header in it")
             header = json.loads(archive["header"].tobytes())
-            _check_header(header, name)
+            _check_header(header)
             arrays = {key: np.asarray(archive[key]) for key in archive.files if key != "header"}
         commands = {key: Command(kind, {key: float(value)}) for key, (kind, value) in header["commands"].items()}
         loading = {key: float(mass) for key, mass in header["loading"].items()}
         time, stopped, scenario = float(header["time"]), bool(header["emergency_stopped"]), header["scenario"]
-    except SnapshotError:
-        raise
-    except DAMAGED as error:
+    except SnapshotError as error:
+        raise SnapshotError(f"{name}: {error}") from None
+    except ANY_ERROR as error:
         raise SnapshotError(f"{name}: damaged: {' '.join(str(error).split()) or type(error).__name__}") from None
     made = f"the snapshot was made by cable_twin {header.get('package_version')}, this is {package_version()}"
     try:
@@ -202,24 +231,32 @@ def _read(stream: IO[bytes], name: str) -> FullState:
     numbers = ["", *(str(number) for number in range(2, len(loaded.ropes) + 1))]
     states, starts = (tuple(_state(f"{part}{n}", arrays, name, made) for n in numbers) for part in PARTS)
     between = {key.partition("/")[2]: array for key, array in arrays.items() if key.startswith(f"{BETWEEN}/")}
-    if damaged := [key for key, array in between.items() if not np.isfinite(array).all()]:
-        raise SnapshotError(f"{name}: damaged: {BETWEEN}/{damaged[0]} is not finite")
-    return FullState(loaded, time, states, starts, stopped, commands, loading, between=between)
+    return FullState(loaded, time, states, starts, stopped, commands, loading, between=between, foreign=True)
 
 
-def _check_header(header: Any, name: str) -> None:
+def _check_archive(stream: IO[bytes]) -> None:
+    """Refuse an archive that would unpack to more than it is."""
+    with zipfile.ZipFile(stream) as archive:
+        for member in archive.infolist():
+            if member.compress_type != zipfile.ZIP_STORED or member.file_size > LARGEST:
+                kind = "compressed" if member.compress_type != zipfile.ZIP_STORED else f"of {member.file_size} bytes"
+                allowed = f"at most {LARGEST} bytes, not compressed"
+                raise SnapshotError(f"not a snapshot of cable_twin: {member.filename!r} is {kind}; allowed: {allowed}")
+
+
+def _check_header(header: Any) -> None:
     """Refuse other people's archives and newer formats."""
     if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise SnapshotError(f"{name}: not a snapshot of cable_twin: its header is another one")
+        raise SnapshotError("not a snapshot of cable_twin: its header is another one")
     given = header.get("format_version")
     if given == FORMAT_VERSION:
         return
     if isinstance(given, int) and given > FORMAT_VERSION:
         raise SnapshotError(
-            f"{name}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
+            f"format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
             f"update cable_twin: the snapshot was made by {header.get('package_version')}"
         )
-    raise SnapshotError(f"{name}: format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
+    raise SnapshotError(f"format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
 
 
 def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
@@ -229,19 +266,47 @@ def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
         raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
     if unknown := sorted(given - set(FIELDS)):
         raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
-    for key in FIELDS:
-        array = arrays[f"{part}/{key}"]
-        if array.dtype.kind == "f" and not np.isfinite(array).all():
-            raise SnapshotError(f"{name}: damaged: {part}/{key} is not finite")
-    bodies = arrays[f"{part}/bodies.position"]
-    if bodies.ndim == 2 and bodies.shape[1] == 7:  # in space
-        lengths = np.linalg.norm(bodies[:, 3:], axis=1)
-        for body in np.flatnonzero(np.abs(lengths - 1.0) > 1e-6)[:1]:
-            raise SnapshotError(
-                f"{name}: damaged: {part}/bodies.position: the quaternion of body {body} has a length of "
-                f"{lengths[body]:.3g}; allowed: 1"
-            )
     return state_of({field: arrays[f"{part}/{field}"] for field in FIELDS})
+
+
+def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
+    """Refuse arrays that are not as those of a simulation, by the same names."""
+    for name, target in own.items():
+        array = given[name]
+        if array.shape != target.shape or array.dtype != target.dtype:
+            raise SnapshotError(
+                f"{name} is {array.dtype} of shape {array.shape}; "
+                f"its scenario needs {target.dtype} of shape {target.shape}"
+            )
+
+
+def _sizes(system: System, ropes: int) -> dict[str, float]:
+    """What texts in the ranges of a state of a system stand for."""
+    length = system.cable.unstrained_length
+    return {
+        "last element": system.cable.element_count - 1,
+        "vehicles": system.carriages.fixed.size,
+        "last rope": ropes - 1,
+        "before the rope": -2.0 * length,  # an end stop yields, and a rope goes by
+        "beyond the rope": 2.0 * length,
+    }
+
+
+def _state_faults(system: System, state: State) -> Iterator[str]:
+    """What no range tells: joints that are not on the elements that are named, and turns of bodies in space."""
+    nodes, places = system.cable.node_arc_length, state.joints.position
+    starts, ends = nodes[state.joint_element], nodes[state.joint_element + 1]
+    near = system.cable.element_length.max()  # within a step it goes on to the next one
+    starts = np.where(state.joint_element == 0, -np.inf, starts - near)
+    ends = np.where(state.joint_element == system.cable.element_count - 1, np.inf, ends + near)
+    for joint in np.flatnonzero(state.attached & ~((starts <= places) & (places <= ends)))[:1]:
+        allowed = f"{starts[joint]:.6g} to {ends[joint]:.6g} m, for its joint_element {state.joint_element[joint]}"
+        yield f"joints.position: {places[joint]:.6g} m of vehicle {joint}; allowed: {allowed}"
+    bodies = state.bodies.position
+    if bodies.shape[1] == 7:
+        lengths = np.linalg.norm(bodies[:, 3:], axis=1)
+        for body in np.flatnonzero(~(np.abs(lengths - 1.0) <= 1e-6))[:1]:
+            yield (f"bodies.position: the quaternion of body {body} has a length of {lengths[body]:.3g}; allowed: 1")
 
 
 __all__ = ["SUFFIX", "FullState", "SnapshotError", "package_version", "read_full_state"]

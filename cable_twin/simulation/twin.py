@@ -195,7 +195,8 @@ class Simulation(Readings):
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        full.check(self.scenario, [part.state for part in self._parts], self._engine.between())
+        own = [(part.system, part.state) for part in self._parts]
+        full.check(self.scenario, own, self._engine.between())
         self._engine.restore(full)
         self._at_start = full.at_start
         self._show(NOTHING_DONE)

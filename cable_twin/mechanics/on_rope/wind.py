@@ -88,7 +88,7 @@ def wind_at(wind, field, place, even):
     if wind.intensity > 0.0:
         last = wind.points.shape[0] - 1
         share = share_of_line(wind, place) * last
-        first = min(int(share), last - 1) if last > 0 else 0
+        first = min(int(share), last - 1) if last > 0 and share > 0.0 else 0  # what is no number is at the first
         share, after = share - first, min(first + 1, last)
         here, there = field.points[first], field.points[after]
         x += here[0] + share * (there[0] - here[0])
@@ -102,7 +102,7 @@ def ground_at(wind, x):
     """Height (m) of the ground at `x` (m)."""
     last = wind.ground.size - 1
     share = min(max((x - wind.ground_start) / wind.ground_step, 0.0), 1.0 * last)
-    first = min(int(share), max(last - 1, 0))
+    first = min(int(share), max(last - 1, 0)) if share > 0.0 else 0  # what is no number is at the first
     return wind.ground[first] + (share - first) * (wind.ground[min(first + 1, last)] - wind.ground[first])
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.parameters import FREE, FloatArray, IntArray
-from cable_twin.mechanics.state import Course, Motion
+from cable_twin.mechanics.language.ranges import Range, ranges_of
+from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, IntArray
+from cable_twin.mechanics.state import PLACE, Course, Motion
 
 SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
+FLAG, SIGN = Range(0, 1), Range(-1, 1)
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
 
@@ -129,20 +131,22 @@ class BullwheelMotion(NamedTuple):
     rope: Motion  # (wheels,) m, unstrained, that has gone over it
     carriage: Motion  # (wheels,) m, in the direction in which it tensions
     given: FloatArray  # (wheels,) N on the rim in this step, of drive, bearings and brake
-    by_forces: IntArray  # (wheels,) what moves by its forces in this step: nothing, the rope alone, or the wheel
+    by_forces: Annotated[
+        IntArray, Range(0, 2)
+    ]  # (wheels,) what moves by its forces in this step: nothing, the rope alone, or the wheel
     tension: FloatArray  # (wheels, 2) N, of the strand that comes to it and of that which leaves it
     stretch: FloatArray  # (wheels,) -, length of the rope on it over that without strain
     traction: FloatArray  # (wheels,) N, of the rim on the rope, by the unstrained rope that goes over it
     pull: FloatArray  # (wheels,) N, of both strands against the direction in which it tensions
-    slipping: IntArray  # (wheels,) 1 while it slips on a rim that is faster, -1 on one that is slower
-    mode: IntArray  # (wheels,) FREE, FORCE or SPEED, of the drive
+    slipping: Annotated[IntArray, SIGN]  # (wheels,) 1 while it slips on a rim that is faster, -1 on one that is slower
+    mode: Annotated[IntArray, Range(FREE, SPEED)]  # (wheels,) FREE, FORCE or SPEED, of the drive
     target: FloatArray  # (wheels,) m/s
     force: FloatArray  # (wheels,) N at the rim, in FORCE
-    braking: IntArray  # (wheels,) 1 in an emergency stop
+    braking: Annotated[IntArray, FLAG]  # (wheels,) 1 in an emergency stop
     braking_time: FloatArray  # (wheels,) s, since then
-    sense: IntArray  # (wheels,) 1 or -1, in which its drive turned it last, 0 before
+    sense: Annotated[IntArray, SIGN]  # (wheels,) 1 or -1, in which its drive turned it last, 0 before
     furthest: FloatArray  # (wheels,) m, of its rim in that sense
-    rolled_back: IntArray  # (wheels,) 1 where it has gone back too far, until the release
+    rolled_back: Annotated[IntArray, FLAG]  # (wheels,) 1 where it has gone back too far, until the release
 
 
 @by_reference
@@ -151,16 +155,19 @@ class BundleState(NamedTuple):
 
     stages: Motion  # (pantographs, stages) m, height
     place: Course  # (pantographs,) m, along the track
-    arc_length: FloatArray  # (pantographs,) m, of the rope above the head
+    arc_length: Annotated[FloatArray, PLACE]  # (pantographs,) m, of the rope above the head
     contact_force: FloatArray  # (pantographs,) N
-    clamp_rope: IntArray  # (clamps,) to which it holds now, -1 to none
-    clamp_place: FloatArray  # (clamps,) m, arc length there
+    clamp_rope: Annotated[IntArray, Range(-1, "last rope")]  # (clamps,) to which it holds now, -1 to none
+    clamp_place: Annotated[FloatArray, PLACE]  # (clamps,) m, arc length there
     clamp_slack: FloatArray  # (clamps, dim) m, what is left of the gap at which it took hold under way
     clamp_taken: FloatArray  # (clamps, 2, dim) m and m/s, that gap and its rate
     clamp_time: FloatArray  # (clamps,) s, since then
     rail_mass: FloatArray  # (clamps,) kg, of its carriage on the rails of a station
-    tight: IntArray  # (connectors + pantographs,) 1 where it pulled or touched at the last look
+    tight: Annotated[IntArray, FLAG]  # (connectors + pantographs,) 1 where it pulled or touched at the last look
     sheaves: BullwheelMotion  # so called in files of snapshots, as the section of a scenario is
+
+
+BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `fields_of` names them
 
 
 @by_reference
