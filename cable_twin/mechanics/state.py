@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
@@ -122,7 +123,9 @@ class State(NamedTuple):
     # cable there; m/s at which they met; the clock at that
     wind: FloatArray  # (dim,) m/s, its mean at the reference height
     wind_field: WindField
-    newton_curvature: FloatArray  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
+    newton_curvature: Annotated[
+        FloatArray, Range(0.0, inf)
+    ]  # (1,) 1/m, Newton increment over the square of the one before; 0: not known
     clock: Annotated[IntArray, CLOCK]  # (1,) whole solver steps since the start
 
 
