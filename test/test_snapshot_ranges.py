@@ -25,7 +25,7 @@ from verification import JIT
 
 NAMES = ("seed_example", "windy_tramway", "chairlift", "jig_back")  # one rope and several, in a plane and in space
 BEYOND = (2**62, -(2**31), -5)  # of every range of whole numbers
-STRANGE = (np.nan, np.inf, -1e300)
+STRANGE = (np.nan, -np.inf, -1e300)
 
 pytestmark = pytest.mark.skipif(not JIT, reason="minutes without compilation")
 
