@@ -21,7 +21,7 @@ HOLDING = ("bags", "scripts", "snapshots")  # fuzzers that find nothing
 def test_nothing_is_found(name, tmp_path):
     counts = fuzz(f"fuzzing.{name}", seconds=SECONDS, number=1, keep=tmp_path, seeds=SEEDS / name)
     assert not counts.findings, "\n\n".join(one.text for one in counts.findings)
-    assert counts.runs > 4
+    assert counts.runs > 2, "in whatever time the machine has"
     assert counts.kinds[DONE], "the sound seed is"
     assert counts.kinds[REFUSED]
 
