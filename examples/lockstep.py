@@ -101,11 +101,13 @@ class Lockstep:
 
 
 def main() -> int:
-    """Drive to a place with a speed proportional to the square root of the distance left, and print the way there."""
+    """Drive to a place as fast as it can be stopped from there, and print the way."""
     parser = argparse.ArgumentParser(prog="lockstep.py", description="Drive a carriage to a place in lockstep.")
     parser.add_argument("name", help="carriage, or drive of a moving cable")
     parser.add_argument("--to", type=float, required=True, metavar="M", help="place (m) to go to")
-    parser.add_argument("--deceleration", type=float, default=0.3, metavar="A", help="m/s^2 on the way; default: 0.3")
+    parser.add_argument("--gain", type=float, default=0.3, metavar="K", help="speed by distance, 1/s; default: 0.3")
+    parser.add_argument("--deceleration", type=float, default=0.15, metavar="A", help="m/s^2; default: 0.15")
+    parser.add_argument("--speed", type=float, default=3.0, metavar="V", help="m/s at most; default: 3")
     parser.add_argument("--frames", type=int, default=6000, help="frames at most; default: 6000")
     parser.add_argument("--wait", type=float, default=30.0, metavar="S", help="s to wait for an answer; default: 30")
     options = parser.parse_args()
@@ -119,9 +121,8 @@ def main() -> int:
                 print(f"{frame:5d} {place:10.4f} m {speed:9.5f} m/s, reference {reference:9.5f} m/s, {force:10.1f} N")
             if abs(left) < 0.01 and abs(speed) < 0.01:
                 break
-            twin.command(
-                **{options.name: math.copysign(min(math.sqrt(2.0 * options.deceleration * abs(left)), 5.0), left)}
-            )
+            speed = min(options.gain * abs(left), math.sqrt(2.0 * options.deceleration * abs(left)), options.speed)
+            twin.command(**{options.name: math.copysign(speed, left)})
             twin.step()
         twin.command(**{options.name: 0.0})
         print(f"{frame} frames, at {place:.4f} m with {speed:.5f} m/s")

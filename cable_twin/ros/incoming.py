@@ -27,7 +27,7 @@ class CommandLimits:
 
     Attributes:
         size: bytes of a message; what is larger is not decoded.
-        rate: commands in a second, all topics together; what comes beyond is refused.
+        rate: commands in a second while time runs, all topics together; what comes beyond is refused.
         names: in one message; there are no more joints.
         age: s by which a stamp may differ from that of the newest frame; 0 where stamps do not count.
     """
@@ -95,7 +95,9 @@ class Incoming:
             )
 
     def _count(self) -> None:
-        """Refuse what comes too often; what was refused before does not count, so that it crowds nobody out."""
+        """Refuse what comes too often while time runs; what was refused before does not count and crowds nobody out."""
+        if self._loop.paused:
+            return  # in lockstep a controller goes as fast as the frames, and holds up nobody
         now = time.monotonic()
         if now - self._second >= SECOND:
             self._second, self._taken = now, 0

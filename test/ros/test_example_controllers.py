@@ -60,7 +60,8 @@ def test_lockstep_gives_the_numbers_of_the_python_api(drive, tmp_path):
             expected.append("{:5d} {:10.4f} m {:9.5f} m/s, reference {:9.5f} m/s, {:10.1f} N".format(frame, *numbers))
         if abs(left) < 0.01 and abs(cabin.speed) < 0.01:
             break
-        simulation.command("cabin", speed=math.copysign(min(math.sqrt(2.0 * 0.3 * abs(left)), 5.0), left))
+        speed = min(0.3 * abs(left), math.sqrt(2.0 * 0.15 * abs(left)), 3.0)
+        simulation.command("cabin", speed=math.copysign(speed, left))
         simulation.advance_to(simulation.time + PERIOD)
     expected.append(f"{frame} frames, at {cabin.arc_length:.4f} m with {cabin.speed:.5f} m/s")
     assert len(expected) > 3

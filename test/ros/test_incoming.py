@@ -113,9 +113,14 @@ def test_commands_beyond_the_rate_are_refused_and_refused_ones_crowd_nobody_out(
         taken.take(command("cabin"))
     assert len(taken.applied) == 10
     assert taken.counts == {"commands_refused": 60}
+    taken.loop.pause(True)  # in lockstep as many as there are frames
+    for _ in range(20):
+        taken.take(command("cabin"))
+    assert len(taken.applied) == 30
+    taken.loop.pause(False)
     taken.incoming._second -= 1.0
     taken.take(command("cabin"))
-    assert len(taken.applied) == 11
+    assert len(taken.applied) == 31
 
 
 def test_a_stream_of_refused_commands_is_one_line_and_some_messages():
