@@ -100,9 +100,11 @@ class SingleRope:
             EquilibriumError: it finds none.
         """
         part = self.parts[0]
+        part.check_bare()
         part.lay(self._work)
         if part.sharpen():
             part.lay(self._work)
+        part.check_travel(self.parts, lambda: part.lay(self._work))
         part.take_over_rest()
         self._pack()
 

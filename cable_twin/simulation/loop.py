@@ -23,6 +23,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.units import rounded, with_unit
 
+LOOP_DIGITS = 9  # of a metre, to which places on the loop are known: what is clamped at a bullwheel stays on its side
 SOUND = 0.02  # of a pull: as near as that to what it has to be, another one is at fault
 
 
@@ -125,7 +126,7 @@ class Loop:
         for name in self._strands:
             state = self._parts[name].state
             state.surplus[0] = state.rope.position[0] - state.rope.position[1]
-            state.loop_start[0] -= state.rope.position[0]
+            state.loop_start[0] = round(float(state.loop_start[0] - state.rope.position[0]), LOOP_DIGITS)
             state.rope.position[:] = 0.0
         self.motion.rope.position[:] = 0.0
 

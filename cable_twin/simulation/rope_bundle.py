@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, cast
 
 import numpy as np
@@ -26,7 +25,6 @@ from cable_twin.mechanics.solution.bundle.records import (
 )
 from cable_twin.mechanics.solution.bundle.rest import relax_bundle, settle_bundle
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
-from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, relax, without_friction
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.records import Command, Energy
@@ -39,7 +37,8 @@ from cable_twin.scenario.build_bundle import (
     clamped_pairs,
 )
 from cable_twin.simulation.loop import Loop
-from cable_twin.simulation.ropeway import Ropeway, restore_ropes
+from cable_twin.simulation.loop_layout import LoopLayout
+from cable_twin.simulation.ropeway import Ropeway, of_rope, restore_ropes
 from cable_twin.simulation.second_rope import (
     along_track,
     check_connectors,
@@ -101,10 +100,12 @@ class RopeBundle:
         given = scenario.pantographs.values()
         moving.place.position[:] = [one.position for one in given]
         self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
+        self._layout = LoopLayout(scenario, self.bundle.sheaves, parts)
         self.commands: dict[str, Command] = {}
         self.integrator = cast(Kernel, advance_bundle)
         self._forces = np.zeros(len(scenario.connectors))
         self._clamp_rows = clamp_rows(scenario)
+        self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
     def check_bare(self) -> None:
         """Refuse ropes that have no rest even by themselves and without vehicles.
@@ -112,10 +113,11 @@ class RopeBundle:
         Raises:
             EquilibriumError: one of them has none.
         """
-        for name, part in zip(self._scenario.ropes, self.parts, strict=True):
-            if not part.is_taut:
-                with _of_rope(name):
-                    part.check_bare()
+        self._layout.check_bare()
+        for name, part in self._by_name():
+            if name not in self._scenario.strands and not part.is_taut:
+                with of_rope(name):
+                    part.check_bare(loaded=name in self._hung_from)
 
     def find_rest(self) -> None:
         """Bring all ropes to rest, and again where joints yield by the tension of the first time.
@@ -123,19 +125,31 @@ class RopeBundle:
         Raises:
             EquilibriumError: there is none.
         """
+        self.check_bare()
+        self._layout.lay_out(self.moving.sheaves)
         laid = [clone_state(part.state) for part in self.parts], clone_bundle_state(self.moving)
-        self._find_rest()
-        sharpened = [self._sharpen(name, part) for name, part in zip(self._scenario.ropes, self.parts, strict=True)]
-        if any(sharpened):
+
+        def again() -> None:
             for part, state in zip(self.parts, laid[0], strict=True):
                 write_state(state, part.state)
             for before, now in zip(fields_of(laid[1]).values(), fields_of(self.moving).values(), strict=True):
                 now[...] = before
             self._find_rest()
 
+        self._find_rest()
+        sharpened = [self._sharpen(name, part) for name, part in self._by_name()]
+        if any(sharpened):
+            again()
+        for name, part in self._by_name():
+            with of_rope(name):
+                part.check_travel(self.parts, again)
+
+    def _by_name(self) -> Iterator[tuple[str, Ropeway]]:
+        return zip(self._scenario.ropes, self.parts, strict=True)
+
     @staticmethod
     def _sharpen(name: str, part: Ropeway) -> bool:
-        with _of_rope(name):
+        with of_rope(name):
             return part.sharpen()
 
     def _find_rest(self) -> None:
@@ -144,8 +158,8 @@ class RopeBundle:
             if part.is_taut:
                 lay_taut(part.system, part.state)
             else:
-                with _of_rope(name):
-                    part.lay(work)
+                with of_rope(name):
+                    part.lay(work, self._layout.ends(name, self.moving.sheaves))
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
@@ -273,15 +287,6 @@ class RopeBundle:
             for name, array in fields_of(one).items():
                 array[...] = full.between[f"{key}/{name}"]
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
-
-
-@contextmanager
-def _of_rope(name: str) -> Iterator[None]:
-    """Have what is said of a rope name its keys as the scenario does."""
-    try:
-        yield
-    except EquilibriumError as error:
-        raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
 
 
 __all__ = ["RopeBundle"]

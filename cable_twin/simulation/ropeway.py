@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,8 @@ from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.samples import groups, sample_tensions
 from cable_twin.mechanics.rope.rounding import rounding
-from cable_twin.mechanics.solution.catenary import EquilibriumError, check_rest
-from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle
+from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
+from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
@@ -76,18 +78,21 @@ class Ropeway:
             if vehicle.joint == "sliding":
                 as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
 
-    def check_bare(self) -> None:
+    def check_bare(self, *, loaded: bool = False) -> None:
         """Refuse a bare cable that has no rest where it is to start: what can be told without any kernel.
+
+        Args:
+            loaded: whether anything hangs on it besides its own vehicles and loads.
 
         Raises:
             EquilibriumError: naming what does not fit.
         """
         if self.scenario.cable.initial_shape != "straight":
-            check_rest(self.system, tuple(self.scenario.towers))
+            check_rest(self.system, tuple(self.scenario.towers), loaded=loaded or self._is_loaded)
             lay_cable(self.system, self.state)
 
-    def lay(self, work: Workspace) -> None:
-        """Bring the cable to where it starts.
+    def lay(self, work: Workspace, ends: FloatArray | None = None) -> None:
+        """Bring the cable to where it starts, with its ends at `ends` (2, dim) in m where those are not its own.
 
         Raises:
             EquilibriumError: when it finds no rest with its carriages on it.
@@ -97,8 +102,8 @@ class Ropeway:
             ends = np.array([self.scenario.vector(end.position) for end in (cable.start, cable.end)])
             lay_straight(self.system, self.state, ends[0], ends[1])
         else:
-            check_rest(self.system, tuple(self.scenario.towers))
-            settle(self.system, self.state, work)
+            moved = self.system.cable if ends is None else self.system.cable._replace(end_position=ends)
+            settle(self.system._replace(cable=moved), self.state, work)
 
     def sharpen(self) -> bool:
         """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all.
@@ -170,6 +175,35 @@ class Ropeway:
         for row in self.rows.values():
             brake(self.system, self.state, row)
 
+    def check_travel(self, together: list[Ropeway], find_rest: Callable[[], None]) -> None:
+        """Refuse a counterweight that lies at its upper limit at rest, where it tensions nothing.
+
+        Args:
+            together: all ropes that rest together, this one too.
+            find_rest: brings them to rest; called again, without limits of any travel, before one is refused.
+
+        Raises:
+            EquilibriumError: where it would rest, and how much the length has to change.
+        """
+        weights = self.system.counterweights
+        for end in np.flatnonzero(weights.mass > 0.0).tolist():
+            if self._travel(end) >= weights.travel[end, 1]:
+                limited = self.system
+                for part in together:
+                    part.system = without_stops(part.system)
+                find_rest()
+                raise EquilibriumError(beyond_travel(limited, end, self._travel(end)))
+
+    def _travel(self, end: int) -> float:
+        """Travel (m) of the counterweight at an end."""
+        moved = self.state.nodes.position[-end, 0] - self.system.cable.end_position[end]
+        return float(moved @ self.system.counterweights.direction[end])
+
+    @property
+    def _is_loaded(self) -> bool:
+        """Whether vehicles or loads hang on the rope."""
+        return bool(self.system.carriages.mass.size or self.system.cable.load_force.any())
+
     @property
     def is_taut(self) -> bool:
         """Whether the rope is shorter than the way between two ends that hold it, with nothing between them."""
@@ -211,6 +245,15 @@ class Ropeway:
         self._system, self.packed_system = system, pack(system)
 
 
+@contextmanager
+def of_rope(name: str) -> Iterator[None]:
+    """Have what is said of a rope name its keys as the scenario does."""
+    try:
+        yield
+    except EquilibriumError as error:
+        raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
+
+
 def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
     """Go to what a full state has of each rope with what is on it, and of what is commanded there."""
     for part, state, start in zip(parts, full.states, full.starts, strict=True):
@@ -224,4 +267,4 @@ def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
         part.loading = {name: mass for name, mass in full.loading.items() if name in own}
 
 
-__all__ = ["Ropeway", "restore_ropes"]
+__all__ = ["Ropeway", "of_rope", "restore_ropes"]

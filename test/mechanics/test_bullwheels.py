@@ -18,7 +18,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     FIXED,
     HYDRAULIC,
     Bullwheels,
-    _bullwheels_at_rest,
+    bullwheels_at_rest,
 )
 from cable_twin.mechanics.solution.generalized_alpha import coefficients
 
@@ -52,7 +52,7 @@ def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
         buffer_stiffness=np.array([1e5]),
         buffer_damping=np.zeros(1),
     )._replace(**{key: np.atleast_1d(np.array(value)) for key, value in changes.items()})
-    motion = _bullwheels_at_rest(1)
+    motion = bullwheels_at_rest(1)
     motion.tension[0], motion.pull[0] = (on, off), on + off
     motion.rim.velocity[:] = motion.rope.velocity[:] = speed
     return sheaves, motion

@@ -6,7 +6,7 @@ the cable down as well: a load that comes out negative is that of a tower which 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,10 @@ import scipy  # loads `optimize` where it is used: a third of a second, not of e
 from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
 
 ENDS = ("start", "end")
+NEAR = 1e-4  # of its length, to which the rest in closed form is that of a cable over saddles and sheaves
+CHANGES = np.geomspace(1e-4, 20.0, 18)  # of a length or a pull, which may let a rope touch a tower that it misses
+UNKNOWN = 1e9  # N, load of a tower that is not found
+ENOUGH = 1.02  # times the change with which it just does
 
 
 class EquilibriumError(RuntimeError):
@@ -158,12 +162,63 @@ def rest_over_supports(system: System) -> Rest:
     return Rest(corner, basis, pulls, lengths, weight, stiffness)
 
 
-def check_rest(system: System, names: Sequence[str]) -> None:
-    """Refuse towers that the bare cable does not touch at rest, and a counterweight that rests at a limit.
+class Cure(NamedTuple):
+    """A quantity that sets the tension, which lets a rope touch towers that it misses."""
+
+    given: float
+    text: str  # of what is allowed, with places for `bound` ("at most", "at least") and `value`
+    at: Callable[[float], System]  # the same rope with another value, as its own ends and length then are
+
+    def value(self, tower: int) -> str:
+        """The text with the nearest value with which a tower is touched; nothing where there is none that helps."""
+
+        def load(change: float) -> float:
+            try:
+                system = self.at(changed(change))
+                return float(rest_over_supports(system).load()[tower] @ _opening(system, tower))
+            except EquilibriumError:
+                return -UNKNOWN
+
+        def changed(change: float) -> float:
+            return self.given * (1.0 + change if change > 0.0 else 1.0 / (1.0 - change))
+
+        before = 0.0
+        for size in CHANGES:
+            for change in (size, -size):
+                if load(change) > 0.0:
+                    just = float(scipy.optimize.brentq(load, np.copysign(before, change), change, rtol=1e-3))
+                    bound = "at least" if change > 0.0 else "at most"
+                    return self.text.format(bound=bound, value=changed(ENOUGH * just))
+            before = size
+        return ""
+
+
+def cure_of(system: System) -> Cure:
+    """What sets the tension of a rope by itself: its counterweight, or its length."""
+    cable, counterweights = system.cable, system.counterweights
+    for end in np.flatnonzero(counterweights.mass > 0.0):
+
+        def pulled(force: float) -> System:
+            return system._replace(counterweights=counterweights._replace(force=np.full(2, force)))
+
+        return Cure(float(counterweights.force[end]), f"{{bound}} {{value:.4g}} N of cable.{ENDS[end]}", pulled)
+
+    def cut(length: float) -> System:
+        return system._replace(cable=cable._replace(unstrained_length=length))
+
+    return Cure(cable.unstrained_length, "a cable.unstrained_length of {bound} {value:.6g} m", cut)
+
+
+def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure | None = None) -> None:
+    """Refuse towers that the bare cable does not touch at rest, and a counterweight that then rests at a limit.
+
+    What hangs on a rope can only lift its counterweight: one that lies at its upper limit may rest below it then.
 
     Args:
         system: parameters.
         names: of the towers.
+        loaded: whether anything hangs on the cable when it is not bare.
+        cure: what sets its tension, where that is not its own end or length.
 
     Raises:
         EquilibriumError: naming the first one, how it misses and what is allowed.
@@ -174,8 +229,7 @@ def check_rest(system: System, names: Sequence[str]) -> None:
         return
     rest = rest_over_supports(system)
     for tower, (name, load) in enumerate(zip(names, rest.load(), strict=True)):
-        first, end = towers.contact_offset[tower : tower + 2]
-        side = towers.normal[first:end].mean(axis=0)
+        side = _opening(system, tower)
         if load @ side <= 0.0:
             others = towers._replace(top=np.delete(towers.top, tower, axis=0))
             passing = rest_over_supports(system._replace(towers=others))
@@ -184,22 +238,38 @@ def check_rest(system: System, names: Sequence[str]) -> None:
             away = float(np.interp(towers.top[tower] @ along, places @ along, places @ up))
             away -= float(towers.top[tower] @ up)
             where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
+            helped = (cure or cure_of(system)).value(tower)
             raise EquilibriumError(
                 f"towers.{name}.position: the bare cable at rest passes {abs(away):.3g} m {where} its top and would "
                 f"have to be pulled there with {abs(load @ side):.3g} N; allowed: more than {abs(away):.3g} m {more}, "
-                f"or hold_down the other way round"
+                f"hold_down the other way round{f', or {helped}' if helped else ''}"
             )
     for end in weighted:
         travel = float((rest.corner[-end] - cable.end_position[end]) @ counterweights.direction[end])
         low, high = counterweights.travel[end]
-        if not low < travel < high:
-            cause = (
-                "it is too light, or the cable too short" if travel <= low else "it is too heavy, or the cable too long"
-            )
-            raise EquilibriumError(
-                f"cable.{ENDS[end]}.travel: the counterweight of {counterweights.force[end]:g} N would rest at "
-                f"{travel:.3f} m, {cause}; allowed: between {low:g} and {high:g} m"
-            )
+        if travel <= low - NEAR * cable.unstrained_length or (travel >= high and not loaded):
+            raise EquilibriumError(beyond_travel(system, int(end), travel))
+
+
+def beyond_travel(system: System, end: int, travel: float) -> str:
+    """What is wrong with the counterweight at an end of the cable, of which the rest would be at `travel` (m)."""
+    low, high = system.counterweights.travel[end]
+    short = travel <= low
+    cause, way = (
+        ("too light, or the cable too short", "longer") if short else ("too heavy, or the cable too long", "shorter")
+    )
+    return (
+        f"cable.{ENDS[end]}.travel: the counterweight of {system.counterweights.force[end]:g} N would rest at "
+        f"{travel:.3f} m, it is {cause}; allowed: between {low:g} and {high:g} m, as with a cable that is about "
+        f"{max(low - travel, travel - high):.3g} m {way}"
+    )
+
+
+def _opening(system: System, tower: int) -> FloatArray:
+    """Mean of the normals (dim,) of the contacts of a tower."""
+    first, end = system.towers.contact_offset[tower : tower + 2]
+    mean: FloatArray = system.towers.normal[first:end].mean(axis=0)
+    return mean
 
 
 def _first_guess(

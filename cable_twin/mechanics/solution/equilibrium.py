@@ -7,7 +7,7 @@ from math import isfinite
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.compilation import brief_kernel, kernel
+from cable_twin.mechanics.language.compilation import as_python, brief_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
@@ -17,7 +17,7 @@ from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import blow
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.point import slope, value
-from cable_twin.mechanics.rope.strand import rope_before
+from cable_twin.mechanics.rope.strand import rest_stretch, rope_before
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
@@ -29,6 +29,7 @@ SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
 GIVEN = {"joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock"}  # what a start is asked to have
+GIVEN |= {"rope.position"}
 GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 
 
@@ -179,17 +180,20 @@ def lay_cable(system: System, state: State) -> None:
     cable, towers = system.cable, system.towers
     arc_lengths = cable.node_arc_length
     ends = cable.end_position.copy()
+    stretch = as_python(rest_stretch)(cable, state)
+    whole = system._replace(cable=cable._replace(unstrained_length=stretch * cable.unstrained_length))
     if not np.all(np.isfinite(ends)):
         positions, slopes = hanging(system)
     elif towers.top.size == 0 and not np.any(system.counterweights.mass):
-        positions, slopes = catenary(system, arc_lengths)
+        positions, slopes = catenary(whole, stretch * arc_lengths)
     else:
-        rest = rest_over_supports(system)
-        positions, slopes = rest.place(arc_lengths)
+        rest = rest_over_supports(whole)
+        positions, slopes = rest.place(stretch * arc_lengths)
         ends = rest.corner[[0, -1]]
         for tower, middle in enumerate(np.cumsum(rest.length)[:-1]):
             first, last = towers.contact_offset[tower : tower + 2]
-            state.contact_arc_length[first:last] = middle
+            state.contact_arc_length[first:last] = middle / stretch
+    slopes = stretch * slopes  # by the arc length of the mesh, on which bullwheels may have let more rope
     for end, place, direction in zip((0, -1), ends, cable.end_direction, strict=True):
         if np.all(np.isfinite(place)):
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
@@ -239,6 +243,12 @@ def without_friction(system: System) -> System:
         towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)),
         carriages=system.carriages._replace(rolling_friction=smooth),
     )
+
+
+def without_stops(system: System) -> System:
+    """The same with counterweights whose travel has no limits."""
+    weights = system.counterweights
+    return system._replace(counterweights=weights._replace(travel=np.tile([-np.inf, np.inf], (2, 1))))
 
 
 def settle(system: System, state: State, work: Workspace) -> None:

@@ -21,14 +21,21 @@ NUDGE = 1e-5  # m, for the derivatives
 LONGEST_MOVE = 0.002  # of the shortest strand: rope that runs through in one iteration
 
 
-def settle_loop(sheaves: Bullwheels, motion: BullwheelMotion, lengths: FloatArray, relax: Callable[[], None]) -> None:
+def settle_loop(
+    sheaves: Bullwheels,
+    motion: BullwheelMotion,
+    lengths: FloatArray,
+    relax: Callable[[], None],
+    tolerance: float = TOLERANCE,
+) -> None:
     """Find the rest of all strands over their bullwheels, and leave ropes and carriages of `motion` as they are there.
 
     Args:
         sheaves: the wheels.
-        motion: their motion, at rest.
+        motion: their motion, at rest, from which this goes on.
         lengths: (ropes,) m, of the strands.
         relax: brings all ropes to rest with the ends that `motion` gives them, and notes what they pull with.
+        tolerance: of the largest tension, by which a wheel may be off balance.
 
     Raises:
         EquilibriumError: there is no rest with tensions that can be, or it is not found.
@@ -49,7 +56,7 @@ def settle_loop(sheaves: Bullwheels, motion: BullwheelMotion, lengths: FloatArra
             raise EquilibriumError(
                 "no static equilibrium of the loop: a strand finds no shape; change the unstrained lengths of its ropes"
             )
-        if np.abs(left).max(initial=0.0) < TOLERANCE * largest:
+        if np.abs(left).max(initial=0.0) < tolerance * largest:
             break
         slopes = np.empty((left.size, left.size))
         for column, (array, row) in enumerate(ways):

@@ -212,11 +212,12 @@ def allocate_bundle_state(bundle: Bundle) -> BundleState:
         clamp_time=np.zeros(clamps),
         rail_mass=np.zeros(clamps),
         tight=np.zeros(bundle.connectors.length.size + count, np.int64),
-        sheaves=_bullwheels_at_rest(bundle.sheaves.inertia.size),
+        sheaves=bullwheels_at_rest(bundle.sheaves.inertia.size),
     )
 
 
-def _bullwheels_at_rest(count: int) -> BullwheelMotion:
+def bullwheels_at_rest(count: int) -> BullwheelMotion:
+    """Motion of `count` bullwheels that nothing has moved yet."""
     return BullwheelMotion(
         rim=Motion(*(np.zeros(count) for _ in Motion._fields)),
         rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
