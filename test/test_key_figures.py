@@ -207,6 +207,9 @@ def test_support_loads_margins_and_travel_against_their_limits():
     margins = [found[f"{name}: deropement margin, load over that at rest"] for name in ("lower", "upper")]
     assert [(margin.value, margin.kept) for margin in margins] == [(1.0, True), (0.0, False)]
     assert "lifts off" in margins[0].source
+    rollers = [found[f"{name}: load of a roller, lowest"] for name in ("lower", "upper")]
+    assert [(one.value, one.kept) for one in rollers] == [(2e5, True), (0.0, False)]
+    assert (rollers[0].place, rollers[0].source[:7]) == ("one roller", "assumed")
     farthest, nearest = (found[f"end: counterweight travel, {which}"] for which in ("highest", "lowest"))
     assert (farthest.value, farthest.limit, farthest.kept, farthest.time) == (3.1, 3.0, False, 1.0)
     assert (nearest.value, nearest.limit, nearest.bound, nearest.kept) == (-1.0, -2.0, "at least", True)
@@ -222,6 +225,8 @@ def test_a_tower_that_the_rope_never_touches_is_told():
         figures.update(one)
     margin = gathered(figures)["upper: deropement margin, load over that at rest"]
     assert (margin.value, margin.place, margin.kept) == (0.0, "does not touch", False)
+    roller = gathered(figures)["upper: load of a roller, lowest"]
+    assert (roller.value, roller.limit, roller.place, roller.kept) == (0.0, 500.0, "does not touch", False)
     assert gathered(figures)["lower: deropement margin, load over that at rest"].place == ""
     assert "end: deropement margin, load over that at rest" not in gathered(figures)
 

@@ -10,6 +10,7 @@ import pytest
 from test_scenario_faults import keys_of
 from test_simulation import numbers
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import MessageEncoder, decode
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
@@ -175,6 +176,29 @@ def test_start_emergency_stop_and_release(sign):
     assert simulation.advance_to(4.5).drives["haul_rope"].speed == 0.0
     simulation.command("haul_rope", speed=sign)
     assert simulation.advance_to(5.5).drives["haul_rope"].speed == pytest.approx(0.5 * sign)
+
+
+@pytest.mark.parametrize(("space", "speed"), [(2, 1.0), (2, -1.0), pytest.param(3, 1.0, marks=pytest.mark.long)])
+def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
+    """Its way is the one of its clamp in space, up to where that stands for the first time."""
+    scenario = load_scenario(short_scenario().resolved(), {"space": space})
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    simulation.command("haul_rope", speed=speed)
+    figures.update(simulation.advance_to(4.0))
+    figures.command(simulation.emergency_stop())
+    places = [simulation.snapshot.columns.joint_position.copy()]
+    for frame in range(1, 201):
+        figures.update(simulation.advance_to(4.0 + 0.01 * frame))
+        places.append(simulation.snapshot.columns.joint_position.copy())
+    found = {figure.name: figure for figure in figures.figures()}
+    assert found["haul_rope: stopping distance"].value == pytest.approx(0.4, rel=0.02)
+    name, _, how = found["chair: stopping distance"].place.partition(", ")
+    assert how.startswith("emergency stop from ")
+    way = np.array(places)[:, simulation.layout.vehicle_rows[name]]
+    steps = np.diff(way, axis=0) @ (way[5] - way[0]) / np.linalg.norm(way[5] - way[0])
+    last = int(np.argmax(steps <= 1e-5))
+    assert found["chair: stopping distance"].value == pytest.approx(steps[:last].sum(), rel=0.02)
+    assert 0.6 < found["chair: stopping time"].value < 2.0  # 0.8 s of the rim
 
 
 def test_reset_puts_rope_and_carriers_back():

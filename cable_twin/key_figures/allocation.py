@@ -18,6 +18,7 @@ def allocate(scenario: Scenario) -> Memory:
     elements = cable.elements
     end_element = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
     clamped = [vehicle.joint == "clamped" for vehicle in scenario.vehicles.values()]
+    rollers = [tower.contacts if tower.kind == "sheaves" else 0 for tower in scenario.towers.values()]
     tops = [(tower.position[0], tower.position[-1]) for tower in scenario.towers.values()]
     return Memory(
         length=float(cable.unstrained_length),
@@ -30,6 +31,8 @@ def allocate(scenario: Scenario) -> Memory:
         highest_load=highest(supports),
         lowest_load=lowest(supports),
         margin=lowest(supports),
+        rollers=np.array([0, 0, *rollers], dtype=np.float64),
+        roller_load=lowest(supports),
         farthest=highest(supports),
         nearest=lowest(supports),
         drives=drive_extremes(len(scenario.drives)),

@@ -8,9 +8,11 @@ from math import isnan, nan
 from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.loop_figures import LoopFigures
 from cable_twin.key_figures.passing_figures import PassingFigures
 from cable_twin.key_figures.rope_figures import FiguresOfRope
+from cable_twin.key_figures.stops import CarriedStops
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import ENDS, Snapshot
@@ -31,6 +33,7 @@ class KeyFigures:
         self._whole = None if scenario.ropes else FiguresOfRope(scenario)
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
         self._dissipation, self._time = Dissipation(scenario), nan  # s, of the last frame
+        self._scenario, self._carried = scenario, CarriedStops(scenario)
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
         self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
         meeting = len(scenario.ropes) > 1 and len(scenario.vehicles) > 1 and scenario.dim == 3
@@ -38,6 +41,7 @@ class KeyFigures:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
+        self._carried.update(snapshot)
         self._time = snapshot.time
         self._dissipation.update(snapshot.time, snapshot.solver)
         if self._whole is not None:
@@ -55,6 +59,7 @@ class KeyFigures:
         for rope in [self._whole] if self._whole is not None else self._ropes.values():
             rope.command(applied)
         self._loops.command(applied)
+        self._carried.command(applied)
 
     def touches(self) -> list[Touch]:
         """Vehicles that have met: the last touch of each with one after it on its rope."""
@@ -65,8 +70,9 @@ class KeyFigures:
         """All figures that have a value so far."""
         lost = self._dissipation.figure(self._time)
         of_solver = [] if isnan(lost.value) else [lost]
+        carried = self._carried.figures(lambda figure, key: limited(self._scenario, figure, key))
         if self._whole is not None:
-            return [*self._whole.figures(), *of_solver]
+            return [*self._whole.figures(), *carried, *of_solver]
         found: dict[str, KeyFigure] = {}
         for name, rope in self._ropes.items():
             for own in rope.figures():
@@ -77,7 +83,7 @@ class KeyFigures:
                     figure = _worse(found.pop(own.name, figure), figure)
                 found[figure.name] = figure
         passing = [] if self._passing is None else self._passing.figures()
-        return [*found.values(), *self._loops.figures(), *self._couplings.figures(), *passing, *of_solver]
+        return [*found.values(), *self._loops.figures(), *carried, *self._couplings.figures(), *passing, *of_solver]
 
 
 def compile_figures(scenario: Scenario, first: Snapshot) -> None:

@@ -11,7 +11,7 @@ VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
 SOURCES = {  # of the default limits
     "rope_safety_factor": SAFETY,
     "haul_rope_safety_factor": SAFETY,
-    "tension_per_transverse_load": "CEN practice for carriages on a track rope, at least 10",
+    "tension_per_transverse_load": "CEN practice for carriages that roll on a track rope, at least 10",
     "swing": "assumed: clearance usually allows for 0.35 rad (20 deg)",
     "lateral_swing": f"{VORARLBERG}: 20 % across",
     "tower_clearance": f"{VORARLBERG}: 0.5 m to the side",
@@ -19,8 +19,14 @@ SOURCES = {  # of the default limits
     "rope_clearance": "assumed: nothing may touch the ground",
     "vehicle_clearance": "assumed: nothing may touch the ground",
     "energy_lost": "assumed: as a damping of 0.08 % of the critical one would take, less than a rope's own",
+    "roller_load": "assumed: 500 N on each roller, so that a rope that swings does not leave it",
     "deropement_margin": "assumed: a tenth of the load at rest, the cable lifts off at 0",
 }
+
+
+def is_given(scenario: Scenario, key: str) -> bool:
+    """Whether a scenario has another limit of that key of `limits` than the default."""
+    return bool(getattr(scenario.limits, key) != type(scenario.limits).model_fields[key].default)
 
 
 def limited(scenario: Scenario, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
@@ -29,10 +35,10 @@ def limited(scenario: Scenario, figure: KeyFigure, key: str, bound: Bound = "at 
     if key == "rope_safety_factor" and scenario.hauls:  # beside a track rope, whose factor is not enough for it
         key = "haul_rope_safety_factor"
     limit = getattr(limits, key)
-    own = limit != type(limits).model_fields[key].default
+    own = is_given(scenario, key)
     if key == "rope_safety_factor" and (scenario.drives or scenario.strand) and not own:
         limit = HAUL_ROPE_SAFETY_FACTOR
     return with_limit(figure, limit, f"scenario: limits.{key}" if own else SOURCES.get(key, ""), bound)
 
 
-__all__ = ["HAUL_ROPE_SAFETY_FACTOR", "SOURCES", "limited"]
+__all__ = ["HAUL_ROPE_SAFETY_FACTOR", "SOURCES", "is_given", "limited"]

@@ -22,6 +22,7 @@ from cable_twin.snapshot import Layout, Snapshot
 
 SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
 BEYOND = "above 1 the rope slips on the wheel, how far says `slip of the rope` from 1 mm on"
+RIM = "of the rim of its bullwheel"
 STILL = 1e-3  # m, of slip, below which there was none
 
 
@@ -57,7 +58,7 @@ class LoopFigures:
         self._layout: Layout | None = None  # of the frames so far
         self._sheaves, self._rows = names, {name: names.index(name) for name in driven if name in names}
         self._motions: dict[str, tuple[float, float]] = dict.fromkeys(self._drives, (nan, nan))
-        self._stops = StopsOf(self._drives if sheaves else (), self._motions.__getitem__)
+        self._stops = StopsOf(self._drives if sheaves else (), self._motions.__getitem__, RIM)
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""

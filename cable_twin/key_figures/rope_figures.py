@@ -13,7 +13,7 @@ from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.limits import limited
+from cable_twin.key_figures.limits import is_given, limited
 from cable_twin.key_figures.rope_measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space_figures import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import StopsOf
@@ -47,7 +47,9 @@ class FiguresOfRope:
         self.buffers = BufferFigures(scenario)
         self._last, self._period = math.nan, math.nan  # s, time of the last frame and from one to the next
         self._first_tension = math.nan  # N, highest of the first frame
-        driven = [name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding"]
+        driven = [
+            name for name, vehicle in scenario.vehicles.items() if vehicle.joint == "sliding" and not vehicle.clamped_to
+        ]
         self._stops = StopsOf((*driven, *self._drives), self._motion)
         self._layout: Layout | None = None  # of the frames so far
 
@@ -147,6 +149,11 @@ class FiguresOfRope:
             if margin.value == 0.0 and load.value == 0.0:
                 margin = replace(margin, place="does not touch")
             yield replace(self._limited(margin, "deropement_margin", "at least"), band="solver steps")
+            roller = figure_of(memory.roller_load, number, f"{name}: load of a roller, lowest", "N")
+            count = int(memory.rollers[number])
+            touches = f"mean of {count} rollers" if count > 1 else "one roller"
+            roller = replace(roller, place="does not touch" if load.value == 0.0 else touches)
+            yield replace(self._limited(roller, "roller_load", "at least"), band="solver steps")
             if self._space is not None and name not in ENDS:
                 yield from self._space.of_tower(name, number)
             low, high = None, None
@@ -194,7 +201,9 @@ class FiguresOfRope:
         yield worst(memory.contact_force, members, f"{name}: contact force", "N")
         yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
-        yield self._limited(ratio, "tension_per_transverse_load", "at least")
+        clamped = self._scenario.vehicles[self._vehicles[members[0]]].joint == "clamped"
+        judged = not clamped or is_given(self._scenario, "tension_per_transverse_load")
+        yield ratio if not judged else self._limited(ratio, "tension_per_transverse_load", "at least")
         height = worst(kept.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
         yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
         yield from self._stops.figures(name, self._limited)

@@ -46,6 +46,8 @@ class Memory(NamedTuple):
     highest_load: Extremes  # (supports,) N
     lowest_load: Extremes  # (supports,) N
     margin: Extremes  # (supports,) load of a tower over that at rest
+    rollers: FloatArray  # (supports,) how many a tower has; 0 of a saddle and of an end
+    roller_load: Extremes  # (supports,) N, mean over the rollers of a tower
     farthest: Extremes  # (supports,) m, travel of a counterweight
     nearest: Extremes  # (supports,) m
     drives: DriveExtremes  # of moving cables
@@ -123,6 +125,8 @@ def take_supports(memory, time, columns):
             take(memory.margin, support, margin, time, nan)
         elif columns.tower_rest_load[support] == 0.0:  # not of an end, which has none
             take(memory.margin, support, 0.0, time, nan)
+        if memory.rollers[support] > 0.0:
+            take(memory.roller_load, support, columns.tower_lowest_load[support] / memory.rollers[support], time, nan)
         take(memory.farthest, support, travel, time, nan)
         take(memory.nearest, support, travel, time, nan)
 

@@ -1,4 +1,4 @@
-"""Brakings to standstill, from the command on."""
+"""Stops, from the command to standstill: of what is driven, and of what a driven rope carries."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import isnan, nan
 
+import numpy as np
+
 from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.records import AppliedCommand
+from cable_twin.records import AppliedCommand, FloatArray
+from cable_twin.scenario import Scenario
+from cable_twin.snapshot import Columns, Snapshot
 
 STANDSTILL = 1e-3  # m/s
 
@@ -64,9 +68,11 @@ class StopsOf:
     Args:
         names: of what is driven.
         motion: gives place (m) and speed (m/s) of one of them in the last frame.
+        whose: what it is of which that is the motion, as figures say it.
     """
 
-    def __init__(self, names: Iterable[str], motion: Callable[[str], tuple[float, float]]) -> None:
+    def __init__(self, names: Iterable[str], motion: Callable[[str], tuple[float, float]], whose: str = "") -> None:
+        self._whose = whose
         self._stops, self._motion = {name: Stops() for name in names}, motion
         self._time = nan  # s, of the last frame
         self._braking: list[str] = []  # those of which a stop is under way
@@ -98,6 +104,7 @@ class StopsOf:
         stop = self._stops[name].stop if name in self._stops else None
         if stop is not None:
             place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
+            place += f", {self._whose}" if self._whose else ""
             yield limited(
                 KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place), "stopping_distance"
             )
@@ -114,4 +121,117 @@ class StopsOf:
         return place + speed * (time - self._time), speed
 
 
-__all__ = ["Stop", "Stops", "StopsOf"]
+class CarriedStops:
+    """The stop that counts of what a driven rope carries: how far and how long each vehicle goes on in space.
+
+    The rim of a drive stops as it is told; the rope slips on it, gives way and swings. A vehicle goes on until it
+    stands itself, or turns back, for the first time. Its way is along the rope, of frames that show where it is.
+
+    Args:
+        scenario: what runs.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._drives = set(scenario.drives)
+        carried = {
+            name: row
+            for row, (name, one) in enumerate(scenario.vehicles.items())
+            if self._drives and (one.joint == "clamped" or one.clamped_to)
+        }
+        self._names, self._rows = list(carried), np.array([*carried.values()], np.int64)
+        own = [name for name in carried if name in scenario.carriages]
+        self._groups = {name: [self._names.index(name)] for name in own}
+        if riding := [row for row, name in enumerate(self._names) if name not in scenario.carriages]:
+            assert scenario.carriers is not None
+            self._groups[scenario.carriers.name] = riding
+        count = len(carried)
+        self._time = nan  # s, of the last frame that shows where they are
+        self._place, self._on = np.full((count, 3), nan), np.zeros(count, np.bool_)  # m; on the rope there
+        self._speed = np.zeros(count)  # m/s along the rope
+        self._begun: tuple[str, float] | None = None  # kind and time (s) of the command, while it is under way
+        self._start = np.zeros(count)  # m/s at the command
+        self._way = np.zeros(count)  # m since then
+        self._end = np.full(count, nan)  # s, of the standstill
+        self._stops: dict[str, tuple[KeyFigure, KeyFigure]] = {}  # distance and time of each group
+        self._counts = ""  # kind of that stop
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in one snapshot; they come in the order of time."""
+        if not self._names:
+            return
+        c, time = snapshot.columns, snapshot.time
+        place = c.joint_position[self._rows]
+        if np.isnan(place).all() or not (isnan(self._time) or time > self._time):
+            return  # a frame without poses
+        on = c.attached[self._rows] == 1.0
+        if self._begun is not None:
+            steps = np.sum((place - self._place) * self._along(snapshot, c), axis=1)
+            self._go_on(time, np.where(on & self._on, steps, nan))
+        self._time, self._place, self._on = time, place, on
+        self._speed = np.where(on, c.speed[self._rows], 0.0)
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take in a command where it took effect."""
+        kind, values = applied.command.kind, applied.command.values
+        told = self._drives & set(values)
+        if kind == "emergency_stop" or (kind == "speed" and told and not any(values[name] for name in told)):
+            self._begin("emergency stop" if kind == "emergency_stop" else "stop", applied.time)
+        elif kind == "reset" or (kind in ("speed", "force") and told):
+            self._begun = None
+
+    def figures(self, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
+        """Way and time of each carriage, and of the carrier that went farthest; `limited` gives them their limits."""
+        for distance, duration in self._stops.values():
+            yield limited(distance, "stopping_distance")
+            yield limited(duration, "stopping_time")
+
+    def _begin(self, kind: str, time: float) -> None:
+        under_way = self._begun is not None and (kind == "stop" or self._begun[0] == kind)
+        if under_way or not np.any(np.abs(self._speed) > STANDSTILL):
+            return
+        self._begun, self._start = (kind, time), self._speed.copy()
+        self._way = -np.abs(self._start) * (time - self._time)  # gone since the last frame, before the command
+        self._end[:] = nan
+
+    def _go_on(self, time: float, steps: FloatArray) -> None:
+        """Add the steps (vehicles,) in m since the last frame to the ways of all that have not come to a stand."""
+        on = np.sign(self._start) * steps
+        moves = np.isnan(self._end) & (np.abs(self._start) > STANDSTILL)
+        goes = moves & (on > STANDSTILL * (time - self._time))
+        self._way[goes] += on[goes]
+        self._end[moves & ~goes] = time
+        self._end[moves & np.isnan(on)] = -np.inf  # has left the rope
+        if not np.any(goes):
+            self._finish()
+
+    def _finish(self) -> None:
+        assert self._begun is not None
+        (kind, time), self._begun = self._begun, None
+        if kind == "stop" and self._counts == "emergency stop":
+            return
+        self._counts, self._stops = kind, {}
+        for name, rows in self._groups.items():
+            counted = [row for row in rows if self._end[row] > time]
+            if counted:
+                row = max(counted, key=lambda row: self._way[row])
+                whose = f"{self._names[row]}, " if len(rows) > 1 else ""
+                where = f"{whose}{kind} from {abs(self._start[row]):.2f} m/s, of its clamp along the rope"
+                last = float(self._end[counted].max()) - time
+                self._stops[name] = (
+                    KeyFigure(f"{name}: stopping distance", float(self._way[row]), "m", time, where),
+                    KeyFigure(f"{name}: stopping time", last, "s", time, f"{kind}, until the last one stands"),
+                )
+
+    def _along(self, snapshot: Snapshot, c: Columns) -> FloatArray:
+        """Unit vectors (vehicles, 3) along the rope at all vehicles."""
+        found = np.full((len(self._names), 3), nan)
+        arc, parts = snapshot.layout.arc_lengths, list(snapshot.layout.ropes.values())
+        for number, row in enumerate(self._rows.tolist()):
+            part = parts[int(np.nan_to_num(c.vehicle_rope[row]))]
+            if c.attached[row] == 1.0 and not isnan(c.arc_length[row]):
+                after = min(max(int(np.searchsorted(arc[part], c.arc_length[row])), 1), part.stop - part.start - 1)
+                found[number] = c.rope_position[part.start + after] - c.rope_position[part.start + after - 1]
+        return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+__all__ = ["CarriedStops", "Stop", "Stops", "StopsOf"]

@@ -21,8 +21,8 @@ MOVING = (  # figures of a motion, of which there is none
     "speed",
     "vehicle acceleration",
     "dynamic amplification, tension over that at the start",
-    "deropement margin, load over that at rest",
 )
+MARGIN = "deropement margin, load over that at rest"  # at rest 1, or 0 where the rope does not touch
 
 
 @dataclass(slots=True)
@@ -146,8 +146,15 @@ def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
-    """Those that mean something at rest."""
-    return [one for one in figures if one.name.rpartition(": ")[2] not in MOVING]
+    """Those that mean something at rest; of margins only those of towers on which the rope does not lie."""
+    found = []
+    for one in figures:
+        name = one.name.rpartition(": ")[2]
+        if name == MARGIN and one.value == 0.0:
+            found.append(replace(one, place="does not touch"))
+        elif name != MARGIN and name not in MOVING:
+            found.append(one)
+    return found
 
 
 def _vectors(line: Line) -> list[KeyFigure]:

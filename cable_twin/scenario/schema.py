@@ -63,7 +63,12 @@ class KeyFigureLimits(Section):
 
     rope_safety_factor: float | None = quantity("-", "lowest breaking force over tension", 3.15, gt=0)
     haul_rope_safety_factor: float | None = quantity("-", "the same of haul ropes beside others", 4.5, gt=0)
-    tension_per_transverse_load: float | None = quantity("-", "lowest tension over load of a carriage", 10.0, gt=0)
+    tension_per_transverse_load: float | None = quantity(
+        "-",
+        "lowest tension over load across the rope; the default is for carriages that roll on it, not for clamped ones",
+        10.0,
+        gt=0,
+    )
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
     lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
     tower_clearance: float | None = quantity("m", "least distance of a vehicle from a mast, in space", 0.5, ge=0)
@@ -79,6 +84,9 @@ class KeyFigureLimits(Section):
     vehicle_clearance: float | None = quantity("m", "least height of a vehicle over the terrain", 0.0, ge=0)
     support_load: float | None = quantity("N", "highest force of the cable on a support", None, gt=0)
     deropement_margin: float | None = quantity("-", "least load of a tower over its load at rest", 0.1, ge=0, le=1)
+    roller_load: float | None = quantity(
+        "N", "least load of a roller of a tower, mean of those of the tower", 500.0, ge=0
+    )
     energy_lost: float | None = quantity(
         "-", "largest share of energy that moves which the solver may lose", 0.005, gt=0
     )

@@ -108,6 +108,45 @@ def test_what_a_haul_rope_pulls_goes_together_by_the_travel_of_its_drive():
         plan_line(line.scenario, 3, "cabin_3")
 
 
+HOLD_DOWN = {"rollers": {"position": [200.0, -7.8], "contacts": 2, "length": 1.0, "hold_down": True}}
+
+
+@pytest.mark.parametrize("space", [2, 3])
+def test_a_hold_down_in_the_air_is_told(space):
+    """The bare rope presses up against it; a load in the middle of the span takes the rope off it."""
+    line = plan_line(load_scenario({**SPAN, "space": space, "towers": HOLD_DOWN}), 3, None)
+    calculate(line, lambda _: None)
+    found = {figure.name: figure for figure in line.figures}
+    margin = found["rollers: deropement margin, load over that at rest"]
+    assert (margin.value, margin.kept, margin.place, margin.time) == (0.0, False, "does not touch", line.places[1])
+    roller = found["rollers: load of a roller, lowest"]
+    assert (roller.value, roller.unit, roller.limit, roller.kept, roller.time) == (
+        0.0,
+        "N",
+        500.0,
+        False,
+        line.places[1],
+    )
+    at_ends = line.rows["rollers: load of a roller, lowest [N]"][[0, 2]]
+    loads = np.array([line.rows[f"rollers: load {part} [N]"][[0, 2]] for part in ("along the track", "downwards")])
+    np.testing.assert_allclose(at_ends, 0.5 * np.linalg.norm(loads, axis=0), rtol=0.05)
+
+
+@pytest.mark.parametrize("space", [2, 3])
+def test_a_hold_down_of_a_strand_in_the_air_is_told(space):
+    changes = {"towers.tower_2.hold_down": True, "towers.tower_2.position": [150.0, 28.0], "space": space}
+    line = plan_line(load_scenario("chairlift", changes), 2, None)
+    calculate(line, lambda _: None)
+    found = {figure.name: figure for figure in line.figures}
+    margins = [name for name in found if "deropement" in name]
+    assert margins == ["tower_2_up: deropement margin, load over that at rest"]
+    assert found[margins[0]].kept is False
+    loads = [found[f"tower_2_{strand}: load of a roller, lowest"] for strand in ("up", "down")]
+    assert loads[0].value == 0.0
+    assert 300.0 < loads[1].value < 500.0
+    assert not any(one.kept for one in loads)
+
+
 def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
     files = {name: tmp_path / f"line.{name}" for name in ("csv", "json", "png")}
     arguments = ["aerial_tramway", "--places", "3", "--csv", str(files["csv"]), "--json", str(files["json"])]

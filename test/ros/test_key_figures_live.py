@@ -47,7 +47,7 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     assert level == 1
     assert SWING in message
     (line,) = [line for line in sim.output.splitlines() if f"limit passed: {SWING}" in line]
-    assert "allowed: at most 0.02 rad (scenario: limits.swing)" in line
+    assert "allowed: at most 1.146 deg (scenario: limits.swing)" in line
     assert participant.received["supports/tower_1/force"]
     assert {pair.key: pair.value for pair in figures()["cabin: vehicle acceleration"].values}["band"].startswith(
         "means"
@@ -71,7 +71,9 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     earlier = {figure.name: figure.value for figure in before.figures()}
     for figure in after.figures():
         value = float({pair.key: pair.value for pair in told[figure.name].values}["value"])
-        if "deropement" not in figure.name:  # of every step live, of every frame from the log
+        if (
+            "deropement" not in figure.name and "roller" not in figure.name
+        ):  # of every step live, of every frame from the log
             low, high = sorted((earlier.get(figure.name, figure.value), figure.value))
             close = 1e-3 + 1e-5 * abs(value)  # the cable is in single precision in the log
             assert low - close <= value <= high + close, figure.name
