@@ -12,18 +12,24 @@ from typing import Any
 from cable_twin.commands import KINDS
 from cable_twin.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
 from cable_twin.offline.script_places import Place, check_place, place_of
+from cable_twin.offline.script_signals import KEYS as SIGNAL_KEYS
+from cable_twin.offline.script_signals import signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.records import Command, CommandError
+from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
+from cable_twin.simulation.effects import check_ahead
 
 BY_NAME = {name: kind for name, kind in KINDS.items() if kind.quantity and not kind.axes}  # numbers by name
 BY_AXIS = {name: kind for name, kind in KINDS.items() if kind.axes}
 EVENTS = {name: kind for name, kind in KINDS.items() if not kind.quantity}  # no numbers
 NUMBERS = [key for kind in (*BY_NAME.values(), *BY_AXIS.values()) for key in kind.keys.values()]
 
+STOPPED_BY = {"emergency_stop": True, "release": False, "reset": False}  # kinds after which drives are stopped, or not
+Row = Mapping[str, Any]
 LARGEST_CSV = 64 * 2**20  # bytes
 AT = ("at_name", "at_position")  # columns of CSV for `at`
-KEYS = ("time", "at", "name", *NUMBERS, "event")
+KEYS = ("time", "at", "name", *NUMBERS, "event", *SIGNAL_KEYS)
 ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event; or at"
 
 
@@ -42,11 +48,12 @@ class ScriptedCommand:
     at: Place | None = None  # where it is given, from that time on
 
 
-def read_script(file: Path) -> list[ScriptedCommand]:
+def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCommand]:
     """Read a script; commands of one time stay in the order of the file.
 
     Args:
         file: YAML (a list of mappings) or CSV (a header and a line a command), by its suffix.
+        scenario: that it is for, where what that refuses is to be found as well.
 
     Raises:
         ScriptError: with every fault, one line each: file, line, what was given, what is allowed, unit.
@@ -63,15 +70,21 @@ def read_script(file: Path) -> list[ScriptedCommand]:
     except OSError as error:
         raise ScriptError(f"{file}: {error.strerror}") from None
     rows = _csv_rows(file, text) if suffix == ".csv" else _yaml_rows(file, text)
-    commands, faults = [], []
+    commands: list[ScriptedCommand] = []
+    faults: list[tuple[int, str]] = []  # with their lines
+    lines: dict[str, int] = {}
     for line, row in rows:
+        lines[place := f"{file}:{line}"] = line
         try:
-            commands.append(_command(row, f"{file}:{line}"))
-        except ScriptError as error:  # noqa: PERF203 - every fault is told
-            faults.append(str(error))
+            commands += _commands(row, place)
+        except ScriptError as error:
+            faults.append((line, str(error)))
+    commands.sort(key=lambda item: item.time)
+    if scenario is not None:
+        faults += [(lines[place], fault) for place, fault in _refused(scenario, commands, stopped=False).items()]
     if faults:
-        raise ScriptError("\n".join(faults))
-    return sorted(commands, key=lambda item: item.time)
+        raise ScriptError("\n".join(fault for _, fault in sorted(faults)))
+    return commands
 
 
 def script_of_log(log: Log) -> list[ScriptedCommand]:
@@ -92,33 +105,39 @@ def commands_ahead(simulation: Simulation, script: Iterable[ScriptedCommand]) ->
     return [item for item in script if item.at is not None or round(item.time / simulation.step) >= first]
 
 
-def check_script(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[str]:
-    """Find what the simulation will refuse whatever its motion: names, limits, places, drives after an emergency stop.
+def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool = False) -> list[str]:
+    """Find what a scenario refuses whatever its motion: names, limits, places, drives after an emergency stop.
 
     Args:
-        simulation: It is put back to where it is.
+        scenario: That is to run.
         script: The commands.
+        stopped: Whether it begins in an emergency stop.
 
     Returns:
-        A line for each command that would be refused.
+        A line for each entry that would be refused, of a step or chirp for its first command that would be.
     """
-    faults = []
-    before = simulation.capture()
-    given = sorted(script, key=lambda item: item.at is not None)
-    for item in given:
+    return [*_refused(scenario, script, stopped=stopped).values()]
+
+
+def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool) -> dict[str, str]:
+    """Lines of `check_script` by the places of their commands."""
+    faults: dict[str, str] = {}
+    at_start = stopped
+    for item in sorted(script, key=lambda item: item.at is not None):
         try:
             if item.at is not None:  # whatever has been given till then
-                simulation.restore(before)
-                check_place(item.at, simulation.scenario)
-            simulation.apply(item.command, ahead=True)  # where a carriage is then, only the run can tell
+                stopped = at_start
+                check_place(item.at, scenario)
+            check_ahead(scenario, item.command, stopped=stopped)  # where a carriage is then, only the run can tell
         except CommandError as error:  # noqa: PERF203 - every fault is told
-            faults.append(f"{item.place}: {error}")
-    simulation.restore(before)
+            faults.setdefault(item.place, f"{item.place}: {error}")
+        else:
+            stopped = STOPPED_BY.get(item.command.kind, stopped)
     return faults
 
 
-def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Line and values of each row; an empty cell is none, a line of nothing or that begins with # is passed over."""
+def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
+    """Line and values of each row, or its fault; empty cells and lines, and those that begin with #, are left out."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
     for line in _readable(reader, file):
@@ -133,7 +152,8 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
                 raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; each key only once")
             continue
         if len(cells) > len(header):
-            raise ScriptError(f"{file}:{reader.line_num}: {len(cells)} cells given; the header has {len(header)}")
+            yield reader.line_num, f"{len(cells)} cells given; the header has {len(header)}"
+            continue
         row: dict[str, Any] = {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
         if at := {key.removeprefix("at_"): row.pop(key) for key in AT if key in row}:
             row["at"] = at
@@ -154,8 +174,8 @@ def _number(cell: str) -> float | str:
         return cell
 
 
-def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Line and mapping of each item of the list."""
+def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
+    """Line and mapping of each item of the list, or its fault."""
     try:
         content, node, doubles = read_yaml(text)
     except UnreadableYamlError as error:
@@ -169,14 +189,13 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Mapping[str, Any]]]
         kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
         raise ScriptError(f"{file}:1: a {kind} given; allowed: a list of commands, '- {{time: 1, ...}}'")
     for item, place in zip(content, node.value, strict=True):
-        line = place.start_mark.line + 1
-        if not isinstance(item, Mapping):
-            raise ScriptError(f"{file}:{line}: {item!r} given; {ALLOWED}")
-        yield line, item
+        yield place.start_mark.line + 1, item if isinstance(item, Mapping) else f"{item!r} given; {ALLOWED}"
 
 
-def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
-    """Understand one row."""
+def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
+    """Understand one row: a command, or those of a step or chirp."""
+    if isinstance(row, str):
+        raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
         raise ScriptError(f"{place}: unknown {', '.join(unknown)}; {ALLOWED}")
     if "time" not in row and "at" not in row:
@@ -188,7 +207,26 @@ def _command(row: Mapping[str, Any], place: str) -> ScriptedCommand:
         at = place_of(row["at"]) if "at" in row else None
     except ValueError as error:
         raise ScriptError(f"{place}: {error}") from None
-    return ScriptedCommand(float(time), _meant(row, place), "script", place, at)
+    command = _meant(row, place)
+    if not any(key in row for key in SIGNAL_KEYS):
+        return [ScriptedCommand(float(time), command, "script", place, at)]
+    if not KINDS[command.kind].drives:
+        raise ScriptError(
+            f"{place}: {command.kind} with {', '.join(k for k in SIGNAL_KEYS if k in row)} given; {ALLOWED}"
+        )
+    ((name, base),) = command.values.items()
+    try:
+        values = signal_values(
+            row, base, lambda value, key, unit: _finite(value, key, unit, place), KINDS[command.kind].unit
+        )
+    except ScriptError:
+        raise
+    except ValueError as error:
+        raise ScriptError(f"{place}: {error}") from None
+    return [
+        ScriptedCommand(float(time) + later, Command(command.kind, {name: value}), "script", place)
+        for later, value in values
+    ]
 
 
 def _meant(row: Mapping[str, Any], place: str) -> Command:

@@ -39,7 +39,7 @@ from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
-from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
@@ -133,15 +133,16 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     log = read_log(options.from_bag) if options.from_bag is not None else None
     if options.check and (options.snapshot is not None or (log is not None and log.snapshot is not None)):
         raise OptionError("--check with a snapshot, which is of one mesh; allowed: a run from the start")
-    script = read_script(options.script) if options.script is not None else []
+    scenario = _scenario(options, log)
+    script = read_script(options.script, scenario) if options.script is not None else []
     if log is not None:
         script = script_of_log(log)
         if log.damage:
             which = "later commands" if len(log.files) == 1 else "commands"
             print(f"simulate: {log.path}: {log.condition}: {which} are lost", file=sys.stderr)
-    simulation = _simulation(options, log, console)
+    simulation = _simulation(options, log, scenario, console)
     ahead = commands_ahead(simulation, script)
-    faults = check_script(simulation, ahead)
+    faults = check_script(simulation.scenario, ahead, stopped=simulation.emergency_stopped)
     if faults and log is None:
         raise ScriptError("\n".join(faults))
     if faults and len(faults) == len(ahead):
@@ -201,20 +202,35 @@ def _run(
             run.close()
 
 
-def _simulation(options: argparse.Namespace, log: Log | None, console: Console) -> Simulation:
-    """The snapshot or the scenario that is asked for, or that of the bag, with what is changed in it."""
+def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
+    """Load the scenario that is asked for, or that of the bag with what is changed in it; None where a state has it.
+
+    Raises:
+        SnapshotError: a state has its scenario, and another one is asked for.
+        ScenarioError: it does not load.
+    """
     changed = options.scenario is not None or bool(options.set)
     if changed and options.snapshot is not None:
         raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
     if changed and log is not None and log.snapshot is not None:
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
+    if options.snapshot is not None or (log is not None and not changed):
+        return None
+    source = options.scenario if options.scenario is not None else log.scenario if log else DEFAULT_SCENARIO
+    return load_scenario(source, dict(options.set))
+
+
+def _simulation(
+    options: argparse.Namespace, log: Log | None, scenario: Scenario | None, console: Console
+) -> Simulation:
+    """Build the scenario that is asked for, or go on from the snapshot or the start of the bag."""
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        if scenario is not None:
+            return Simulation(scenario, meanwhile=compile_figures)
         if options.snapshot is not None:
             return Simulation.load(options.snapshot, meanwhile=compile_figures)
-        if log is not None and not changed:
-            return start_of(log, meanwhile=compile_figures)
-        source = options.scenario if options.scenario is not None else log.scenario if log else DEFAULT_SCENARIO
-        return Simulation(load_scenario(source, dict(options.set)), meanwhile=compile_figures)
+        assert log is not None
+        return start_of(log, meanwhile=compile_figures)
 
 
 def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None, start: float) -> float:

@@ -18,7 +18,7 @@ from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import compile_figures
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
-from cable_twin.offline.script import ScriptError, check_script, read_script
+from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, plots_fault
 from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv, write_json
@@ -84,12 +84,10 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
     Raises:
         ScenarioError, ScriptError, EquilibriumError: something cannot be used.
     """
-    script = read_script(options.script) if options.script is not None else []
     scenarios = swept_scenarios(options.sweep, _source(options), dict(options.set))
+    script = read_script(options.script, scenarios[0]) if options.script is not None else []
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
-        first = Simulation(scenarios[0], meanwhile=compile_figures)
-    if faults := check_script(first, script):
-        raise ScriptError("\n".join(faults))
+        Simulation(scenarios[0], meanwhile=compile_figures)
     duration = options.duration or (script[-1].time if script else 0.0) + DURATION
     values = zip(options.sweep.values, scenarios, strict=True)
     steps = [max(round(1.0 / (options.frame_rate * scenario.solver.step)), 1) for scenario in scenarios]

@@ -39,28 +39,36 @@ class Effect(NamedTuple):
     between: Callable[[RopeBundle, Command], None] | None = None  # on no rope alone, as on the bullwheels of a loop
 
 
-def take_effect(engine: Engine, scenario: Scenario, command: Command, *, ahead: bool = False) -> None:
-    """Carry out a command: whole or, with an error, not at all.
-
-    Args:
-        engine: What it acts on.
-        scenario: The whole of it.
-        command: Of any kind.
-        ahead: Only refuse what no motion makes possible.
+def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
+    """Refuse a command that no motion makes possible; `stopped` says whether an emergency stop is in force then.
 
     Raises:
         CommandError: one line with what was given and what is allowed.
     """
     if command.kind not in EFFECTS:
         raise CommandError(f"a command of kind {command.kind!r}; known: {', '.join(EFFECTS)}")
-    effect = EFFECTS[command.kind]
-    if KINDS[command.kind].drives and engine.parts[0].stopped:
+    if KINDS[command.kind].drives and stopped:
         raise CommandError("the emergency stop is in force: release it before the next command")
-    if effect.check is not None:
-        effect.check(command, scenario)
+    if (check := EFFECTS[command.kind].check) is not None:
+        check(command, scenario)
+
+
+def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
+    """Carry out a command: whole or, with an error, not at all.
+
+    Args:
+        engine: What it acts on.
+        scenario: The whole of it.
+        command: Of any kind.
+
+    Raises:
+        CommandError: one line with what was given and what is allowed.
+    """
+    check_ahead(scenario, command, stopped=engine.parts[0].stopped)
+    effect = EFFECTS[command.kind]
     shares = [(part, _share(command, part)) for part in engine.parts]
     for part, share in shares:
-        if effect.check_motion is not None and not ahead:
+        if effect.check_motion is not None:
             effect.check_motion(share, part.scenario, part.system, part.state)
     for part, share in shares:
         effect.change(part, share)
@@ -138,4 +146,4 @@ EFFECTS: Mapping[str, Effect] = {
 assert EFFECTS.keys() == KINDS.keys(), "a kind without an effect, or an effect without a kind"
 
 
-__all__ = ["take_effect"]
+__all__ = ["check_ahead", "take_effect"]

@@ -251,18 +251,17 @@ class Simulation(Readings):
         """Put the state back to the start; time runs on, drives are as the scenario has them."""
         return self.apply(Command("reset", {}))
 
-    def apply(self, command: Command, source: str = "python", *, ahead: bool = False) -> AppliedCommand:
+    def apply(self, command: Command, source: str = "python") -> AppliedCommand:
         """Carry out a command at the present time: whole or, with an error, not at all.
 
         Args:
             command: of any kind of `cable_twin.commands`.
             source: who gave it, for the log.
-            ahead: only refuse what no motion makes possible, as for a script that is checked before it runs.
 
         Raises:
             CommandError: one line with what was given and what is allowed.
         """
-        take_effect(self._engine, self.scenario, command, ahead=ahead)
+        take_effect(self._engine, self.scenario, command)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._show(NOTHING_DONE)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
+from scipy import integrate
 
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
 from cable_twin.offline.script_places import Place
@@ -118,6 +120,82 @@ def test_all_faults_are_told_at_once(tmp_path):
     assert second.startswith(f"{path}:3: speed 'fast' given")
 
 
+@pytest.mark.parametrize("scenario", ["single_span", "chairlift", "windy_tramway"])
+def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_of_lines(tmp_path, scenario):
+    """Before anything is built; what cannot be read is no longer told first, and the rest after the next try."""
+    lines = [
+        "{time: 0, name: nobody, speed: 1}",
+        "hello",
+        "{time: 1, event: emergency_stop}",
+        "{time: 2, name: nobody, force: 1}",
+        "{time: -1, event: release}",
+        "{time: 3, wind: 300}",
+        "{at: {name: bus, position: 3}, event: release}",
+    ]
+    path = write(tmp_path, "trip.yaml", "".join(f"- {line}\n" for line in lines))
+    with pytest.raises(ScriptError) as error:
+        read_script(path, load_scenario(scenario))
+    said = {
+        1: "unknown carriage or drive 'nobody'",
+        2: "'hello' given; allowed",
+        4: "the emergency stop is in force",
+        5: "time -1 given",
+        6: "wind x is 300 m/s",
+        7: "at 'bus'; known",
+    }
+    for line, (number, fault) in zip(str(error.value).splitlines(), said.items(), strict=True):
+        assert line.startswith(f"{path}:{number}: {fault}")
+
+
+def test_a_step_and_a_chirp_are_commands(tmp_path):
+    text = "- {time: 2, name: cabin, speed: 3, step: 1.5, duration: 10}\n"
+    text += "- {time: 20, name: cabin, force: 100, chirp: 40, from: 0.1, to: 0.5, duration: 30}\n"
+    table = "time,name,speed,force,step,chirp,duration,from,to\n2,cabin,3,,1.5,,10\n20,cabin,,100,,40,30,0.1,0.5\n"
+    script = read_script(write(tmp_path, "test.yaml", text))
+    again = read_script(write(tmp_path, "test.csv", table))
+    assert [(item.time, item.command) for item in script] == [(item.time, item.command) for item in again]
+    assert [(item.time, item.command.values["cabin"]) for item in script[:3]] == [(2.0, 3.0), (2.0, 4.5), (12.0, 3.0)]
+    chirp = script[3:]
+    assert {item.command.kind for item in chirp} == {"force"}
+    times, values = np.array([(item.time - 20.0, item.command.values["cabin"]) for item in chirp]).T
+    assert (times[0], times[-1], values[-1]) == (0.0, 30.0, 100.0)
+    assert np.diff(times) == pytest.approx(0.1)  # 20 in 2 s, the period of 0.5 Hz
+    phase = integrate.cumulative_trapezoid(0.1 * 5.0 ** (np.linspace(0.0, 30.0, 30001) / 30.0), dx=1e-3, initial=0.0)
+    there = np.interp(times, np.linspace(0.0, 30.0, 30001), phase)
+    np.testing.assert_allclose(values[:-1], 100.0 + 40.0 * np.sin(2.0 * np.pi * there[:-1]), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [
+        ("step: 1", "step 1 given; allowed beside name with speed or force: step and duration (s), or chirp,"),
+        ("step: 1, duration: 0", "duration 0 s given; allowed: more than 0 s"),
+        ("step: .nan, duration: 1", "step nan given; allowed: a finite number, in m/s"),
+        ("chirp: 1, duration: 9, from: 0.1", "chirp 1, duration 9, from 0.1 given; allowed"),
+        ("chirp: 1, duration: 9, from: 0.1, to: 0", "to 0 Hz given; allowed: more than 0, up to 10 Hz"),
+        ("chirp: 1, duration: 9, from: 11, to: 1", "from 11 Hz given; allowed: more than 0, up to 10 Hz"),
+        ("chirp: 1, duration: 1e6, from: 1, to: 1", "a chirp of 20000000 commands given; allowed: 100000"),
+        ("step: 1, chirp: 1, duration: 1", "step 1, chirp 1, duration 1 given; allowed"),
+    ],
+)
+def test_what_is_no_test_signal_is_named(tmp_path, signal, said):
+    path = write(tmp_path, "test.yaml", f"- {{time: 1, name: cabin, speed: 2, {signal}}}\n")
+    with pytest.raises(ScriptError) as error:
+        read_script(path)
+    assert str(error.value).startswith(f"{path}:1: {said}")
+
+
+def test_only_what_drives_has_test_signals_and_a_limit_is_told_once(tmp_path):
+    path = write(tmp_path, "test.yaml", "- {time: 1, name: cabin, payload: 2, step: 1, duration: 2}\n")
+    with pytest.raises(ScriptError, match=r"test.yaml:1: payload with step, duration given; allowed"):
+        read_script(path)
+    path = write(tmp_path, "test.yaml", "- {time: 1, name: cabin, speed: 9, chirp: 5, from: 1, to: 1, duration: 10}\n")
+    with pytest.raises(ScriptError) as error:
+        read_script(path, load_scenario("single_span"))
+    assert "\n" not in str(error.value)
+    assert "allowed are -10 to 10 m/s" in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -222,5 +300,5 @@ def test_a_place_is_reached_at_the_same_step_whatever_the_frames_are():
 )
 def test_places_that_nothing_can_come_by_are_told_before_the_run(tmp_path, place, said):
     script = read_script(write(tmp_path, "trip.yaml", f"- {{at: {place}, event: emergency_stop}}\n"))
-    (fault,) = check_script(Simulation(load_scenario("single_span", {"cable.elements": 20})), script)
+    (fault,) = check_script(load_scenario("single_span"), script)
     assert re.search(rf"trip\.yaml:1: {said}", fault)
