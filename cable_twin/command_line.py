@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import os
+import platform
 import re
 import shlex
 import shutil
 import signal
 import sys
+import tempfile
 import textwrap
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+from cable_twin.printable import printable
+
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+PROGRAM_FAULT = 70  # exit code, EX_SOFTWARE of sysexits.h
+LONGEST_LINE = 4000  # characters of what is said of a file or a path
 
 COMPILER = ("numba", "llvmlite")
 NARROWEST = 24  # characters in which a text is still filled
@@ -106,6 +115,59 @@ def _interrupt_later() -> None:
     timer = threading.Timer(RETRY, signal.pthread_kill, (main, signal.SIGINT))
     timer.daemon = True
     timer.start()
+
+
+Main = Callable[..., int]
+
+
+def faults_reported(command: str) -> Callable[[Main], Main]:
+    """Decorator of a command's `main`: what nothing else has answered is a line, a file of details and exit code 70."""
+
+    def decorate(main: Main) -> Main:
+        @functools.wraps(main)
+        def answered(*arguments: Any, **options: Any) -> int:
+            try:
+                return main(*arguments, **options)
+            except OSError:  # of the output, or of a disk, which `entry_points` tells
+                raise
+            except Exception as error:
+                return report_fault(command, error)
+
+        return answered
+
+    return decorate
+
+
+def report_fault(command: str, error: BaseException) -> int:
+    """Say in a line that the program is at fault, with the details in a new file; returns the exit code."""
+    try:
+        version = metadata.version("cable_twin")
+    except metadata.PackageNotFoundError:
+        version = "unknown"
+    details = [f"cable_twin {version}, Python {sys.version}, {platform.platform()}", shlex.join(sys.argv)]
+    details += traceback.format_exception(error)
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix=f"cable_twin_{command}_", suffix=".txt", delete=False, encoding="utf-8", errors="replace"
+        ) as file:
+            file.write("\n".join(details))
+        where = f"please report it with {file.name}"
+    except OSError as reason:
+        where = f"please report it; its details cannot be written ({reason.strerror})"
+    tell(command, f"a fault of the program ({type(error).__name__}: {printable(error, 200)}), {where}")
+    return PROGRAM_FAULT
+
+
+def print_line(line: object) -> None:
+    """Print a line in which something of others is named, such as a file, so that a terminal only shows it."""
+    print(printable(line, LONGEST_LINE))
+
+
+def tell(command: str, text: object) -> None:
+    """Say something to the user as a line, or a few, that a terminal only shows."""
+    with suppress(OSError):  # a terminal that is closed
+        for line in str(text).split("\n"):
+            print(f"{command}: {printable(line, LONGEST_LINE)}", file=sys.stderr, flush=True)
 
 
 def typed(command: str) -> str:

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Sequence
 
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.messages import Status, diagnostics_message
+from cable_twin.printable import printable
 from cable_twin.units import rounded, shown_unit
 
 OK, WARNING = 0, 1  # levels of diagnostics
+LONGEST_TEXT = 1000  # characters of what a bag says of a figure
 
 
 def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
@@ -30,7 +32,13 @@ def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
     Raises:
         ValueError: A status is none of a key figure.
     """
-    return [figure_from_values(status.name, status.values) for status in statuses]
+    return [
+        figure_from_values(
+            printable(status.name, LONGEST_TEXT),
+            {key: printable(text, LONGEST_TEXT) for key, text in status.values.items()},
+        )
+        for status in statuses
+    ]
 
 
 def describe(figure: KeyFigure) -> str:

@@ -42,6 +42,7 @@ ALLOWED = {
     "scenario": (
         "limited_yaml",
         "printable",
+        "printable",
         "units",
         "mechanics.parameters",
         "mechanics.solution.catenary",
@@ -56,11 +57,11 @@ ALLOWED = {
     "simulation": ("geometry", "mechanics", "commands", "printable", "records", "scenario", "snapshot", "units"),
     "messages": ("commands", "rates", "records", "snapshot"),
     "command_messages": ("commands", "messages", "printable", "records"),
-    "figure_messages": ("key_figures", "messages", "units"),
+    "figure_messages": ("key_figures", "messages", "printable", "units"),
     "sensors": ("records", "scenario", "snapshot"),
     "sensor_messages": ("messages", "scenario", "sensors", "snapshot"),
     "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot", "units"),
-    "command_line": (),
+    "command_line": ("printable",),
     "gym": ("commands", "records", "scenario", "simulation", "snapshot"),
     "compilation_bar": ("simulation",),
     "recording": (

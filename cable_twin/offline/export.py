@@ -16,6 +16,7 @@ from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any, TextIO
 
+from cable_twin.command_line import tell
 from cable_twin.key_figures import KeyFigure
 from cable_twin.plotted_signals import SIGNALS
 from cable_twin.snapshot import Snapshot
@@ -103,7 +104,7 @@ class Export:
         try:
             self._write_all()
         except OSError as error:
-            print(f"{command}: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+            tell(command, f"{error.filename or 'output'}: {error.strerror or error}")
             return False
         return True
 

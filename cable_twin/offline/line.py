@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import OneLineParser, left_at_once
+from cable_twin.command_line import OneLineParser, left_at_once, tell
 from cable_twin.key_figures import values_of
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line_places import Line, calculate, plan_line
@@ -120,7 +120,7 @@ def _places(text: str) -> int:
 
 def _fault(error: object, code: int) -> int:
     for line in str(error).splitlines():
-        print(f"line: {line}", file=sys.stderr)
+        tell("line", line)
     return code
 
 

@@ -32,6 +32,7 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # a
 MANY = 6  # lines of a run in a panel, above which they are thin and coloured from first to last
 DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6), (1.0, 1.0), (6.0, 1.2, 1.0, 1.2))  # of runs, or lines
 STYLE = {
+    "text.parse_math": False,  # names of scenarios and files are no formulas
     "font.family": "DejaVu Sans",
     "font.size": 10.0,
     "text.color": INK,

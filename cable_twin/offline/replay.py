@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import OneLineParser, left_at_once
+from cable_twin.command_line import OneLineParser, left_at_once, print_line, tell
 from cable_twin.messages import (
     APPLIED_COMMANDS,
     DERAILMENTS,
@@ -283,19 +283,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError) as error:
         for line in str(error).splitlines():
             named = line if line.startswith(str(options.log)) else f"{options.log}: {line}"
-            print(f"replay: {named}", file=sys.stderr)
+            tell("replay", named)
         return CANNOT
     if not result.samples:
-        print(f"replay: {log.path}: no frame of the twin in it", file=sys.stderr)
+        tell("replay", f"{log.path}: no frame of the twin in it")
         return CANNOT
-    print(
+    print_line(
         f"{log.path}: {log.condition}, cable_twin {log.metadata.get('package_version')}, "
         f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {result.commands.kinds.total()} commands"
     )
     for line in (*origin(log, result.commands), *result.restarts):
-        print(f"  {line}")
+        print_line(f"  {line}")
     for topic, count in sorted(result.samples.items()):
-        print(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
+        print_line(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
     if result.first is not None:
         print(f"they part {result.first}")
         print(f"greatest difference found: {result.largest:.3g}; the tolerance is {tolerance:g}")

@@ -20,7 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cable_twin.command_line import OneLineParser
+from cable_twin.command_line import OneLineParser, print_line, tell
 from cable_twin.offline.difference_table import print_differences
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
@@ -97,12 +97,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             export = Export(options)
         except OSError as error:
-            print(f"review: {error.filename}: {error.strerror}", file=sys.stderr)
+            tell("review", f"{error.filename}: {error.strerror}")
             return NOT_WRITTEN
         return _review(logs, options, export, console)
     except LogError as error:
         for line in str(error).splitlines():
-            print(f"review: {line}", file=sys.stderr)
+            tell("review", line)
         return CANNOT
 
 
@@ -124,16 +124,16 @@ def _repair(logs: Sequence[Log], console: Console) -> int:
                 for _ in log.messages(on_position=_mover(progress, task)):
                     pass  # what is lost is known in the end
                 if log.complete and not log.damage:
-                    print(f"{log.path}: complete, nothing to repair")
+                    print_line(f"{log.path}: complete, nothing to repair")
                     continue
                 task = progress.add_task(f"repairing {log.path.name}", total=log.size)
                 directory, count = repair(log, _mover(progress, task))
         except OSError as error:
-            print(f"review: --repair {log.path}: {error.strerror or error}: {error.filename}", file=sys.stderr)
+            tell("review", f"--repair {log.path}: {error.strerror or error}: {error.filename}")
             return NOT_WRITTEN
-        print(f"{directory}: {count} messages, all that could be read of {log.path}")
+        print_line(f"{directory}: {count} messages, all that could be read of {log.path}")
         for line in log.damage:
-            print(f"  {line}")
+            print_line(f"  {line}")
     return SHOWN
 
 
@@ -167,14 +167,14 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
                 try:
                     made = MadeRecording(readings)
                 except (OSError, ImportError) as error:  # rerun may be left out of an installation
-                    print(f"review: no rerun recording: {error}; --rerun off makes none", file=sys.stderr)
+                    tell("review", f"no rerun recording: {error}; --rerun off makes none")
                     code = NOT_WRITTEN
         try:
             comparisons = compare(*(reading.values() for reading in readings))
             if made is not None:
                 recordings = [made.finish()]
         except OSError as error:
-            print(f"review: the rerun recording cannot be written: {error}", file=sys.stderr)
+            tell("review", f"the rerun recording cannot be written: {error}")
             code = NOT_WRITTEN
         finally:
             if made is not None:
@@ -198,7 +198,7 @@ def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
         try:
             serve(recordings)
         except (OSError, ImportError) as error:
-            print(f"review: --rerun web: {error}", file=sys.stderr)
+            tell("review", f"--rerun web: {error}")
             return NOT_WRITTEN
     elif recordings:
         show(recordings, bags)
@@ -222,7 +222,7 @@ def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> No
     """Summaries, key figures, and how each run differs from the first."""
     console = table_console()
     for label, reading in zip(LABELS, readings, strict=False):
-        print(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
+        print_line(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
     print_figures(console, [reading.figures for reading in readings])
     for label, reading, comparison in zip(LABELS[1:], readings[1:], comparisons, strict=False):
         print_differences(console, readings[0], reading, comparison, label)
@@ -241,9 +241,9 @@ def _write_plots(readings: Sequence[Reading], directory: Path, console: Console)
         with console.status("drawing") as status:
             files = write_plots(runs, directory, lambda file: status.update(f"drawing {file}"))
     except OSError as error:
-        print(f"review: --plots {directory}: {error.strerror or error}", file=sys.stderr)
+        tell("review", f"--plots {directory}: {error.strerror or error}")
         return False
-    print(f"plots: {', '.join(str(file) for file in files)}")
+    print_line(f"plots: {', '.join(str(file) for file in files)}")
     return True
 
 

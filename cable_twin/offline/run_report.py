@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Sequence
 
-from cable_twin.command_line import typed
+from cable_twin.command_line import tell, typed
 from cable_twin.figure_messages import describe
 from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure
 from cable_twin.offline.figure_table import print_figures, table_console
@@ -50,7 +49,7 @@ def report(
     factor = simulated / max(outcome.wall_time, 1e-9)
     told += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
     for line in told:
-        print(f"simulate: {line}", file=sys.stderr)
+        tell("simulate", line)
     print(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
         + _count(outcome.applied)

@@ -14,7 +14,7 @@ from functools import partial
 
 from rich.console import Console
 
-from cable_twin.command_line import ending_signals, left_at_once
+from cable_twin.command_line import ending_signals, left_at_once, tell
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
@@ -81,18 +81,18 @@ def main(argv: Sequence[str] | None = None) -> int:
             return DONE
         plan = _plan(options, console)
     except UNUSABLE_INPUT as error:
-        print("\n".join(f"simulate: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        tell("simulate", error)
         return UNUSABLE
     with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
         try:
             export = Export(options)
         except OSError as error:
-            print(f"simulate: {error.filename}: {error.strerror}", file=sys.stderr)
+            tell("simulate", f"{error.filename}: {error.strerror}")
             return FAILED
         try:
             run = _start(plan, options)
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
-            print(f"simulate: --output {options.output}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
+            tell("simulate", f"--output {options.output}: {getattr(error, 'strerror', None) or error}")
             return FAILED
         started = plan.simulation.time
         figures = KeyFigures(plan.simulation.scenario)
@@ -139,7 +139,7 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
         script = script_of_log(log)
         if log.damage:
             which = "later commands" if len(log.files) == 1 else "commands"
-            print(f"simulate: {log.path}: {log.condition}: {which} are lost", file=sys.stderr)
+            tell("simulate", f"{log.path}: {log.condition}: {which} are lost")
     simulation = _simulation(options, log, scenario, console)
     ahead = commands_ahead(simulation, script)
     faults = check_script(simulation.scenario, ahead, stopped=simulation.emergency_stopped)

@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import INTERRUPTED, left_at_once
+from cable_twin.command_line import INTERRUPTED, left_at_once, tell
 from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import compile_figures
 from cable_twin.offline.export import STDOUT
@@ -41,7 +41,7 @@ def sweep(options: argparse.Namespace) -> int:
         jobs = _jobs(options, console)
     except (ScenarioError, ScriptError, EquilibriumError) as error:
         for line in str(error).splitlines():
-            print(f"simulate: {line}", file=sys.stderr)
+            tell("simulate", line)
         return UNUSABLE
     try:
         for path in (options.csv, options.json, options.plot):
@@ -52,10 +52,10 @@ def sweep(options: argparse.Namespace) -> int:
             runs = _refined(options, jobs[0], runs, lambda more: run_all(more, show))
         return _report(options, jobs[0].scenario.name, runs)
     except KeyboardInterrupt:
-        print("simulate: ended by Ctrl-C", file=sys.stderr)
+        tell("simulate", "ended by Ctrl-C")
         return INTERRUPTED
     except OSError as error:
-        print(f"simulate: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        tell("simulate", f"{error.filename or 'output'}: {error.strerror or error}")
         return FAILED
 
 
@@ -145,7 +145,7 @@ def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) ->
             print(f"{name}: {line}")
     faults = [f"{key} {run.value:g}: {line}" for run in asked for line in (run.fault, *run.refused[:2]) if line]
     for line in faults:
-        print(f"simulate: {line}", file=sys.stderr)
+        tell("simulate", line)
     if options.csv is not None:
         write_csv(options.csv, key, runs)
     if options.json is not None:

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.status import Status
 
-from cable_twin.command_line import INTERRUPTED
+from cable_twin.command_line import INTERRUPTED, faults_reported
 from cable_twin.commands import KINDS, Kind
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.middleware import prepare_middleware
@@ -99,6 +99,7 @@ def parser() -> OneLineParser:
     return result
 
 
+@faults_reported("drive")
 def main(argv: Sequence[str] | None = None) -> int:
     """Tell a twin what to do; 0 after the end, 1 when none answers, or it refuses, 130 where nothing came of it."""
     own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)

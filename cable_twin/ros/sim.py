@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from cable_twin.command_line import faults_reported
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.node_parameters import PARAMETERS
 
@@ -77,6 +78,7 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
     return arguments + for_ros[1:]
 
 
+@faults_reported("sim")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; 0 after a clean end, 1 when it could not start or failed."""
     arguments = ros_arguments(sys.argv[1:] if argv is None else argv)

@@ -17,10 +17,13 @@ class CarrierPayload(Section):
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
     from_end: float = quantity("kg", "what one carries that comes onto the cable at its end", 0.0, ge=0)
-    leaving: dict[str, float] = Field(
+    leaving: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default_factory=dict,
         description="what one carries that leaves a bullwheel, by its name, instead of both (kg)",
-        json_schema_extra={"unit": "kg", "allowed": "a mapping of names of sheaves to finite numbers"},
+        json_schema_extra={
+            "unit": "kg",
+            "allowed": "a mapping of names of sheaves to finite numbers at least 0, in kg",
+        },
     )
     on_cable: float | None = quantity(
         "kg", "what those carry that are on the cable at the start of the run; null: as from_start", None, ge=0

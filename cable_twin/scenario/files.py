@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.printable import printable
 from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
 from cable_twin.scenario.fault import Fault, show
@@ -18,6 +19,8 @@ from cable_twin.scenario.find_faults import find_faults
 from cable_twin.scenario.overrides import UnknownKeyError, full_key, override
 from cable_twin.scenario.schema import Scenario
 
+LONGEST_DESCRIPTION = 400  # characters of it in a list
+LONGEST_NAME = 200  # characters of that of a file, where a scenario has none
 SUFFIXES = (".yaml", ".yml")
 
 
@@ -94,7 +97,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
                     written.give(written.path(changed))
     except RecursionError:
         raise ScenarioError(f"{label}: nested too deeply; allowed: the keys of a scenario") from None
-    data.setdefault("name", name)
+    data.setdefault("name", printable(name, LONGEST_NAME))
     scenario, found = find_faults(data)
     faults += unknown
     faults += [fault for fault in found if fault not in faults]
@@ -122,7 +125,10 @@ def scenario_lines() -> list[str]:
     """Name and description of each scenario in the config directory, a line each."""
     names = scenario_names()
     width = max(map(len, names), default=0)
-    return [f"{name:<{width}}  {_description(_find(name))}".rstrip() for name in names]
+    return [
+        f"{printable(name):<{width}}  {printable(_description(_find(name)), LONGEST_DESCRIPTION)}".rstrip()
+        for name in names
+    ]
 
 
 def _description(file: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
-from math import nan
+from math import isfinite, nan
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -20,6 +20,8 @@ from cable_twin.scenario.space_conflicts import rest_faults, space_faults
 from cable_twin.scenario.vehicle_conflicts import vehicle_faults
 from cable_twin.scenario.wind_conflicts import wind_faults
 
+LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
+
 
 def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
     """Read a scenario from plain data.
@@ -31,12 +33,14 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         The scenario, or None where it has faults, and the faults. What is implausible is found even where other
         values have faults of their own.
     """
+    found = {fault.path: fault for fault in _beyond_reason(data)}
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        found = {
-            fault.path: fault for fault in (_schema_fault(item["loc"], item["type"], data) for item in error.errors())
-        }
+        faults = [_schema_fault(item["loc"], item["type"], data) for item in error.errors()]
+        found |= {fault.path: fault for fault in faults}
+        scenario = None
+    if found or scenario is None:
         if data.get("ropes"):  # the cable is the first of them, which has its own
             return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
@@ -44,6 +48,25 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
     faults = list(_implausible(scenario)) or ([] if scenario.ropes else list(rest_faults(scenario)))
     faults.sort(key=lambda fault: "joins" not in fault.path)  # what is joined wrongly has faults elsewhere
     return (None if faults else scenario), faults
+
+
+def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
+    """Numbers with which nothing can be reckoned: their squares and products are too large, or nothing at all."""
+    if isinstance(data, dict | list):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from _beyond_reason(value, (*path, key))
+    elif isinstance(data, int | float) and not isinstance(data, bool):
+        is_finite = isinstance(data, int) or isfinite(data)  # which fails for a whole number of hundreds of digits
+        if not is_finite or SMALLEST <= abs(data) <= LARGEST or data == 0:
+            return
+        try:
+            field, _, used = _locate(path)
+        except KeyError:  # it does not exist, which is a fault of its own
+            return
+        if field is not None and _scalar(field.annotation)[0] is not int:
+            within = " in it" if used < len(path) else ""
+            limits = f"numbers of {SMALLEST:g} to {LARGEST:g} in size, or 0"
+            yield Fault(path[:used], f"given {show(data)}{within}; allowed: {allowed(field)}; {limits}")
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
@@ -12,6 +12,21 @@ Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers 
 Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)]
 
 
+def _printable(text: str) -> str:
+    """Refuse what a terminal would obey."""
+    if not text.replace("\n", "").isprintable():
+        raise ValueError("it cannot be printed")
+    return text
+
+
+def _one_line(text: str) -> str:
+    if "\n" in text:
+        raise ValueError("it has several lines")
+    return text
+
+
+Description = Annotated[str, AfterValidator(_printable)]
+OneLine = Annotated[str, AfterValidator(_printable), AfterValidator(_one_line)]
 Tensor = Annotated[tuple[float, ...], FromList, Field(min_length=3, max_length=6)]
 
 

@@ -18,7 +18,7 @@ from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
 from cable_twin.scenario.line import Cable, TerrainSides, Tower
-from cable_twin.scenario.quantities import FromList, Section, Vector, in_space, quantity
+from cable_twin.scenario.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
 from cable_twin.scenario.vehicles import Carriage, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
@@ -49,7 +49,7 @@ class Solver(Section):
     integrator: Integrator = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
-    step: float = quantity("s", "time step", 0.001, gt=0)
+    step: float = quantity("s", "time step", 0.001, ge=1e-6, le=10)
     spectral_radius: float = quantity(
         "-", "what is left of the highest frequencies in a step; more than 0.8 fails now and then", 0.7, ge=0, le=1
     )
@@ -95,10 +95,19 @@ class KeyFigureLimits(Section):
 class Scenario(Section):
     """Everything that determines a run but the commands."""
 
-    name: str = Field(
-        default="custom", description="what the run is called; the name of the file by default", min_length=1
+    name: OneLine = Field(
+        default="custom",
+        description="what the run is called; the name of the file by default",
+        min_length=1,
+        max_length=200,
+        json_schema_extra={"allowed": "a text of 1 to 200 characters that can be printed"},
     )
-    description: str = Field(default="", description="one line about it")
+    description: Description = Field(
+        default="",
+        description="one line about it",
+        max_length=2000,
+        json_schema_extra={"allowed": "a text of up to 2000 characters that can be printed"},
+    )
     gravity: float = quantity("m/s^2", "gravity, downwards", 9.81, ge=0)
     space: Literal[2, 3] | None = Field(
         default=None, description="2 for a plane, 3 for space; null: as many as the positions of supports have numbers"
