@@ -33,4 +33,4 @@ def printable_lines(text: object, longest: int = LONGEST_MESSAGE) -> str:
     return joined if len(joined) <= longest else f"{joined[: longest - len(CUT)]}{CUT}"
 
 
-__all__ = ["LONGEST", "printable", "printable_lines"]
+__all__ = ["LONGEST", "LONGEST_MESSAGE", "printable", "printable_lines"]

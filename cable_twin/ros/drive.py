@@ -15,6 +15,7 @@ from rich.status import Status
 
 from cable_twin.command_line import INTERRUPTED, faults_reported
 from cable_twin.commands import KINDS, Kind
+from cable_twin.printable import printable_lines
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.middleware import prepare_middleware
 from cable_twin.ros.twin_client import TwinClient, TwinError
@@ -138,7 +139,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         node.destroy_node()
         rclpy.try_shutdown()
     if fault:
-        print(f"drive: {fault}", file=sys.stderr)
+        print(f"drive: {printable_lines(fault)}", file=sys.stderr)
         return 1
     return 0
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import Any
 
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidTopicNameException, ParameterException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from cable_twin.commands import INPUTS
 from cable_twin.messages import Topic, TopicNames
+from cable_twin.printable import printable
 from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError, is_installed
 
 OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH)
@@ -58,6 +60,14 @@ class Endpoints:
     def names(self) -> TopicNames:
         """Full names of topics."""
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
+
+    def check_names(self, topics: Iterable[str]) -> None:
+        """Raise ParameterError where a topic of another scenario cannot have its name: one is too long."""
+        try:
+            for topic in topics:
+                validate_full_topic_name(self.names.full(topic))
+        except InvalidTopicNameException as error:
+            raise ParameterError(printable(error, 400)) from None
 
     def listeners(self, topic: str) -> int:
         """How many subscribe to a topic."""

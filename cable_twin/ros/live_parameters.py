@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Sequence
 from concurrent.futures import Future
+from typing import Any, cast
 
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.parameter_service import ParameterService
 
 from cable_twin.ros.declaration import as_meant
+from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
+from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.world_loading import WorldLoading
-from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError
 
 
 class LiveParameters:
@@ -23,11 +30,24 @@ class LiveParameters:
         node: that has them.
         loop: what runs.
         loading: of another scenario.
+        reader: of that.
     """
 
-    def __init__(self, node: Node, loop: FrameLoop, loading: WorldLoading) -> None:
-        self._node, self._loop, self._loading = node, loop, loading
+    def __init__(self, node: Node, loop: FrameLoop, loading: WorldLoading, reader: ScenarioReader) -> None:
+        self._node, self._loop, self._loading, self._reader = node, loop, loading, reader
         self._scenario = node.get_parameter("scenario").value
+        self._read: tuple[str, Future[Scenario]] | None = None
+
+    async def prepare(self, given: Sequence[ParameterMessage]) -> None:
+        """Read the scenario that is named, before `on_set` is to say whether it is taken."""
+        self._read = None
+        for one in given:
+            source = one.value.string_value
+            if one.name == "scenario" and source != self._scenario and not self._loading.busy:
+                reading = self._reader.read(source)
+                await done(reading)
+                self._read = source, reading
+                return
 
     def on_set(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         """Take them all, or none."""
@@ -46,8 +66,11 @@ class LiveParameters:
         """Begin to load a scenario; returns why not, or nothing."""
         if self._loading.busy:
             return "another scenario is being loaded"
+        read, self._read = self._read, None
+        if read is None or read[0] != wanted:
+            return "one scenario at a time"
         try:
-            scenario = load_scenario(wanted)
+            scenario = read[1].result()
         except ScenarioError as error:
             return str(error)
 
@@ -57,6 +80,35 @@ class LiveParameters:
 
         self._loading.begin(scenario, wanted, paused=self._loop.paused).add_done_callback(put_back)
         return ""
+
+
+class LiveParameterService(ParameterService):
+    """The services of parameters, where a scenario is read before it is set while the executor calls others."""
+
+    def __init__(self, node: Node, live: LiveParameters) -> None:
+        self._live = live
+        super().__init__(cast("Node", _Grouped(node)))
+        self._node_weak_ref = weakref.ref(node)
+
+    async def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        await self._live.prepare(request.parameters)
+        return super()._set_parameters_callback(request, response)
+
+    async def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        await self._live.prepare(request.parameters)
+        return super()._set_parameters_atomically_callback(request, response)
+
+
+class _Grouped:
+    """A node whose services do not wait for each other."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._group = node, ReentrantCallbackGroup()
+        self.get_name = node.get_name
+
+    def create_service(self, *arguments: Any, **options: Any) -> Any:
+        """As that of the node, in a group of its own."""
+        return self._node.create_service(*arguments, callback_group=self._group, **options)
 
 
 def are_unchanged(node: Node, parameters: list[RosParameter]) -> bool:
@@ -69,19 +121,14 @@ def are_unchanged(node: Node, parameters: list[RosParameter]) -> bool:
     )
 
 
-def inherited(node: Node, loading: WorldLoading) -> list[RosParameter]:
-    """Parameters of the node that begins anew with what was loaded: those that this one was given, and what changed."""
+def inherited(node: Node, scenario: str, *, paused: bool) -> list[RosParameter]:
+    """Parameters of the node that begins anew with a scenario: those that this one was given, and what changed."""
     kept = dict(node._parameter_overrides) | {name: node.get_parameter(name) for name in CHANGING}
     kept |= {
         name: RosParameter(name, value=value)
-        for name, value in (
-            ("scenario", loading.source),
-            ("set", ""),
-            ("snapshot", ""),
-            ("start_paused", loading.paused),
-        )
+        for name, value in (("scenario", scenario), ("set", ""), ("snapshot", ""), ("start_paused", paused))
     }
     return list(kept.values())
 
 
-__all__ = ["LiveParameters", "are_unchanged", "inherited"]
+__all__ = ["LiveParameterService", "LiveParameters", "are_unchanged", "inherited"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import time
 from contextlib import suppress
@@ -56,9 +57,10 @@ def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
     """
     lines = []
     for port in sorted(directory.glob("fastdds_port*")):
-        if port.name.removeprefix("fastdds_port").isdecimal() and _is_unfinished(port):
+        if port.name.removeprefix("fastdds_port").isdecimal() and (identity := _unfinished(port)):
             try:
-                port.unlink(missing_ok=True)
+                if not _remove(port, identity):
+                    continue
             except PermissionError:
                 lines.append(f"{port}: a process was killed while it made it; its owner may remove it if all wait")
             else:
@@ -66,9 +68,31 @@ def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
     return lines
 
 
-def _is_unfinished(port: Path) -> bool:
-    """Whether nobody makes it any more; what cannot be looked at passes for finished."""
-    with suppress(OSError), port.open("rb") as memory:
-        ready = int.from_bytes(memory.read(4), sys.byteorder) == READY
-        return not ready and time.time() - os.fstat(memory.fileno()).st_mtime > MAKING
-    return False
+def _unfinished(port: Path) -> tuple[int, int] | None:
+    """Device and inode of a port that nobody makes any more; None of others, and of what cannot be looked at.
+
+    Everybody may write to that directory: what is a link, a pipe or a device is left alone, and none of it holds up.
+    """
+    with suppress(OSError):
+        descriptor = os.open(port, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            state = os.fstat(descriptor)
+            if not stat.S_ISREG(state.st_mode) or time.time() - state.st_mtime <= MAKING:
+                return None
+            if int.from_bytes(os.read(descriptor, 4), sys.byteorder) != READY:
+                return state.st_dev, state.st_ino
+        finally:
+            os.close(descriptor)
+    return None
+
+
+def _remove(port: Path, identity: tuple[int, int]) -> bool:
+    """Remove a port, unless another file has taken its name since it was looked at."""
+    try:
+        state = os.lstat(port)
+    except FileNotFoundError:
+        return False
+    if (state.st_dev, state.st_ino) != identity:
+        return False
+    port.unlink(missing_ok=True)
+    return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import threading
 import time
 from collections.abc import Sequence
@@ -43,13 +44,14 @@ from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.incoming import CommandLimits, Incoming
-from cable_twin.ros.live_parameters import LiveParameters, are_unchanged
+from cable_twin.ros.live_parameters import LiveParameters, LiveParameterService, are_unchanged
 from cable_twin.ros.markers import REPEAT
 from cable_twin.ros.node_parameters import splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
 from cable_twin.ros.output import Output
 from cable_twin.ros.recording_watch import RecordingWatch
 from cable_twin.ros.run_clock import RunClock
+from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import offer_simulation_services
 from cable_twin.ros.status import Status, live_hint
@@ -73,6 +75,7 @@ class TwinNode(Node):
         arguments: of ROS, as the process has them.
 
     Attributes:
+        simulation: what runs.
         emergency: its service `emergency_stop`, which its owner closes in the end.
         loading: of another scenario, with which the owner of this node begins anew.
 
@@ -91,25 +94,25 @@ class TwinNode(Node):
         emergency: EmergencyStop | None = None,
         arguments: Sequence[str] = (),
     ) -> None:
-        super().__init__("cable_twin", parameter_overrides=[*overrides])
+        super().__init__("cable_twin", parameter_overrides=[*overrides], start_parameter_services=False)
         self._settings = declare_parameters(self)
         alone = not self._settings["allow_second"]
         self._held_name = hold_name(self) if alone else None
-        self._simulation = simulation or self._build_simulation()
+        self.simulation = simulation or self._build_simulation()
         if alone and simulation is None:  # else the one before may still be seen
             check_others(self)
-        self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self._simulation.step)
-        layout, frame_rate = self._simulation.layout, 1.0 / (self._frame_steps * self._simulation.step)
-        own = own_topics(self._settings, layout, self._simulation.scenario.name)
+        self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self.simulation.step)
+        layout, frame_rate = self.simulation.layout, 1.0 / (self._frame_steps * self.simulation.step)
+        own = own_topics(self._settings, layout, self.simulation.scenario.name)
         rates = topic_rates(self, self._settings, frame_rate)
         self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
-        self._rviz = ForRviz(self._simulation, self._frames)
+        self._rviz = ForRviz(self.simulation, self._frames)
         table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
-        table += sensor_topics(self._simulation.scenario)
+        table += sensor_topics(self.simulation.scenario)
         self._endpoints = Endpoints(self, table)
         self._senders = self._rviz.watching(self._endpoints)
         self._output = Output(
-            self._simulation,
+            self.simulation,
             table,
             self._senders,
             rates,
@@ -121,7 +124,7 @@ class TwinNode(Node):
         )
         self._run_clock, self._begun = RunClock(), threading.Lock()
         self._loop = FrameLoop(
-            self._simulation,
+            self.simulation,
             frame_steps=self._frame_steps,
             real_time_factor=self._settings["real_time_factor"],
             command_timeout=self._settings["command_timeout"],
@@ -136,7 +139,7 @@ class TwinNode(Node):
         )
         real_time = self._settings["real_time_factor"] == 1.0
         self._diagnostics = Diagnostics(
-            self, self._simulation, self._loop, self._output, self._run_clock, real_time=real_time
+            self, self.simulation, self._loop, self._output, self._run_clock, real_time=real_time
         )
         names, counts = self._endpoints.names, self._diagnostics.counts
         joints = len(layout.vehicles) + len(layout.drives) + 3 * len(layout.bodies)  # in space a body may have three
@@ -154,8 +157,8 @@ class TwinNode(Node):
         )
         self._endpoints.subscribe(incoming.take)
         self._endpoints.warn_of_unknown()
-        self.status = Status(self._simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
-        self.loading = WorldLoading(self, self._loop, self._check)
+        self.status = Status(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
+        self.loading = WorldLoading(self, self._loop, self._check, self.get_parameter("scenario").value)
         self._offer()
         self.emergency = emergency or EmergencyStop(self, arguments)
         self.emergency.serve(self._loop)
@@ -164,15 +167,20 @@ class TwinNode(Node):
         """Create the services, and what is called now and then."""
         self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
         self._offered.offer(self)
+        directories = [Path(self._settings["record_directory"])]
+        directories += [Path(one) for one in self._settings["scenario_directories"].split(os.pathsep) if one]
+        reader = ScenarioReader(directories, self._settings["scenario"])
         self._actions = offer_simulation_services(
-            self, self._simulation, self._loop, self._run_clock, self._offered, self.loading, self._frames
+            self, self.simulation, self._loop, self._run_clock, self._offered, self.loading, reader, self._frames
         )
         # on a clock of its own: somebody who sets use_sim_time would stop the node's
         self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         look = partial(self._rviz.look, self._loop, self._output)
         self.create_timer(REPEAT, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_pre_set_parameters_callback(as_meant)
-        self.add_on_set_parameters_callback(LiveParameters(self, self._loop, self.loading).on_set)
+        live = LiveParameters(self, self._loop, self.loading, reader)
+        self.add_on_set_parameters_callback(live.on_set)
+        self._parameter_service = LiveParameterService(self, live)
 
     @property
     def failed(self) -> bool:
@@ -185,18 +193,18 @@ class TwinNode(Node):
             self._start_recording()
         elif self._settings["rerun"] in ("live", "web"):
             self.get_logger().warning("no live view: it is a part of the recording, and record is false")
-        self._senders[SCENARIO](scenario_message(self._simulation.scenario.resolved()))
+        self._senders[SCENARIO](scenario_message(self.simulation.scenario.resolved()))
         self._output.send_once(self._rviz.once())
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
         gc.freeze()  # what stays to the end need not be looked through between two frames
-        start = f" from {self._simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
+        start = f" from {self.simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
             pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
             self.get_logger().info(f"time runs {pace}, and so do stamps: they leave the clock of this machine")
-        scenario = self._simulation.scenario
+        scenario = self.simulation.scenario
         names = list(scenario.carriages)
         if scenario.carriers is not None:
             names.append(f"{scenario.carriers.name}_1 to {scenario.carriers.name}_{scenario.carriers.count}")
@@ -240,18 +248,19 @@ class TwinNode(Node):
 
     def _check(self, simulation: Simulation) -> None:
         """Raise ParameterError where the node's parameters do not fit a simulation."""
-        own_topics(self._settings, simulation.layout, simulation.scenario.name)
+        own = own_topics(self._settings, simulation.layout, simulation.scenario.name)
         steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
         topic_rates(self, self._settings, 1.0 / (steps * simulation.step))
+        self._endpoints.check_names(topic.name for topic in topics(simulation.layout, own=own))
 
     def _start_recording(self) -> None:
         directory = Path(self._settings["record_directory"])
         try:
             run = start_run(
-                self._simulation,
+                self.simulation,
                 self._endpoints.topics,
                 record_directory=directory.expanduser(),
-                frame_period=self._frame_steps * self._simulation.step,
+                frame_period=self._frame_steps * self.simulation.step,
                 rerun=self._settings["rerun"],
                 splitting=splitting_of(self._settings),
                 names=self._endpoints.names,
@@ -285,7 +294,7 @@ class TwinNode(Node):
         """Simulated time begins to run: the epoch is now, or it stays and stamps are behind by the pause."""
         if first:
             self._begin()
-        self._diagnostics.pace.tell_start(self._simulation.time)
+        self._diagnostics.pace.tell_start(self.simulation.time)
 
     def _begin(self) -> None:
         """Take the epoch and give the first frame, once: before time runs and before anything changes the twin."""

@@ -73,6 +73,12 @@ class Parameter:
 PARAMETERS = (
     Parameter("scenario", "aerial_tramway", "name of a scenario, or path of its YAML file"),
     Parameter("set", "", "changes of the scenario by dotted key, KEY=VALUE, a line each, as in wind.x=12"),
+    Parameter(
+        "scenario_directories",
+        "",
+        "below which files of other scenarios may be that are loaded while the twin runs, with : between them, beside "
+        "config, the record directory and the directory of the scenario",
+    ),
     Parameter("snapshot", "", "file of ~/save_snapshot to go on from, with its own scenario"),
     Parameter("frame_rate", 100.0, "frames published in a second of simulated time", "Hz", 1.0, 1000.0),
     Parameter(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import shutil
@@ -17,6 +16,7 @@ from cable_twin.commands import Kind
 from cable_twin.messages import APPLIED_COMMANDS
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.twin_client import ANSWER, REFUSED, nobody_listens
+from cable_twin.ros.twin_list import published_scenario
 
 RATE = 20.0  # Hz, well inside the node's command time-out
 REFUSING = 0.5  # s without a command that is applied, from which on a refusal is one of ours
@@ -178,11 +178,13 @@ class Driver:
 
     def _on_states(self, message: Any) -> None:
         self._heard = True
-        for name, *state in zip(message.name, message.position, message.velocity, message.effort, strict=True):
+        for name, *state in zip(message.name, message.position, message.velocity, message.effort, strict=False):
             self._states[name] = (state[0], state[1], state[2])
 
     def _on_scenario(self, message: Any) -> None:
-        self._scenario = json.loads(message.data)
+        scenario = published_scenario(message.data)
+        if isinstance(scenario.get("carriages"), dict):
+            self._scenario = scenario
 
     def _on_applied(self, data: bytes) -> None:
         applied = applied_command_from_message(data)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cable_twin.command_line import faults_reported
+from cable_twin.printable import printable, printable_lines
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.node_parameters import PARAMETERS
 
@@ -90,7 +91,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
         from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
-        from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415
         from cable_twin.ros.middleware import prepare_middleware  # noqa: PLC0415
         from cable_twin.ros.node import TwinNode  # noqa: PLC0415
         from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
@@ -121,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _run(node, ending)
         while node.loading.loaded is not None and not ending.is_set():
             gc.unfreeze()  # what was made of the one before may go
-            node = TwinNode(node.loading.loaded, inherited(node, node.loading), node.emergency)
+            node = _next(node)
             _run(node, ending)
     except (ParameterError, SecondTwinError) as error:
         return _refuse_start(str(error))
@@ -153,6 +153,21 @@ def _run(node: TwinNode, ending: Ending) -> None:
         node.stop()
         executor.shutdown()
         node.destroy_node()
+
+
+def _next(node: TwinNode) -> TwinNode:
+    """The node that begins anew with what another one has loaded; where it cannot be made, that one's own scenario."""
+    from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415 - as above
+    from cable_twin.ros.node import TwinNode  # noqa: PLC0415
+
+    loading, fault = node.loading, ""
+    try:
+        return TwinNode(loading.loaded, inherited(node, loading.source, paused=loading.paused), node.emergency)
+    except Exception as error:  # nothing that is loaded ends the twin that runs
+        fault = printable_lines(error)
+    gc.collect()  # what was made of the node lets go of its names
+    print(f"sim: '{printable(loading.source)}' does not run: {fault}; what ran before goes on", file=sys.stderr)
+    return TwinNode(node.simulation, inherited(node, loading.before, paused=loading.paused_before), node.emergency)
 
 
 def _refuse_start(faults: str) -> int:

@@ -13,10 +13,14 @@ from importlib import import_module
 from typing import Any
 
 from cable_twin.messages import SECOND, FrameNames
+from cable_twin.printable import printable
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.declaration import is_installed
+from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.ros.name_matching import FilterError, matching_names
 from cable_twin.ros.run_clock import RunClock
+from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import SERVICE_TIMEOUT, Services
 from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.ros.world_services import FAILED, INCORRECT_STATE, NOT_FOUND, UNSUPPORTED, WorldServices, told
@@ -56,6 +60,7 @@ class SimulationServices:
         clock: of stamps.
         services: that step.
         loading: of other scenarios.
+        reader: of those.
         messages: module of the message types.
     """
 
@@ -66,6 +71,7 @@ class SimulationServices:
         clock: RunClock,
         services: Services,
         loading: WorldLoading,
+        reader: ScenarioReader,
         messages: Any,
         frames: FrameNames = FrameNames(),  # noqa: B008 - frozen
     ) -> None:
@@ -82,7 +88,7 @@ class SimulationServices:
             "GetEntities": self.get_entities,
             "GetEntityState": self.get_entity_state,
             "GetEntitiesStates": self.get_entities_states,
-            **WorldServices(simulation.scenario, loading, messages).handlers,
+            **WorldServices(simulation.scenario, loading, reader, messages).handlers,
         }
 
     def get_simulator_features(self, _: Any, response: Any) -> Any:
@@ -121,8 +127,8 @@ class SimulationServices:
         """Take so many frames while paused, as fast as they go."""
         if request.steps < 1:
             return told(response, FAILED, "0 steps given; allowed: 1 or more")
-        done, message = await self._services.step(int(request.steps))
-        return told(response) if done else told(response, FAILED, message)
+        taken, message = await self._services.step(int(request.steps))
+        return told(response) if taken else told(response, FAILED, message)
 
     async def simulate_steps(self, goal: Any, result: Any, feedback: Any) -> Any:
         """The same as an action: feedback after each frame, and an end after the frame in which it is cancelled."""
@@ -133,10 +139,10 @@ class SimulationServices:
             goal.publish_feedback(feedback)
             return not goal.is_cancel_requested
 
-        done, message = (False, "0 steps given; allowed: 1 or more")
+        finished, message = (False, "0 steps given; allowed: 1 or more")
         if steps > 0:
-            done, message = await self._services.step(steps, on_frame)
-        if done:
+            finished, message = await self._services.step(steps, on_frame)
+        if finished:
             goal.succeed()
             return told(result)
         if goal.is_cancel_requested:
@@ -153,22 +159,22 @@ class SimulationServices:
         fault = self._reset()
         return told(response, FAILED, fault) if fault else told(response)
 
-    def get_entities(self, request: Any, response: Any) -> Any:
+    async def get_entities(self, request: Any, response: Any) -> Any:
         """Names of bodies that fit."""
-        response.entities, fault = self._fitting(request.filters)
+        response.entities, fault = await self._fitting(request.filters)
         return told(response, *fault) if fault else told(response)
 
     def get_entity_state(self, request: Any, response: Any) -> Any:
         """Pose and twist of a body."""
         if request.entity not in self._rows:
             known = ", ".join([*self._rows][:8])
-            return told(response, NOT_FOUND, f"'{request.entity}' given; known: {known}")
+            return told(response, NOT_FOUND, f"'{printable(request.entity)}' given; known: {known}")
         response.state = self._entity_state(request.entity)
         return told(response)
 
-    def get_entities_states(self, request: Any, response: Any) -> Any:
+    async def get_entities_states(self, request: Any, response: Any) -> Any:
         """The same of all that fit."""
-        response.entities, fault = self._fitting(request.filters)
+        response.entities, fault = await self._fitting(request.filters)
         response.states = [self._entity_state(name) for name in response.entities]
         return told(response, *fault) if fault else told(response)
 
@@ -188,15 +194,16 @@ class SimulationServices:
             return str(error) or f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
         return ""
 
-    def _fitting(self, filters: Any) -> tuple[list[str], tuple[int, str] | None]:
+    async def _fitting(self, filters: Any) -> tuple[list[str], tuple[int, str] | None]:
         """Names that fit, or result and line of a filter that cannot be applied."""
         if filters.categories or filters.tags.tags or filters.bounds.points:
             return [], (UNSUPPORTED, "categories, tags, bounds are not known; allowed: a regular expression of names")
+        matching = matching_names(filters.filter, [*self._rows])
+        await done(matching)
         try:
-            wanted = re.compile(filters.filter)
-        except re.error as error:
-            return [], (FAILED, f"filter {filters.filter!r} given: {error}; allowed: a regular expression of names")
-        return [name for name in self._rows if wanted.search(name)], None
+            return matching.result(), None
+        except FilterError as error:
+            return [], (FAILED, str(error))
 
     def _entity_state(self, name: str) -> Any:
         snapshot, row, state = self._simulation.snapshot, self._rows[name], self._messages.EntityState()
@@ -227,6 +234,7 @@ def offer_simulation_services(
     clock: RunClock,
     services: Services,
     loading: WorldLoading,
+    reader: ScenarioReader,
     frames: FrameNames,
 ) -> Any:
     """Create them below the name of a node, nothing where the package is not there; returns what to destroy."""
@@ -236,7 +244,9 @@ def offer_simulation_services(
     from rclpy.callback_groups import ReentrantCallbackGroup  # noqa: PLC0415
 
     kinds = import_module(f"{PACKAGE}.srv")
-    own = SimulationServices(simulation, loop, clock, services, loading, import_module(f"{PACKAGE}.msg"), frames)
+    own = SimulationServices(
+        simulation, loop, clock, services, loading, reader, import_module(f"{PACKAGE}.msg"), frames
+    )
     group = ReentrantCallbackGroup()
     for kind, handler in own.handlers.items():
         node.create_service(getattr(kinds, kind), f"~/{service_name(kind)}", handler, callback_group=group)

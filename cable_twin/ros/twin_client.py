@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cable_twin.commands import INPUTS, VECTOR, Kind
+from cable_twin.printable import printable_lines
 from cable_twin.ros.command_line import Ending
 
 ANSWER = 5.0  # s within which the twin has to apply a command, on a machine that is busy with other things
@@ -91,7 +92,7 @@ class TwinClient:
     def _told(self, success: bool, message: str) -> str:
         if not success:
             raise TwinError(f"{self._twin}: {message}")
-        return message
+        return printable_lines(message)  # of whoever has taken the name of the twin
 
     def give(self, kind: Kind, values: Mapping[str, float]) -> str:
         """Publish a command once and wait until the twin has applied it; returns what it was, with units.

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from cable_twin.printable import LONGEST_MESSAGE, printable
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.middleware import discovery_time
 
@@ -29,16 +30,35 @@ class _Twin:
             *(["paused"] if values.get("paused") == "true" else []),
         ]
         state = ", ".join(states) or "running"
-        when = f"{state} at {values['simulated_time_s']} s of simulated time" if values else "says nothing of its state"
+        when = (
+            f"{state} at {values.get('simulated_time_s')} s of simulated time"
+            if values
+            else "says nothing of its state"
+        )
         several = f"; {count} nodes have this name" if count > 1 else ""
-        return f"{name}: {self.scenario.get('name', 'scenario unknown')}, {when}; {self._vehicles()}{several}"
+        line = f"{name}: {self.scenario.get('name', 'scenario unknown')}, {when}; {self._vehicles()}{several}"
+        return printable(line, LONGEST_MESSAGE)
 
     def _vehicles(self) -> str:
-        names = list(self.scenario.get("carriages", {}))
-        if carriers := self.scenario.get("carriers"):
-            names.append(f"{carriers['name']}_1 to {carriers['name']}_{carriers['count']}")
-        drives = ", ".join(self.scenario.get("drives", {}))
+        names = list(self._named("carriages"))
+        if carriers := self._named("carriers"):
+            names.append(f"{carriers.get('name')}_1 to {carriers.get('name')}_{carriers.get('count')}")
+        drives = ", ".join(self._named("drives"))
         return (f"drive: {drives}; " if drives else "") + f"carriages: {', '.join(names) or 'none'}"
+
+    def _named(self, section: str) -> Mapping[str, Any]:
+        """A section of the scenario; empty where it is none."""
+        found = self.scenario.get(section)
+        return found if isinstance(found, dict) else {}
+
+
+def published_scenario(text: str) -> dict[str, Any]:
+    """Scenario that a node of a twin's name publishes; empty where it is none."""
+    try:
+        scenario = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return scenario if isinstance(scenario, dict) else {}
 
 
 def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
@@ -57,7 +77,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
     twins: dict[str, _Twin] = {}
 
     def note_scenario(name: str, message: Any) -> None:
-        twins[name].scenario = json.loads(message.data)
+        twins[name].scenario = published_scenario(message.data)
 
     def note_status(message: Any) -> None:
         for status in message.status:

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from rclpy.node import Node
 
 from cable_twin.key_figures import compile_figures
+from cable_twin.printable import printable
 from cable_twin.ros.declaration import ParameterError
 from cable_twin.ros.executor import done
 from cable_twin.ros.frame_loop import FrameLoop
@@ -23,18 +24,20 @@ class WorldLoading:
         node: that is told what came of it, in its log.
         loop: of what runs.
         check: raises ParameterError where the node's parameters do not fit a simulation.
+        before: name or path of what runs.
 
     Attributes:
         source: name or path of what is loaded, for the parameter `scenario`.
         loaded: the simulation that is to go on, once there is one.
         paused: whether it is to begin paused.
+        paused_before: whether what runs was paused before.
     """
 
-    def __init__(self, node: Node, loop: FrameLoop, check: Callable[[Simulation], None]) -> None:
+    def __init__(self, node: Node, loop: FrameLoop, check: Callable[[Simulation], None], before: str) -> None:
         self._node, self._loop, self._check = node, loop, check
-        self.source = ""
+        self.before, self.source = before, ""
         self.loaded: Simulation | None = None
-        self.paused = False
+        self.paused = self.paused_before = False
         self._busy = False
 
     @property
@@ -47,12 +50,12 @@ class WorldLoading:
 
         Where it cannot be, what ran goes on as it was.
         """
-        self._busy, before = True, self._loop.paused
+        self._busy, self.paused_before = True, self._loop.paused
         self._loop.pause(True)
         self._node.get_logger().info(f"loading '{scenario.name}'; time stands still meanwhile")
         future: Future[str] = Future()
         threading.Thread(
-            target=self._load, args=(scenario, source, paused, before, future), name="loading", daemon=True
+            target=self._load, args=(scenario, source, paused, future), name="loading", daemon=True
         ).start()
         return future
 
@@ -62,7 +65,7 @@ class WorldLoading:
         await done(future)
         return future.result()
 
-    def _load(self, scenario: Scenario, source: str, paused: bool, before: bool, future: Future[str]) -> None:
+    def _load(self, scenario: Scenario, source: str, paused: bool, future: Future[str]) -> None:
         fault = ""
         try:
             simulation = Simulation(scenario, meanwhile=compile_figures)
@@ -70,11 +73,11 @@ class WorldLoading:
         except (EquilibriumError, ParameterError) as error:
             fault = " ".join(str(error).split())
         except Exception as error:  # a fault of the program, which the caller is to hear of and the twin survives
-            fault = f"fault of the program: {error!r}"
+            fault = f"fault of the program: {printable(repr(error), 400)}"
         if fault:
             self._node.get_logger().error(f"'{scenario.name}' is not loaded: {fault}; what ran before goes on")
             self._busy = False
-            self._loop.pause(before)
+            self._loop.pause(self.paused_before)
         else:
             self.source, self.paused, self.loaded = source, paused, simulation
         future.set_result(fault)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from cable_twin.printable import printable
+from cable_twin.ros.executor import done
+from cable_twin.ros.scenario_reading import NoScenarioError, ScenarioReader
 from cable_twin.ros.world_loading import WorldLoading
-from cable_twin.scenario import (
-    Scenario,
-    ScenarioError,
-    config_directory,
-    load_scenario,
-    parse_scenario,
-    scenario_names,
-)
+from cable_twin.scenario import Scenario, ScenarioError, config_directory
 
 # of Result, and of LoadWorld
 UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
@@ -33,28 +28,31 @@ class WorldServices:
     Args:
         scenario: that runs.
         loading: of another one.
+        reader: of those that are named or sent.
         messages: module of the message types.
 
     Attributes:
         handlers: by the name of the service.
     """
 
-    def __init__(self, scenario: Scenario, loading: WorldLoading, messages: Any) -> None:
-        self._scenario, self._loading, self._messages = scenario, loading, messages
+    def __init__(self, scenario: Scenario, loading: WorldLoading, reader: ScenarioReader, messages: Any) -> None:
+        self._scenario, self._loading, self._reader, self._messages = scenario, loading, reader, messages
         self.handlers = {
             "GetAvailableWorlds": self.get_available_worlds,
             "GetCurrentWorld": self.get_current_world,
             "LoadWorld": self.load_world,
         }
 
-    def get_available_worlds(self, request: Any, response: Any) -> Any:
+    async def get_available_worlds(self, request: Any, response: Any) -> Any:
         """The scenarios that are installed."""
         if request.additional_sources or request.filter.tags:
             return told(response, UNSUPPORTED, "additional_sources and tags are not known; allowed: none")
+        reading = self._reader.worlds()
+        await done(reading)
         response.worlds = []
-        for name in scenario_names():
+        for name, description in reading.result():
             world = self._messages.WorldResource()
-            world.name, world.description = name, load_scenario(name).description
+            world.name, world.description = name, description
             world.world_resource.uri = (config_directory() / f"{name}.yaml").as_uri()
             response.worlds.append(world)
         return told(response)
@@ -66,16 +64,25 @@ class WorldServices:
             return told(response, NO_RESOURCE, "nothing given; allowed: uri, or YAML as resource_string")
         if self._loading.busy:
             return told(response, INCORRECT_STATE, "another world is being loaded")
-        address = urlsplit(resource.uri)
+        try:
+            address = urlsplit(resource.uri)
+        except ValueError:  # of brackets
+            address = urlsplit("none:")
         if address.scheme not in ("", "file") or address.netloc not in ("", "localhost"):
-            given = f"uri {resource.uri!r} given; allowed: file:///PATH of a YAML file, or the name of a scenario"
+            shown = printable(resource.uri)
+            given = f"uri '{shown}' given; allowed: file:///PATH of a YAML file, or the name of a scenario"
             return told(response, UNSUPPORTED_FORMAT, given)
         source = unquote(address.path) if address.scheme else resource.uri
+        reading = self._reader.read(source, "" if source else resource.resource_string)
+        await done(reading)
         try:
-            scenario = load_scenario(source) if source else parse_scenario(resource.resource_string)
+            scenario = reading.result()
+        except NoScenarioError as error:
+            return told(response, NOT_FOUND, str(error))
         except ScenarioError as error:
-            missing = source and source not in scenario_names() and not Path(source).expanduser().is_file()
-            return told(response, NOT_FOUND if missing else RESOURCE_PARSE_ERROR, str(error))
+            return told(response, RESOURCE_PARSE_ERROR, str(error))
+        if self._loading.busy:
+            return told(response, INCORRECT_STATE, "another world is being loaded")
         if fault := await self._loading.load(scenario, source or scenario.name, paused=True):
             return told(response, FAILED, fault)
         response.world.name, response.world.description = scenario.name, scenario.description

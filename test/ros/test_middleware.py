@@ -24,6 +24,8 @@ from cable_twin.ros.middleware import (
     PROFILES,
     READY,
     SHARED_MEMORY,
+    _remove,
+    _unfinished,
     discovery_time,
     remove_unfinished_ports,
     take_profile,
@@ -67,6 +69,26 @@ def test_only_ports_that_nobody_makes_any_more_are_removed(tmp_path):
     said = remove_unfinished_ports(tmp_path)
     assert [line.split(":")[0] for line in said] == [f"removed {port}" for port in unfinished]
     assert sorted(tmp_path.iterdir()) == left
+
+
+def test_what_others_put_in_the_place_of_a_port_neither_holds_up_nor_is_removed(tmp_path):
+    unfinished = write_port(tmp_path / "aside", 0, 2.0 * MAKING)
+    os.mkfifo(tmp_path / "fastdds_port7000")
+    (tmp_path / "fastdds_port7001").symlink_to(unfinished)
+    (tmp_path / "fastdds_port7002").mkdir()
+    for path in tmp_path.iterdir():
+        os.utime(path, (0.0, 0.0), follow_symlinks=False)
+    before = sorted(tmp_path.iterdir())
+    assert remove_unfinished_ports(tmp_path) == []
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_port_that_is_made_anew_meanwhile_stays(tmp_path):
+    port = write_port(tmp_path / "fastdds_port7000", 0, 2.0 * MAKING)
+    seen = _unfinished(port)
+    write_port(tmp_path / "anew", READY, 0.0).replace(port)
+    assert not _remove(port, seen)
+    assert port.exists()
 
 
 @pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")

@@ -112,7 +112,7 @@ def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running, o
 def interface_services() -> set[str]:
     """Names of the services of simulation_interfaces, which has no wheel: a twin with them has those of its table."""
     world = SimpleNamespace(handlers={})
-    services = SimulationServices(Simulation(load_scenario("seed_example")), *[None] * 3, world, None)
+    services = SimulationServices(Simulation(load_scenario("seed_example")), *[None] * 3, world, None, None)
     return {service_name(kind) for kind in services.handlers}
 
 

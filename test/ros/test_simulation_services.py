@@ -23,6 +23,7 @@ import rclpy
 
 from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.run_clock import RunClock
+from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import FEATURES, SimulationServices
 from cable_twin.ros.world_loading import WorldLoading
@@ -119,8 +120,9 @@ def twin():
     services.offer(node)
     kinds = SimpleNamespace(**{name: lambda name=name: make(name) for name in ("EntityState", "WorldResource")})
     loop.start()
-    loading = WorldLoading(node, loop, lambda simulation: None)
-    answers = SimulationServices(simulation, loop, clock, services, loading, kinds)
+    loading = WorldLoading(node, loop, lambda simulation: None, "single_span")
+    reader = ScenarioReader([], "single_span")
+    answers = SimulationServices(simulation, loop, clock, services, loading, reader, kinds)
     yield SimpleNamespace(answers=answers, loop=loop, simulation=simulation, loading=loading)
     loop.stop()
     services.close()
@@ -278,6 +280,22 @@ def test_entities_are_the_bodies(twin, call):
     assert (missing.result, missing.error_message[:20]) == (2, "'bus' given; known: ")
 
 
+def test_an_expression_that_takes_hours_is_given_up_while_others_are_answered(twin, call):
+    filters = SimpleNamespace(
+        filter=r"^(.|\S|[a-z/_])*[0-9]$",
+        categories=[],
+        tags=SimpleNamespace(tags=[]),
+        bounds=SimpleNamespace(points=[]),
+    )
+    waiting = twin.answers.get_entities(SimpleNamespace(filters=filters), make("GetEntities_Response"))
+    waiting.send(None)
+    assert call("GetEntities", filters__filter="hang").entities == ["cabin/hanger"]
+    result = driven(waiting).result
+    assert (result.result, "more than 2 s; allowed: a regular" in result.error_message) == (4, True)
+    long = call("GetEntities", filters__filter="(" * 5000).result
+    assert (long.result, long.error_message[:33]) == (4, "filter of 5000 characters given; ")
+
+
 def test_worlds_are_the_scenarios(twin, call):
     worlds = {world.name: world for world in call("GetAvailableWorlds").worlds}
     assert "gondola" in worlds
@@ -294,7 +312,11 @@ def test_worlds_are_the_scenarios(twin, call):
     [
         ({}, 102, "nothing given; allowed: uri, or YAML as resource_string"),
         ({"uri": "https://example.org/a.yaml"}, 101, "uri 'https://example.org/a.yaml' given; allowed: file:///PATH"),
-        ({"uri": "file:///nowhere/a%20b.yaml"}, 2, "/nowhere/a b.yaml: no such file"),
+        (
+            {"uri": "file:///nowhere/a%20b.yaml"},
+            2,
+            "/nowhere/a b.yaml: not a scenario; allowed: the name of one, or a .yaml ",
+        ),
         ({"uri": "nothing"}, 2, "scenario: given 'nothing', which is neither a scenario nor a file; allowed: aerial_"),
         ({"resource_string": "cable: 1"}, 103, "text: "),
         ({"resource_string": "a: b: c"}, 103, "text:1: not YAML"),
@@ -320,7 +342,8 @@ def test_a_world_is_built_before_the_one_that_runs_ends(twin, call):
         SimpleNamespace(world_resource=SimpleNamespace(uri="seed_example", resource_string="")),
         make("LoadWorld_Response"),
     )
-    coroutine.send(None)  # it waits
+    while not twin.loading.busy:
+        coroutine.send(None)  # it waits for the scenario to be read, beside what runs
     if twin.loading.loaded is None:
         asked.append(call("GetSimulationState").state.state)
     answer = driven(coroutine)

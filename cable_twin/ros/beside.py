@@ -1,0 +1,62 @@
+"""Work on what others have sent, in a process of its own within limits: it can neither hold the twin up nor end it."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+MEMORY = 4 * 2**30  # bytes of addresses
+PACKAGE_PARENT = Path(__file__).resolve().parents[2]
+
+
+class BesideError(RuntimeError):
+    """The process gave no answer: why, in a line."""
+
+
+def ask_beside(module: str, request: Any, seconds: float) -> Any:
+    """Have a module of this package, which calls `answer`, work on a request; both are what JSON holds.
+
+    Args:
+        module: as "ros.scenario_reading".
+        request: for it.
+        seconds: s within which it answers.
+
+    Raises:
+        BesideError: It took too long, ended by itself or by a signal, as where it wanted too much memory.
+    """
+    paths = [str(PACKAGE_PARENT), *filter(os.path.isabs, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    process = subprocess.Popen(
+        [sys.executable, "-m", f"cable_twin.{module}"],
+        cwd="/",  # python -m would import from the directory where the twin was started
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C is for the twin
+    )
+    try:
+        output, _ = process.communicate(json.dumps(request).encode(), timeout=seconds)
+    except subprocess.TimeoutExpired:
+        raise BesideError(f"it takes more than {seconds:g} s") from None
+    finally:
+        process.kill()
+        process.wait()
+    if process.returncode != 0:
+        raise BesideError("it takes too much memory, or is a fault of the program")
+    return json.loads(output)
+
+
+def answer(work: Callable[[Any], Any]) -> None:
+    """Be the process: work on the request that comes, within the limit of memory."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    json.dump(work(json.load(sys.stdin)), sys.stdout)
+
+
+__all__ = ["BesideError", "answer", "ask_beside"]
