@@ -21,6 +21,8 @@ FUZZERS = {  # module: what it feeds to which part of the program
     "scenarios": "scenario files, mutated, to `simulate` for some steps",
     "scripts": "scripts of commands, YAML and CSV, to a run of two scenarios",
     "bags": "logs with changed bytes, records, messages, metadata and states, to `review`, `replay` and `--from-bag`",
+    "messages": "messages on the topics that bring commands, sound, strange and damaged, to a running twin",
+    "parameters": "parameters, scenarios that are loaded by them, and calls of all services, to a running twin",
     "snapshots": "files of a full state, with changed bytes, numbers, shapes and headers, to a simulation that goes on",
 }
 

@@ -87,14 +87,15 @@ class Child:
 
     @property
     def peak(self) -> int:
-        """Bytes of memory that it has had at most; 0 where it has ended."""
+        """Bytes of memory that it, or a process that it has started, has had at most; 0 where it has ended."""
         if self._process is None:
             return 0
+        pid, found = self._process.pid, [0]
         with suppress(OSError):
-            for line in Path(f"/proc/{self._process.pid}/status").read_text().splitlines():
-                if line.startswith("VmHWM:"):
-                    return int(line.split()[1]) * 1024
-        return 0
+            for one in (str(pid), *Path(f"/proc/{pid}/task/{pid}/children").read_text().split()):
+                lines = Path(f"/proc/{one}/status").read_text().splitlines()
+                found += [int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:")]
+        return max(found)
 
     def close(self) -> None:
         """End it."""

@@ -47,10 +47,10 @@ def command(*names, frame="", speed=1.0, stamp_ns=0):
 
 
 def seconds(action):
-    begin = time.perf_counter()
+    begin = time.thread_time()  # other processes do not count
     with pytest.raises(CommandError):
         action()
-    return time.perf_counter() - begin
+    return time.thread_time() - begin
 
 
 def test_time_to_look_for_names_given_twice_is_linear():
@@ -59,7 +59,7 @@ def test_time_to_look_for_names_given_twice_is_linear():
         return seconds(lambda: command_from_joint_state(JOINT_COMMANDS, [*names, "n0"], [], np.ones(count + 1), []))
 
     check(10)
-    assert check(MANY) < 20.0 * min(check(MANY // 5) for _ in range(3))  # five times, and not 25
+    assert min(check(MANY) for _ in range(3)) < 50.0 * check(MANY // 10)  # ten times, and not 100
 
 
 def test_what_has_more_names_than_there_are_joints_is_refused_before_it_is_decoded():
