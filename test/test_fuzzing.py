@@ -15,6 +15,14 @@ from fuzzing.harness import FINDINGS, SEEDS, Limits, fuzz, replay
 SECONDS = 3.0  # of each fuzzer, beside its kept seeds and the start of its process
 ROOT = Path(__file__).parents[1]
 HOLDING = ("bags", "scripts", "snapshots")  # fuzzers that find nothing
+LIVE = ("messages", "parameters")  # the same, of a running twin
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_nothing_is_found_in_a_running_twin(name, tmp_path, domain, monkeypatch):
+    pytest.importorskip("rclpy")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    test_nothing_is_found(name, tmp_path)
 
 
 @pytest.mark.parametrize("name", HOLDING)
