@@ -53,6 +53,8 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {  # of the columns, in their orde
     "moving_cable_force": ("drives",),
     "rope_position": ("samples", 3),
     "rope_tension": ("samples",),
+    "lowest_tension": ("ropes", 2),
+    "highest_tension": ("ropes", 2),
     "wind": (3,),
     "vehicle_rope": ("vehicles",),
     "sheave_position": ("sheaves",),

@@ -130,6 +130,7 @@ class Layout:
             "supports": len(self.supports),
             "drives": len(self.drives),
             "samples": self.arc_lengths.size,
+            "ropes": len(self.ropes),
             "sheaves": len(self.sheaves),
             "connectors": len(self.connectors),
             "pantographs": len(self.pantographs),
@@ -211,6 +212,7 @@ class Layout:
         bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
         rows: dict[str, Any] = {
             "samples": self.ropes[name],
+            "ropes": slice(number, number + 1),
             "supports": slice(before, before + len(own.supports)),
             "vehicles": vehicles,
             "carriages": vehicles[: len(own.carriages)],

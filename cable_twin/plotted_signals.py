@@ -128,7 +128,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
 def _tension(layout: Layout, c: Columns) -> FloatArray:
     """Highest of all ropes, and those at both ends of the first."""
     tension, first = c.rope_tension, next(iter(layout.ropes.values()))
-    return np.stack([tension.max(axis=-1), tension[..., 0], tension[..., first.stop - 1]], axis=-1)
+    return np.stack([c.highest_tension[..., 0].max(axis=-1), tension[..., 0], tension[..., first.stop - 1]], axis=-1)
 
 
 def _adhesion(layout: Layout, c: Columns) -> FloatArray:

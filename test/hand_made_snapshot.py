@@ -77,6 +77,11 @@ def snapshot_of(
     columns.drive_reference_position[:] = columns.drive_position
     columns.rope_position[:] = in_space(cable.positions)
     columns.rope_tension[:] = cable.tensions
+    for column, number in (
+        (columns.lowest_tension, cable.tensions.argmin()),
+        (columns.highest_tension, cable.tensions.argmax()),
+    ):
+        column[0] = cable.tensions[number], cable.arc_lengths[number]
     return Snapshot(layout, numbers, solver)
 
 

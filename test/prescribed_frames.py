@@ -61,6 +61,7 @@ def frame(moment: float, vehicles=("cabin",), towers=(), drives=(), *, tension=1
     columns.time[0] = moment
     columns.rope_position[:] = np.column_stack([x, 0.0 * x, height(x)])
     columns.rope_tension[:] = tension * (1.0 + 0.1 * x / LENGTH)  # highest at the end, lowest at the start
+    columns.lowest_tension[0], columns.highest_tension[0] = (tension, 0.0), (1.1 * tension, LENGTH)
     return one
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eig
 
 from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble
 from cable_twin.mechanics.solution.equilibrium import catenary, relax
@@ -149,7 +149,7 @@ def moving_catenary() -> Iterator[Result]:
             "N",
             tensions[2],
             float(simulation.cable_tension(np.array([50.5]))[0]),
-            1e-3 * tensions[2],
+            1e-8 * tensions[2],
         )
         support = tensions[0] - flow * scale * float(np.linalg.norm(slopes[0]))
         yield Result(

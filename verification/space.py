@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cable_twin.mechanics.parameters import FloatArray, System
-from cable_twin.mechanics.readout.columns import end_force
 from cable_twin.mechanics.readout.energies import energies
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.solution.equilibrium import settle
 from cable_twin.mechanics.solution.modes import natural_modes
 from cable_twin.mechanics.state import State, allocate_state, allocate_workspace

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from cable_twin.mechanics.on_rope.tower import settle_towers
-from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.scenario import load_scenario

@@ -74,10 +74,9 @@ def take_frame(memory, arc_lengths, columns):
         columns: the frame.
     """
     time = columns.time[0]
-    for sample in range(arc_lengths.size):
-        take(memory.tension, 0, columns.rope_tension[sample], time, arc_lengths[sample])
-        take(memory.slackest, 0, columns.rope_tension[sample], time, arc_lengths[sample])
-    take_sag(memory, time, columns.rope_position)
+    take(memory.tension, 0, columns.highest_tension[0, 0], time, columns.highest_tension[0, 1])
+    take(memory.slackest, 0, columns.lowest_tension[0, 0], time, columns.lowest_tension[0, 1])
+    take_sag(memory, time, columns)
     take_supports(memory, time, columns)
     for drive in range(columns.drive_position.size):
         place, speed = columns.drive_position[drive], columns.drive_speed[drive]
@@ -92,11 +91,13 @@ def take_frame(memory, arc_lengths, columns):
 
 
 @kernel
-def take_sag(memory, time, rope):
+def take_sag(memory, time, columns):
     """Take in the depths below the chord of each span, from support to support; a rope that is upright has none.
 
-    A span without a point takes the next one, so that no span goes without.
+    Deepest of all is where a vehicle hangs, which is between points. A span without a point takes the next one, so that
+    no span goes without.
     """
+    rope = columns.rope_position
     corners, last, span, seen = memory.corners, rope.shape[0] - 1, 0, 0  # `seen`: spans with a point so far
     spans = corners.shape[0] - 1
     corners[0, 0], corners[0, 1] = rope[0, 0], rope[0, 2]
@@ -106,11 +107,23 @@ def take_sag(memory, time, rope):
         x = rope[point, 0]
         while span + 1 < spans and way * (x - corners[span + 1, 0]) >= 0.0:
             span += 1
-        rise = (corners[span + 1, 1] - corners[span, 1]) / (corners[span + 1, 0] - corners[span, 0])
-        depth = corners[span, 1] + rise * (x - corners[span, 0]) - rope[point, 2]
+        depth = below_chord(corners, span, x, rope[point, 2])
         for above in range(min(seen, span), span + 1):
             take(memory.sag, above, depth, time, x)
         seen = span + 1
+    for vehicle in range(columns.attached.size if abs(way) > 0.0 else 0):
+        if columns.attached[vehicle] != 0.0:
+            x, z, span = columns.joint_position[vehicle, 0], columns.joint_position[vehicle, 2], 0
+            while span + 1 < spans and way * (x - corners[span + 1, 0]) >= 0.0:
+                span += 1
+            take(memory.sag, span, below_chord(corners, span, x, z), time, x)
+
+
+@inlined_kernel
+def below_chord(corners, span, x, z):
+    """How far (m) a point is below the chord of a span."""
+    rise = (corners[span + 1, 1] - corners[span, 1]) / (corners[span + 1, 0] - corners[span, 0])
+    return corners[span, 1] + rise * (x - corners[span, 0]) - z
 
 
 @kernel
@@ -219,7 +232,10 @@ def latest(memory, time):
 
 @kernel
 def tension_ratio(arc_lengths, rope, tensions, place, force):
-    """Tension over the part of a force (3,) in N across the rope, at an arc length (m); NaN without any."""
+    """Tension over the part of a force (3,) in N across the rope, at an arc length (m); NaN without any.
+
+    The tension is that of the slacker side, as the points beside it have it: it jumps where a load is.
+    """
     last = arc_lengths.size - 1
     after = int(place / arc_lengths[last] * last)  # a guess, right where they are equally spaced
     after = last if after > last else 1 if after < 1 else after
@@ -238,9 +254,7 @@ def tension_ratio(arc_lengths, rope, tensions, place, force):
     for axis in range(3):
         part = force[axis] - along / square * (end[axis] - start[axis])
         rest += part * part
-    share = (place - arc_lengths[after - 1]) / (arc_lengths[after] - arc_lengths[after - 1])
-    share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share  # also of a place beyond the ends
-    tension = tensions[after - 1] + share * (tensions[after] - tensions[after - 1])
+    tension = min(tensions[after - 1], tensions[after])
     return tension / sqrt(rest) if rest > 0.0 else nan
 
 

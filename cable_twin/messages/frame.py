@@ -46,6 +46,7 @@ from cable_twin.messages.topics import (
     JOINT_STATES,
     PANTOGRAPHS,
     SHEAVES,
+    TENSIONS,
     TF,
     Clock,
     JointState,
@@ -111,6 +112,7 @@ class MessageEncoder:
         self._makers: dict[str, Callable[[], Filled]] = {
             JOINT_STATES: self._joint_states,
             CABLE: self._cable,
+            TENSIONS: self._tensions,
             CABLE_PATH: self._cable_path,
             TF: self._transforms,
         }
@@ -240,6 +242,13 @@ class MessageEncoder:
         ropes = self._layout.sample_ropes[:, None].astype(np.float64)
         return cloud_template(self._header, (*CABLE_FIELDS, ROPE_FIELD), [*sources, ropes])
 
+    def _tensions(self) -> Template:
+        """Lowest and highest tension of each rope (N), and its arc length there (m)."""
+        (low, low_place), (high, high_place) = self._columns.lowest_tension.T, self._columns.highest_tension.T
+        names = tension_names(self._layout)
+        places, forces = marks(2 * len(names)).reshape(2, -1)
+        return Template(JointState(self._header, names, places, NONE, forces), [low_place, high_place, low, high])
+
     def _cable_path(self) -> Template:
         positions = self._columns.rope_position[next(iter(self._layout.ropes.values()))]  # a path has no gaps
         poses = [PoseStamped(self._header, pose_of(place, UPRIGHT)) for place in marks(positions.size).reshape(-1, 3)]
@@ -279,6 +288,11 @@ class MessageEncoder:
                 for body in range(layout.first_body[row], layout.first_body[row + 1])
             ]
         return Template(TFMessage(transforms), [joints, bodies, turns])
+
+
+def tension_names(layout: Layout) -> list[str]:
+    """Rows of the topic `tensions`."""
+    return [f"{rope}/{which}" for which in ("lowest", "highest") for rope in layout.ropes]
 
 
 def clock_message(stamp_ns: int) -> bytes:

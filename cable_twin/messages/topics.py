@@ -35,6 +35,7 @@ AIR_WIND = "air/wind"
 SHEAVES, CONNECTORS, PANTOGRAPHS = "sheaves", "connectors", "pantographs"
 CABLE = "cable"
 CABLE_PATH = "cable_path"
+TENSIONS = "tensions"
 CARRIER_POSES = "carriers/poses"
 CARRIER_FORCES = "carriers/forces"
 SCENARIO = "scenario"
@@ -94,6 +95,7 @@ def topics(
         Topic(JOINT_STATES, JointState.__msgtype__, group="joints"),
         *([Topic(JOINT_REFERENCES, JointState.__msgtype__, group="joints")] if layout.commanded else []),
         Topic(CABLE, PointCloud2.__msgtype__, group="rope"),
+        Topic(TENSIONS, JointState.__msgtype__, group="rope"),
         Topic(CABLE_PATH, Path.__msgtype__, group="path"),
     ]
     for vehicle in (*layout.carriages, *own):

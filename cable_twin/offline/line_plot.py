@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 
 from cable_twin.offline.line_places import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
+from cable_twin.records import FloatArray
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
@@ -107,7 +108,7 @@ def _tension(axes: Axes, line: Line) -> None:
     dashes = cycle(("-", "-.", ":"))
     arc = _layout(line).arc_lengths
     tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
-    low, high = tensions.min(axis=0), tensions.max(axis=0)
+    low, high = tension_envelope(line, tensions)
     for number, (rope, part) in enumerate(_layout(line).ropes.items()):
         color, whose = COLORS[number % len(COLORS)], f"{rope}, " if line.scenario.ropes else ""
         axes.fill_between(arc[part], low[part], high[part], color=color, alpha=0.2, linewidth=0)
@@ -118,6 +119,46 @@ def _tension(axes: Axes, line: Line) -> None:
     axes.set_xlabel("arc length of the rope, unstrained [m]")
     axes.set_ylabel("tension [kN]")
     axes.legend(ncols=4, **HEAD)
+
+
+def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and highest tension (samples,) of a rope at each arc length, also as vehicles pass there between places.
+
+    Tension jumps at a vehicle. Both sides of it at a place are on the lines through the two samples there, and between
+    places, where a vehicle passes all samples on its way, they change evenly.
+
+    Args:
+        line: calculated.
+        tensions: (places, samples) at its places, in the unit of the result.
+    """
+    layout, low, high = _layout(line), tensions.min(axis=0), tensions.max(axis=0)
+    for vehicle in range(len(layout.vehicles)):
+        for rope, part in enumerate(layout.ropes.values()):
+            arc, own = layout.arc_lengths[part], tensions[:, part]
+            on = [c.attached[vehicle] > 0.0 and int(c.vehicle_rope[vehicle]) == rope for c in line.columns]
+            places = np.array([c.arc_length[vehicle] for c in line.columns])
+            sides = np.array([_sides(arc, *pair) for pair in zip(own, places, strict=True)])
+            for first in range(len(places) - 1):
+                here, there = places[first : first + 2]
+                if not (on[first] and on[first + 1]) or here == there:
+                    continue
+                passed = np.flatnonzero((arc >= min(here, there)) & (arc <= max(here, there)))
+                share = (arc[passed] - here) / (there - here)
+                between = sides[first] + share[:, None] * (sides[first + 1] - sides[first])
+                passed += part.start
+                low[passed] = np.minimum(low[passed], between.min(axis=1))
+                high[passed] = np.maximum(high[passed], between.max(axis=1))
+    return low, high
+
+
+def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, float]:
+    """Tension on both sides of a place, each on the line through the two samples there."""
+    after = int(np.clip(np.searchsorted(arc, place), 1, arc.size - 1))
+    found = []
+    for one, other in ((max(after - 2, 0), after - 1), (after, min(after + 1, arc.size - 1))):
+        slope = (tension[other] - tension[one]) / (arc[other] - arc[one]) if other > one else 0.0
+        found.append(float(tension[one] + slope * (place - arc[one])))
+    return found[0], found[1]
 
 
 def tension_limits(line: Line) -> dict[float, str]:
@@ -181,4 +222,4 @@ def _layout(line: Line) -> Layout:
     return Layout.of(line.scenario, line.columns[0].rope_tension.size // max(len(line.scenario.ropes), 1))
 
 
-__all__ = ["tension_limits", "write_line_plot"]
+__all__ = ["tension_envelope", "tension_limits", "write_line_plot"]

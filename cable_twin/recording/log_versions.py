@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-FORMAT_VERSION = "3"
+FORMAT_VERSION = "4"
 
 
 class LogError(ValueError):

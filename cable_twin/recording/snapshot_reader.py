@@ -37,6 +37,7 @@ from cable_twin.messages import (
     ROPE_FIELD,
     SECOND,
     SHEAVES,
+    TENSIONS,
     Status,
     bullwheel_numbers,
     contact_force_topic,
@@ -154,6 +155,7 @@ class _Frames:
         """A reader for each topic that a log may hold."""
         layout, c = self._layout, self._columns
         readers: dict[str, Callable[[bytes], None]] = {JOINT_STATES: self._read_joints, CABLE: self._read_cable}
+        readers[TENSIONS] = self._read_tensions
         readers[AIR_WIND] = reader(3, [c.wind])
         for row, (name, bodies) in enumerate(layout.vehicles.items()):
             readers[pose_topic(name)] = reader(POSE, [c.joint_position[row]])
@@ -296,6 +298,13 @@ class _Frames:
         fields = (*CABLE_FIELDS, ROPE_FIELD) if self._layout.alone else CABLE_FIELDS
         points = cloud_points(data, len(self._layout.arc_lengths), fields)
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
+
+    def _read_tensions(self, data: bytes) -> None:
+        """Places, no rates, and forces, 8 bytes apart: of the lowest of all ropes, then of the highest."""
+        c, count = self._columns, len(self._layout.ropes)
+        numbers = last_numbers(data, 4 * count + 1)
+        c.lowest_tension[:, 1], c.highest_tension[:, 1] = numbers[: 2 * count].reshape(2, -1)
+        c.lowest_tension[:, 0], c.highest_tension[:, 0] = numbers[2 * count + 1 :].reshape(2, -1)
 
     def _turn_bodies(self) -> None:
         """Roll and yaw of bodies in space, about z, then about their own y, then about their own x."""

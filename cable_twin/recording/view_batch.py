@@ -23,6 +23,8 @@ DRAWN = (  # columns that may have gaps, and are drawn
     "moving_cable_force",
     "rope_position",
     "rope_tension",
+    "lowest_tension",
+    "highest_tension",
     "sheave_tension",
     "sheave_travel",
     "sheave_slip",

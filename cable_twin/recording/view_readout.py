@@ -41,7 +41,7 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
             ("wind along", float(c.wind[0]), f"{c.wind[0]:.1f} m/s"),
             ("wind across", float(c.wind[1]), f"{c.wind[1]:.1f} m/s"),
         )
-    low, high = float(c.rope_tension.min()) * scale, float(c.rope_tension.max()) * scale
+    low, high = float(c.lowest_tension[:, 0].min()) * scale, float(c.highest_tension[:, 0].max()) * scale
     lines.append(("tension", low + high, f"{rounded(low)} … {rounded(high)} {unit}"))
     for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
         lines.append((name, load, "lifted off" if load == 0.0 else f"{rounded(load * scale)} {unit}"))

@@ -98,8 +98,8 @@ class Status:
     def _tension(self) -> tuple[str, str]:
         """Highest tension; of several ropes, that of the one nearest to where its safety factor ends."""
         snapshot = self._simulation.snapshot
-        ropes = snapshot.layout.ropes if self._simulation.scenario.ropes else {"tension": slice(None)}
-        highest = {name: float(snapshot.columns.rope_tension[part].max()) for name, part in ropes.items()}
+        ropes = [*snapshot.layout.ropes] if self._simulation.scenario.ropes else ["tension"]
+        highest = dict(zip(ropes, snapshot.columns.highest_tension[:, 0].tolist(), strict=True))
         limits = self._highest_tensions
         name = max(highest, key=lambda name: (highest[name] / limits.get(name, math.inf), highest[name]))
         unit, scale = shown_unit("N", highest[name])

@@ -52,6 +52,9 @@ class Engine(Protocol):
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps, or fewer where something is to be done after one of them; the fields of `Outcome`."""
 
+    def couple(self) -> None:
+        """Let the sections of each rope have what other ropes exert on it now."""
+
     def observe(self, columns: Columns) -> None:
         """Fill the columns of what is on no rope alone."""
 
@@ -119,6 +122,9 @@ class SingleRope:
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps; the fields of `Outcome`."""
         return self.integrator(*self.arguments(steps))  # type: ignore[no-any-return]
+
+    def couple(self) -> None:
+        """Nothing: there is no other rope."""
 
     def observe(self, columns: Columns) -> None:
         """Nothing: all is on the rope."""

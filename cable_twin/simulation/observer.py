@@ -8,7 +8,6 @@ import numpy as np
 
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.readout.columns import observe
-from cable_twin.mechanics.readout.samples import groups
 from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engines import Engine
@@ -36,8 +35,8 @@ class Observer:
             if own is not None:
                 self._own[name] = numbers = np.zeros(own.size)
                 columns = own.columns(numbers)
-            means = np.empty(groups(part.system.cable))
-            self._of_ropes.append((part, pack(part.state), layout.arc_lengths[points], means, pack(columns)))
+            packed = pack(part.state), pack(part.sections)
+            self._of_ropes.append((part, packed, layout.arc_lengths[points], pack(columns)))
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read everything that a snapshot holds.
@@ -46,8 +45,9 @@ class Observer:
             time: s.
             report: what the solver did since the snapshot before.
         """
-        for part, state, arc_lengths, means, columns in self._of_ropes:
-            observe(part.packed_system, state, arc_lengths, part.start.tower_load, means, columns)
+        self._engine.couple()
+        for part, (state, sections), arc_lengths, columns in self._of_ropes:
+            observe(part.packed_system, state, sections, arc_lengths, part.start.tower_load, columns)
         for name, own in self._own.items():
             self.layout.put(self._numbers, name, own)
         self._engine.observe(self._columns)

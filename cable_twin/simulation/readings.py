@@ -11,7 +11,8 @@ from cable_twin.geometry.clearance import clearance_seen, ground_of, surrounding
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
-from cable_twin.mechanics.readout.samples import groups, sample_positions, sample_shape, sample_tensions
+from cable_twin.mechanics.readout.samples import sample_positions, sample_shape
+from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
 from cable_twin.simulation.engines import Engine
@@ -53,15 +54,18 @@ class Readings:
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
-        """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m: linear between the means of the elements.
+        """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m, from the forces in its sections.
+
+        It jumps where a load is, and is that before the load there.
 
         Raises:
             ValueError: when there is no rope of that name, or no such place on it.
         """
         part, arc_lengths = self._places(rope, arc_lengths)
         tensions = np.empty(arc_lengths.size)
-        means = np.empty(groups(part.system.cable))
-        sample_tensions(part.system.cable, part.state, arc_lengths, tensions, means)
+        self._engine.couple()
+        recover_sections(part.system, part.state, part.sections)
+        sample_tensions(part.system, part.state, part.sections, arc_lengths, tensions)
         return tensions
 
     def clearance(self) -> Clearance:

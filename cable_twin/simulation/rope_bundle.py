@@ -12,8 +12,10 @@ from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.readout.sections import allocate_sections
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
+from cable_twin.mechanics.solution.bundle.mutual_forces import give_forces
 from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
 from cable_twin.mechanics.solution.bundle.records import (
     SYSTEM,
@@ -64,9 +66,12 @@ class RopeBundle:
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
         pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
+        self._exerting = clamps.rope.size + 2 * connectors.length.size + pantographs.rope.size
+        for part in parts:
+            part.sections = allocate_sections(part.system, self._exerting)
         self._addresses = Addresses(
             [
-                (part.system, part.state, work, clone_state(part.state), clone_state(part.state))
+                (part.system, part.state, work, clone_state(part.state), clone_state(part.state), part.sections)
                 for part, work in zip(parts, self._works, strict=True)
             ]
         )
@@ -229,6 +234,13 @@ class RopeBundle:
             for part in self.parts:
                 part.stop()
         return outcome  # type: ignore[no-any-return]
+
+    def couple(self) -> None:
+        """Let the sections of each rope have what other ropes exert on it now."""
+        if not self._exerting:
+            return
+        first = self.parts[0]
+        give_forces(self.bundle, self.moving, first.system, first.state, first.sections)
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""

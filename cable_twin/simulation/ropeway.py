@@ -12,11 +12,13 @@ from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.language.lanes import WIDTH
 from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
-from cable_twin.mechanics.readout.samples import groups, sample_tensions
-from cable_twin.mechanics.rope.rounding import rounding
+from cable_twin.mechanics.readout.sections import Sections, allocate_sections
+from cable_twin.mechanics.rope.element import element_tensions
+from cable_twin.mechanics.rope.rounding import rounding, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.generalized_alpha import Coefficients
@@ -26,7 +28,6 @@ from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.snapshot_file import FullState
 
-TENSION_PLACES = np.array([0.125, 0.375, 0.625, 0.875])  # of an element
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
@@ -39,6 +40,7 @@ class Ropeway:
         rows: number of each vehicle.
         packed_system: parameters, with payloads, for kernels.
         state: its motion, written in place.
+        sections: forces in the rope, for a readout.
         start: to which a reset goes back.
         stopped: whether an emergency stop is in force.
         commands: the last drive command in force of each carriage or drive that has one.
@@ -54,6 +56,7 @@ class Ropeway:
         self._empty = system
         self._payloads: Payloads = build_payloads(scenario)
         self.state = self.start = allocate_state(self._empty)
+        self.sections: Sections = allocate_sections(self._empty)
         self.stopped = False
         self.commands: dict[str, Command] = {}
         self.loading: dict[str, float] = {}
@@ -114,15 +117,13 @@ class Ropeway:
         if self.scenario.cable.kinks == "rounded":
             return False
         cable = self._empty.cable
-        places = cable.node_arc_length[:-1, None] + cable.element_length[:, None] * TENSION_PLACES
-        tensions = np.empty(places.size)
-        sample_tensions(cable, self.state, places.ravel(), tensions, np.empty(groups(cable)))
+        tensions = smoothed(cable, self._element_tensions())
         if not tensions.mean() > LEAST_STRAIN * cable.axial_stiffness:
             raise EquilibriumError(
                 f"cable.kinks: given 'sharp' where the rope rests with {tensions.mean():.3g} N; allowed: rounded, or a "
                 f"tension above {LEAST_STRAIN * cable.axial_stiffness:.3g} N"
             )
-        table = rounding(cable, tensions.reshape(places.shape).mean(axis=1))
+        table = rounding(cable, tensions)
         self._empty = self._empty._replace(cable=cable._replace(**table))
         self.carry(self._first_loads)
         return True
@@ -215,7 +216,7 @@ class Ropeway:
     def typical(self, work: Workspace) -> dict[str, Any]:
         """Arguments that kernels get for one rope, by the names that they have there; only their types count."""
         system, state = self.system, self.state
-        whole = {"system": system, "state": state, "before": state, "work": work}
+        whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
         inner |= {name: getattr(state, name) for name in ("drive_mode", "sheave_mode")}
@@ -229,11 +230,14 @@ class Ropeway:
 
     def mean_tension(self) -> float:
         """Mean tension (N) of the rope."""
-        cable = self.system.cable
-        places = np.linspace(0.0, cable.unstrained_length, cable.element_count + 1)
-        tensions = np.empty(places.size)
-        sample_tensions(cable, self.state, places, tensions, np.empty(groups(cable)))
-        return float(tensions.mean())
+        return float(np.average(self._element_tensions(), weights=self.system.cable.element_length))
+
+    def _element_tensions(self) -> FloatArray:
+        """Means (elements,) in N of the tension of the elements, by their strains, as sharp kinks take them."""
+        count = self.system.cable.element_count
+        tensions = np.empty((-(-count // WIDTH), WIDTH))
+        element_tensions(self.system.cable, self.state, tensions)
+        return tensions.ravel()[:count]
 
     @property
     def system(self) -> System:

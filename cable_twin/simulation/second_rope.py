@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_twin.mechanics.parameters import FREE, FloatArray
-from cable_twin.mechanics.readout.columns import Columns, share_of_node
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.samples import sample_positions
 from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
 from cable_twin.mechanics.solution.catenary import EquilibriumError
@@ -89,14 +89,13 @@ def clamp_rows(scenario: Scenario) -> list[int]:
 def observe_clamps(
     rows: list[int], parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
 ) -> None:
-    """Fill what no rope knows alone: that a clamp holds to none, and its pull beside a support of the other rope.
+    """Fill what no rope knows alone: that a clamp holds to none, and what rails carry of its pull.
 
     `rows` are those of `clamp_rows`.
     """
     if not rows:
         return
     held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
-    counts = np.cumsum([0, *(2 + len(part.scenario.towers) for part in parts)])
     for clamp, row in enumerate(rows):
         other = int(moving.clamp_rope[clamp])
         if other < 0:
@@ -105,11 +104,6 @@ def observe_clamps(
             continue
         if moving.rail_mass[clamp] != 0.0:
             _leave_out_rails(parts[int(clamps.rope[clamp])], float(moving.rail_mass[clamp]), row, columns)
-        cable, place = parts[other].system.cable, float(moving.clamp_place[clamp])
-        for end, (element, node) in enumerate(((0, 0), (cable.element_count - 1, 2))):
-            share = share_of_node(cable, place, element, node)
-            if share != 0.0:
-                columns.support_force[counts[other] + end] += share * columns.haul_pull[row]
 
 
 def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) -> None:

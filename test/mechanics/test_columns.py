@@ -10,7 +10,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
-from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.point import point_at, position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import add_loads

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from cable_twin.mechanics.parameters import SPEED
-from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution import equilibrium
 from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations

@@ -217,7 +217,7 @@ def test_it_says_what_made_the_log(recorded, capsys):
     metadata = read_log(recorded).metadata
     assert (
         f"made by: cable_twin {metadata['package_version']}, numba {metadata['numba_version']}, numpy "
-        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 3"
+        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format 4"
     ) in output
     assert "here:" not in output
     assert re.search(r"scenario: quick, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
@@ -254,10 +254,10 @@ def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tm
 
 
 def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
-    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "4"})
+    target = alter(bag(recorded), tmp_path / "newer.mcap", unchanged, metadata={"format_version": "5"})
     assert main([str(target)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "format version 4 is newer than this cable_twin reads (3); update cable_twin" in line
+    assert "format version 5 is newer than this cable_twin reads (4); update cable_twin" in line
 
 
 def test_a_log_of_an_earlier_version_of_the_package_keeps_replaying():

@@ -150,8 +150,8 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         writer.write(connection, 1, scenario_message({}))
     assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
     for name, metadata, words in [
-        ("later", {**METADATA, "format_version": "4"}, "format version 4 is newer than this cable_twin reads (3)"),
-        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this cable_twin reads 3; made by "),
+        ("later", {**METADATA, "format_version": "5"}, "format version 5 is newer than this cable_twin reads (4)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this cable_twin reads 4; made by "),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
         ("pointless", {**METADATA, "sample_count": "many"}, "sample_count is 'many', a whole number of points is"),
     ]:

@@ -103,7 +103,14 @@ def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
         c = snapshot.layout.columns(numbers)
         if index < 6 or index % 3:
             bodies = (c.joint_position, c.body_position, c.body_angles)
-            for missing in (*bodies, c.rope_position, c.rope_tension, c.drive_speed):
+            for missing in (
+                *bodies,
+                c.rope_position,
+                c.rope_tension,
+                c.lowest_tension,
+                c.highest_tension,
+                c.drive_speed,
+            ):
                 missing[...] = np.nan
         snapshots.append(Snapshot(snapshot.layout, numbers, snapshot.solver))
     known = [chairlift_at(0.01 * (index - index % 3)) for index in range(60)]

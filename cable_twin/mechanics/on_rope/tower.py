@@ -257,13 +257,3 @@ def lift(cable, towers, state, tower):
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])
     return -deepest
-
-
-@kernel
-def tower_force(cable, towers, state, tower):
-    """Force (dim,) in N of a tower on the rope."""
-    total = scale(0.0, cable.gravity)
-    for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-        force, _ = contact_force(cable, towers, state, contact)
-        total = add_scaled(1.0, force, total)
-    return total

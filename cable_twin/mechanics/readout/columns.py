@@ -13,18 +13,13 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.orientations import orientation_in_space
 from cable_twin.mechanics.language.turns import cross, turn_in_space
-from cable_twin.mechanics.language.vectors import add_scaled, load, scale, store, subtract
+from cable_twin.mechanics.language.vectors import load, scale, store, subtract
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
-from cable_twin.mechanics.on_rope.sliding_joint import grip_force
-from cable_twin.mechanics.on_rope.tower import contact_force, tower_force
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.parameters import FORCE, HAULED, NO_RATIO, SPEED, FloatArray
-from cable_twin.mechanics.readout.samples import sample_joints, sample_shape, sample_tensions, store_in_space
-from cable_twin.mechanics.rope.element import end_forces
-from cable_twin.mechanics.rope.flow import end_flow
-from cable_twin.mechanics.rope.point import element_at, point_at
-from cable_twin.mechanics.rope.rope_drag import drag_on_end
+from cable_twin.mechanics.readout.samples import sample_joints, sample_shape, store_in_space
+from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force
 
 STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an emergency stop
 
@@ -83,7 +78,9 @@ class Columns(NamedTuple):
     drive_speed: FloatArray  # (drives,) m/s
     moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
     rope_position: FloatArray  # (samples, 3) m
-    rope_tension: FloatArray  # (samples,) N
+    rope_tension: FloatArray  # (samples,) N, before a load that is there
+    lowest_tension: FloatArray  # (ropes, 2) N, of nodes and both sides of every load, and its arc length (m)
+    highest_tension: FloatArray  # (ropes, 2) the same
     wind: FloatArray  # (3,) m/s, as it was commanded last, or by the scenario
     vehicle_rope: FloatArray  # (vehicles,) number of the rope on which it is; this and those below not by `observe`
     sheave_position: FloatArray  # (sheaves,) m, unstrained rope that has gone over a bullwheel
@@ -100,25 +97,26 @@ class Columns(NamedTuple):
 
 
 @kernel
-def observe(system, state, arc_lengths, rest_loads, means, columns):
+def observe(system, state, sections, arc_lengths, rest_loads, columns):
     """Fill the columns of a frame.
 
     Args:
         system: parameters.
         state: what is read.
+        sections: scratch, with the forces that other ropes exert.
         arc_lengths: (samples,) m, where the cable is shown.
         rest_loads: (towers, ...) N, loads of the towers at the start of the run in the first column.
-        means: (groups, WIDTH) scratch, an entry an element.
         columns: takes the result.
     """
-    cable = system.cable
     sample_shape(system, state, arc_lengths, columns.rope_position)
-    sample_tensions(cable, state, arc_lengths, columns.rope_tension, means)
+    recover_sections(system, state, sections)
+    sample_tensions(system, state, sections, arc_lengths, columns.rope_tension)
+    tension_range(system, state, sections, columns.lowest_tension[0], columns.highest_tension[0])
     observe_vehicles(system, state, columns)
     for carriage in range(columns.command_kind.size):
         observe_command(system, state, carriage, columns)
     observe_bodies(system, state, columns)
-    observe_supports(system, state, rest_loads, columns)
+    observe_supports(system, state, sections, rest_loads, columns)
     if system.moving_cable.moving:
         for drive in range(columns.drive_position.size):
             columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
@@ -127,7 +125,7 @@ def observe(system, state, arc_lengths, rest_loads, means, columns):
             columns.drive_commanded_speed[drive], columns.drive_commanded_force[drive] = state.rope_target[0], 0.0
             columns.drive_reference_position[drive] = state.rope.position[0]
             columns.drive_reference_speed[drive] = state.rope.velocity[0]
-    wind = load(state.wind, cable.gravity)
+    wind = load(state.wind, system.cable.gravity)
     store_in_space(wind, columns.wind)
 
 
@@ -202,10 +200,11 @@ def observe_bodies(system, state, columns):
 
 
 @kernel
-def observe_supports(system, state, rest_loads, columns):
+def observe_supports(system, state, sections, rest_loads, columns):
     """Fill the columns of both ends and all towers."""
     for end in range(2):
-        store_in_space(end_force(system, state, end), columns.support_force[end])
+        pull = load(sections.node_force[0 if end == 0 else system.cable.element_count], system.cable.gravity)
+        store_in_space(scale(-1.0 if end == 0 else 1.0, pull), columns.support_force[end])
         travel = nan
         if system.counterweights.mass[end] > 0.0:
             travel, _, _ = counterweight_motion(system.counterweights, system.cable, state, end)
@@ -214,7 +213,7 @@ def observe_supports(system, state, rest_loads, columns):
         observe_groove(system, state, -1, columns, end)
     for tower in range(system.towers.top.shape[0]):
         row = 2 + tower
-        force = tower_force(system.cable, system.towers, state, tower)
+        force = tower_force(system, sections, tower)
         store_in_space(force, columns.support_force[row])
         columns.support_travel[row] = nan
         columns.tower_load[row], columns.tower_lowest_load[row] = state.tower_load[tower, 0], state.tower_load[tower, 1]
@@ -233,40 +232,3 @@ def observe_groove(system, state, tower, columns, row):
             columns.tower_lateral_ratio[row] = state.tower_lateral[tower, 1]
         columns.tower_derailed[row] = state.derailment[tower, 0]
         columns.tower_derailed_time[row] = round(state.derailment[tower, 1] * system.solver.step * 1e9) / 1e9
-
-
-@kernel
-def end_force(system, state, end):
-    """Force (dim,) in N of the support at `end` on the cable, from the balance of its node.
-
-    Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
-    """
-    cable = system.cable
-    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    first, last = end_forces(cable, state, element)
-    total = first if end == 0 else last
-    if system.moving_cable.moving:
-        total = add_scaled(-1.0, end_flow(system, state, end), total)
-    if system.air.present:
-        total = add_scaled(1.0, drag_on_end(cable, system.air.rope_drag, state, end), total)
-    for k in range(cable.load_arc_length.size):
-        share = share_of_node(cable, cable.load_arc_length[k], element, row)
-        total = add_scaled(share, load(cable.load_force[k], cable.gravity), total)
-    for carriage in range(system.carriages.fixed.size):
-        place = state.joints.position[carriage]
-        if state.attached[carriage] and element_at(cable, place) == element:
-            share = share_of_node(cable, place, element, row)
-            total = add_scaled(-share, joint_forces(system, state, carriage)[0], total)
-            total = add_scaled(1.0, grip_force(system, state, carriage, row), total)
-    for contact in range(system.towers.stiffness.size):
-        share = share_of_node(cable, state.contact_arc_length[contact], element, row)
-        if share != 0.0:
-            total = add_scaled(share, contact_force(cable, system.towers, state, contact)[0], total)
-    return scale(-1.0, total)
-
-
-@kernel
-def share_of_node(cable, arc_length, element, row):
-    """Share of a force at `arc_length` (m) that S_row of an element takes; 0 where it is on another one."""
-    point = point_at(cable, arc_length)
-    return point.shape[row] if point.element == element else 0.0

@@ -1,17 +1,13 @@
-"""The rope at some of its places: where it is, and its tension."""
+"""The rope at some of its places: where it is."""
 
 from __future__ import annotations
 
 from cable_twin.mechanics.drives.pull import joint_forces
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, spread
-from cable_twin.mechanics.language.memory import flat
+from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, subtract
 from cable_twin.mechanics.on_rope.sliding_joint import joint_kink
-from cable_twin.mechanics.parameters import Cable
-from cable_twin.mechanics.rope.element import group_tension
 from cable_twin.mechanics.rope.kink import has_kinks
-from cable_twin.mechanics.rope.point import element_at, position_on_cable
+from cable_twin.mechanics.rope.point import position_on_cable
 
 KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
@@ -41,8 +37,9 @@ def sample_shape(system, state, arc_lengths, positions):
             way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
             reach = KINK_REACH * cable.element_length[state.joint_element[carriage]]
             for k in range(arc_lengths.size):
-                share = max(1.0 - abs(arc_lengths[k] - state.joints.position[carriage]) / reach, 0.0)
-                if share > 0.0:
+                off = abs(arc_lengths[k] - state.joints.position[carriage])
+                if off < reach:
+                    share = 1.0 - off / reach
                     bend_down(cable, state, arc_lengths[k], scale(share * share, way), positions[k])
 
 
@@ -66,35 +63,3 @@ def sample_joints(system, state, positions):
             way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
             place = position_on_cable(cable, state, state.joints.position[carriage])
             store_in_space(subtract(place, way), positions[carriage])
-
-
-@kernel
-def sample_tensions(cable, state, arc_lengths, tensions, means):
-    """Fill `tensions` (n,) in N: linear between the means of the elements, placed at their middles.
-
-    `means` (groups, WIDTH) is scratch, see `groups`. The end elements go on with the slope of their neighbour.
-    """
-    count, mean = cable.element_count, flat(means)
-    for group in range(means.shape[0]):
-        spread((group_tension(cable, state, group * WIDTH),), means, group)
-    for k in range(arc_lengths.size):
-        if count == 1:
-            tensions[k] = mean[0]
-        else:
-            element = element_at(cable, arc_lengths[k])
-            left = element if arc_lengths[k] >= middle(cable, element) else element - 1
-            left = min(max(left, 0), count - 2)
-            place = middle(cable, left)
-            share = (arc_lengths[k] - place) / (middle(cable, left + 1) - place)
-            tensions[k] = mean[left] + share * (mean[left + 1] - mean[left])
-
-
-@inlined_kernel
-def middle(cable, element):
-    """Arc length (m) of the middle of an element."""
-    return cable.node_arc_length[element] + 0.5 * cable.element_length[element]
-
-
-def groups(cable: Cable) -> tuple[int, int]:
-    """Shape of the scratch for the means of all elements."""
-    return -(-cable.element_count // WIDTH), WIDTH

@@ -21,12 +21,12 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine, elastic_force, mean_tension
-from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flows
+from cable_twin.mechanics.rope.elastic_models import combine, elastic_force, mean_tension
+from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flow_forces, flows, nodal_vectors
 from cable_twin.mechanics.rope.groups import block_row, vector_row
-from cable_twin.mechanics.rope.rope_drag import add_drag
+from cable_twin.mechanics.rope.rope_drag import add_drag, drag_on
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_length, rest_stretch, thickening
+from cable_twin.mechanics.rope.strand import rest_stretch, thickening
 
 
 @kernel
@@ -93,6 +93,13 @@ def group_tension(cable, state, first):
     return mean_tension(cable, at_rest, d, a, b, *rates)
 
 
+@kernel
+def element_tensions(cable, state, tensions):
+    """Fill `tensions` (groups, WIDTH) in N with the means of all elements; past the last one, that is repeated."""
+    for group in range(tensions.shape[0]):
+        spread((group_tension(cable, state, group * WIDTH),), tensions, group)
+
+
 @formula
 def rates_of_strain(taken_in, shape, shape_rates):
     """Rates of chord and slopes as the rope has them, of which the share `taken_in` (1/s) is new there."""
@@ -103,26 +110,74 @@ def rates_of_strain(taken_in, shape, shape_rates):
     )
 
 
-@kernel
-def end_forces(cable, state, element):
-    """Forces (dim,) in N of one element on r_A and r_B, its inertia and weight in them."""
-    length, stretch = cable.element_length[element], rest_stretch(cable, state)
-    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
-    rates = chord_and_slopes(state.nodes.velocity, element, cable)
-    d_dot, a_dot, b_dot = rates_of_strain(thickening(cable, state), (d, a, b), rates)
-    at_rest = rest_length(cable, state, element)
-    force, _, _, _, _, _, _, _, _ = elastic_force(cable, at_rest, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)
-    like, e_ddot = cable.gravity, state.nodes.acceleration
-    on_r_a, _, on_r_b, _ = inertia(
-        cable,
-        length,
-        stretch,
-        load(e_ddot[element, 0], like),
-        load(e_ddot[element, 1], like),
-        load(e_ddot[element + 1, 0], like),
-        load(e_ddot[element + 1, 1], like),
+@inlined_kernel
+def forces_of_elements(system, state, first, row):
+    """Forces (dim,) in N of `WIDTH` elements, with all that acts along them, on r_A (row 0) or r_B (row 2)."""
+    cable, like = system.cable, system.cable.gravity
+    wind = gather_vectors(state.wind_field.along_rope, first, like)
+    return along_element(
+        system,
+        state,
+        gather_numbers(cable.element_length, first),
+        gather_numbers(cable.node_arc_length, first),
+        gather_numbers(state.kink_length, first),
+        gather(state.nodes.position, first, like),
+        gather(state.nodes.velocity, first, like),
+        gather(state.nodes.acceleration, first, like),
+        wind,
+        row,
     )
-    return subtract(force, on_r_a), scale(-1.0, add_scaled(1.0, force, on_r_b))
+
+
+@kernel
+def force_of_element(system, state, element, row):
+    """Force (dim,) in N of one element, with all that acts along it, on r_A (row 0) or r_B (row 2)."""
+    cable, like = system.cable, system.cable.gravity
+    return along_element(
+        system,
+        state,
+        cable.element_length[element],
+        cable.node_arc_length[element],
+        state.kink_length[element],
+        nodal_vectors(state.nodes.position, element, like),
+        nodal_vectors(state.nodes.velocity, element, like),
+        nodal_vectors(state.nodes.acceleration, element, like),
+        load(state.wind_field.along_rope[:, element], like),
+        row,
+    )
+
+
+@inlined_kernel
+def along_element(system, state, length, place, kink_length, e, e_dot, e_ddot, wind, row):
+    """Elastic force less inertia, weight and flow, with the drag of the air: (dim,) in N on r_A (row 0) or r_B (2).
+
+    All is of one element, or of `WIDTH`.
+
+    Args:
+        system: parameters.
+        state: of the whole rope.
+        length: m.
+        place: arc length of the first node, m.
+        kink_length: rope that sharp kinks take, m.
+        e: the four nodal vectors, r in m and r_x.
+        e_dot: their rates.
+        e_ddot: their accelerations.
+        wind: (dim,) in m/s.
+        row: 0 or 2.
+    """
+    cable, stretch = system.cable, rest_stretch(system.cable, state)
+    shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
+    rates = subtract(e_dot[2], e_dot[0]), scale(length, e_dot[1]), scale(length, e_dot[3])
+    strain_rates = rates_of_strain(thickening(cable, state), shape, rates)
+    elastic = elastic_force(cable, stretch * length - kink_length, *shape, *strain_rates, 0.0, 0.0)[0]
+    inert = inertia(cable, length, stretch, *e_ddot)[row]
+    total = subtract(scale(1.0 if row == 0 else -1.0, elastic), inert)
+    if system.moving_cable.moving and flows(system, state):
+        factors = flow_factors(cable, state, place + 0.5 * length)
+        total = subtract(total, flow_forces(length, shape, rates, factors)[row])
+    if system.air.present:
+        total = add_scaled(1.0, drag_on(system.air.rope_drag, wind, length, shape, e_dot, row), total)
+    return total
 
 
 @kernel

@@ -10,7 +10,7 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.formulas import formula
 from cable_twin.mechanics.language.lanes import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
-from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
+from cable_twin.mechanics.rope.elastic_models import combine
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.shape_functions import FLOW, FLOW_OF_CHORD, SLOPE, SLOPE_OF_CHORD
 from cable_twin.mechanics.rope.strand import between_ends, rest_stretch
@@ -82,18 +82,6 @@ def flow_forces(length, shape, shape_rates, factors):
         add_scaled(by_slope, combine(SLOPE_OF_CHORD[2], d, a, b), combine(FLOW_OF_CHORD[2], d_flow, a_flow, b_flow)),
         add_scaled(by_slope, combine(SLOPE_OF_CHORD[3], d, a, b), combine(FLOW_OF_CHORD[3], d_flow, a_flow, b_flow)),
     )
-
-
-@kernel
-def end_flow(system, state, end):
-    """What the flow takes (dim,) in N at the node at `end`, as `add_flow` has it."""
-    cable = system.cable
-    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    shape = chord_and_slopes(state.nodes.position, element, cable)
-    shape_rates = chord_and_slopes(state.nodes.velocity, element, cable)
-    length = cable.element_length[element]
-    factors = flow_factors(cable, state, cable.node_arc_length[element] + 0.5 * length)
-    return flow_forces(length, shape, shape_rates, factors)[row]
 
 
 @kernel

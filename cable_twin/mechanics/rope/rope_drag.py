@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numpy.polynomial.legendre import leggauss
 
-from cable_twin.mechanics.language.compilation import as_python, inlined_kernel, kernel
+from cable_twin.mechanics.language.compilation import as_python, inlined_kernel
 from cable_twin.mechanics.language.formulas import square_root
 from cable_twin.mechanics.language.lanes import add_spread
 from cable_twin.mechanics.language.vectors import (
@@ -16,15 +16,13 @@ from cable_twin.mechanics.language.vectors import (
     block,
     dot,
     full,
-    load,
     outer,
     scale,
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, combine
+from cable_twin.mechanics.rope.elastic_models import combine
 from cable_twin.mechanics.rope.groups import block_row, vector_row
-from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
 
 POINTS = 2  # Gauss points of an element: exact for an even drag
@@ -91,19 +89,9 @@ def wind_across(number, length, shape, rates, wind):
     return norm / length, t, along, add_scaled(-along, t, relative)
 
 
-@kernel
-def drag_on_end(cable, rope_drag, state, end):
-    """Share (dim,) in N of the drag on the first or last element that the node at that end takes."""
-    element, row = (0, 0) if end == 0 else (cable.element_count - 1, 2)
-    length, wind = cable.element_length[element], load(state.wind_field.along_rope[:, element], cable.gravity)
-    shape = chord_and_slopes(state.nodes.position, element, cable)
-    velocity = state.nodes.velocity
-    rates = (
-        coordinate(velocity, element, 0, wind),
-        coordinate(velocity, element, 1, wind),
-        coordinate(velocity, element, 2, wind),
-        coordinate(velocity, element, 3, wind),
-    )
+@inlined_kernel
+def drag_on(rope_drag, wind, length, shape, rates, row):
+    """Share (dim,) in N of the drag on elements that r_A (row 0) or r_B (row 2) takes, as `add_drag` has it."""
     total = scale(0.0, wind)
     for number in range(POINTS):
         _, _, _, across = wind_across(number, length, shape, rates, wind)

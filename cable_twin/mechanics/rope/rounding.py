@@ -26,6 +26,8 @@ CHANGE = 1e-3  # of the tension, for derivatives by it
 PLACES = 9  # on an element, through which polynomials of degree 8 go
 LEAST_TENSION = 1e-3  # of the highest one: a rope that is slacker is no string
 
+QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # of an element, their middles
+
 _POINTS, _WEIGHTS = leggauss(4)
 _POINTS, _WEIGHTS = 0.5 + 0.5 * _POINTS, 0.5 * _WEIGHTS
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(PLACES) / (PLACES - 1))
@@ -55,6 +57,18 @@ def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
     _join(table, cable.element_length)
     limit = LIMIT * cable.axial_stiffness / float(tension.mean()) ** 3
     return {"rounding": table, "rounding_limit": limit, "rounding_tension": tension}
+
+
+def smoothed(cable: Cable, tension: FloatArray) -> FloatArray:
+    """Tension (elements,) in N that swings beside loads, as means over elements of lines from middle to middle."""
+    if cable.element_count == 1:
+        return tension
+    places = cable.node_arc_length[:-1, None] + cable.element_length[:, None] * QUARTERS
+    middles = cable.node_arc_length[:-1] + 0.5 * cable.element_length
+    left = np.clip(np.searchsorted(middles, places, side="right") - 1, 0, cable.element_count - 2)
+    share = (places - middles[left]) / (middles[left + 1] - middles[left])
+    smooth: FloatArray = (tension[left] + share * (tension[left + 1] - tension[left])).mean(axis=1)
+    return smooth
 
 
 def _join(table: FloatArray, length: FloatArray) -> None:
@@ -148,4 +162,4 @@ def _assembled(blocks: FloatArray) -> FloatArray:
     return whole
 
 
-__all__ = ["rounding"]
+__all__ = ["rounding", "smoothed"]

@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.ranges import Range, ranges_of
 from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Motion
 
-SYSTEM, STATE, WORK, GOOD, BEFORE = range(5)  # columns of `Bundle.records`
+SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)  # columns of `Bundle.records`
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 FLAG, SIGN = Range(0, 1), Range(-1, 1)

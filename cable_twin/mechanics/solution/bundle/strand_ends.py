@@ -10,7 +10,7 @@ from cable_twin.mechanics.drives.reference import follow
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
-from cable_twin.mechanics.readout.columns import end_force
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.solution.bundle.records import FIXED, STATE, SYSTEM
 
 

@@ -1,0 +1,287 @@
+"""Forces in sections of the rope, from which its tension is read, and the reactions of its supports.
+
+The strain of a cubic swings over three elements beside a load. What an element exerts on the positions of its nodes
+does not: that is in balance with what is beside it, node by node, as Newton's method has it. So the force G in the
+section at a node A is what the element after it puts there, its inertia and weight, and its share of all that acts
+on places of it. Within an element
+
+    F(s) = G_A - u (G_A - G_B - Σ P) - Σ P_(before s) + ρA u_r² / λ r_s,   u from 0 to 1,
+
+P being what acts on places of it: G falls by these where they are, and by what acts along the element evenly. The last
+term is the momentum of a rope that goes by, which is in no nodal force (`rope.flow`). The tension is |F|, with the sign
+of F·r_s: the bending stiffness of a rope carries a shear force where it is bent sharply, which is in it.
+"""
+
+from __future__ import annotations
+
+from math import inf, isnan, nan, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.lanes import WIDTH, spread
+from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract
+from cable_twin.mechanics.on_rope.sliding_joint import grip_force
+from cable_twin.mechanics.on_rope.tower import contact_force
+from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.rope.element import force_of_element, forces_of_elements
+from cable_twin.mechanics.rope.flow import flow_factors, flows
+from cable_twin.mechanics.rope.point import element_at, point_at, point_on, slope
+
+NONE = -1  # no further point load on an element
+SMALL = 1e-160
+
+
+@by_reference
+class Sections(NamedTuple):
+    """Forces in a rope, for a readout: what `recover_sections` finds."""
+
+    node_force: FloatArray  # (nodes, dim) N, G at each node: of what is after it on what is before
+    node_tension: FloatArray  # (nodes,) N
+    lanes: FloatArray  # (dim, WIDTH) N, scratch of a group of elements
+    first: IntArray  # (elements,) number of a point load on each, or NONE
+    following: IntArray  # (point loads,) number of another one on the same element, or NONE
+    place: FloatArray  # (point loads,) m, arc length
+    force: FloatArray  # (point loads, dim) N on the rope
+    given: IntArray  # (1,) how many of them, the first ones, other ropes have given
+
+
+def allocate_sections(system: System, given: int = 0) -> Sections:
+    """Scratch of the size of `system`, on which other ropes may exert so many forces."""
+    elements, dim = system.cable.element_count, len(system.cable.gravity)
+    places = given + system.cable.load_arc_length.size + system.carriages.fixed.size + system.towers.stiffness.size
+    return Sections(
+        node_force=np.zeros((elements + 1, dim)),
+        node_tension=np.zeros(elements + 1),
+        lanes=np.zeros((dim, WIDTH)),
+        first=np.full(elements, NONE, dtype=np.int64),
+        following=np.full(places, NONE, dtype=np.int64),
+        place=np.zeros(places),
+        force=np.zeros((places, dim)),
+        given=np.zeros(1, dtype=np.int64),
+    )
+
+
+@inlined_kernel
+def give(sections, arc_length, force):
+    """Let another rope exert a force (dim,) in N at an arc length (m)."""
+    number = sections.given[0]
+    sections.given[0] = number + 1
+    sections.place[number] = arc_length
+    store(force, sections.force[number])
+
+
+@inlined_kernel
+def own_count(system):
+    """How many point loads a rope has of its own: given ones, vehicles, contacts of towers."""
+    return system.cable.load_arc_length.size + system.carriages.fixed.size + system.towers.stiffness.size
+
+
+@inlined_kernel
+def own_place(system, state, number):
+    """Arc length (m) of one of them; NaN of a vehicle that is not on the rope."""
+    loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
+    if number < loads:
+        return system.cable.load_arc_length[number]
+    if number < loads + carriages:
+        return state.joints.position[number - loads] if state.attached[number - loads] else nan
+    return state.contact_arc_length[number - loads - carriages]
+
+
+@kernel
+def own_force(system, state, number):
+    """Force (dim,) in N of one of them on the rope."""
+    loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
+    if number < loads:
+        return load(system.cable.load_force[number], system.cable.gravity)
+    if number < loads + carriages:
+        return scale(-1.0, joint_forces(system, state, number - loads)[0])
+    return contact_force(system.cable, system.towers, state, number - loads - carriages)[0]
+
+
+@kernel
+def recover_sections(system, state, sections):
+    """Find the forces and tensions in a rope, with the forces that other ropes have given."""
+    cable, like, last = system.cable, system.cable.gravity, system.cable.element_count - 1
+    for first in range(0, cable.element_count, WIDTH):
+        spread(forces_of_elements(system, state, first, 0), sections.lanes, 0)
+        for lane in range(min(WIDTH, cable.element_count - first)):
+            store(load(sections.lanes[:, lane], like), sections.node_force[first + lane])
+            sections.first[first + lane] = NONE
+    store(scale(-1.0, force_of_element(system, state, last, 2)), sections.node_force[last + 1])
+    given = sections.given[0]
+    for number in range(given):
+        add_point_load(cable, sections, number)
+    for own in range(own_count(system)):
+        place, number = own_place(system, state, own), given + own
+        if not isnan(place):
+            sections.place[number] = place
+            store(own_force(system, state, own), sections.force[number])
+            add_point_load(cable, sections, number)
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage]:
+            element = state.joint_element[carriage]
+            accumulate(grip_force(system, state, carriage, 0), sections.node_force[element])
+            if element == last:
+                accumulate(scale(-1.0, grip_force(system, state, carriage, 2)), sections.node_force[last + 1])
+    find_node_tensions(system, state, sections)
+
+
+@kernel
+def add_point_load(cable, sections, number):
+    """Hang a point load on its element, and give the node before it its share; the end of the rope has the rest."""
+    point = point_at(cable, sections.place[number])
+    force = load(sections.force[number], cable.gravity)
+    sections.following[number], sections.first[point.element] = sections.first[point.element], number
+    accumulate(scale(point.shape[0], force), sections.node_force[point.element])
+    if point.element == cable.element_count - 1:
+        accumulate(scale(-point.shape[2], force), sections.node_force[point.element + 1])
+
+
+@kernel
+def find_node_tensions(system, state, sections):
+    """Find the tension at all nodes, from the forces in the sections there."""
+    like, flowing = system.cable.gravity, system.moving_cable.moving and flows(system, state)
+    for node in range(system.cable.element_count + 1):
+        section, r_s = load(sections.node_force[node], like), load(state.nodes.position[node, 1], like)
+        if flowing:
+            section = add_scaled(momentum(system, state, system.cable.node_arc_length[node]), r_s, section)
+        sections.node_tension[node] = signed_size(section, r_s)
+
+
+@inlined_kernel
+def momentum(system, state, arc_length):
+    """ρA u² / λ (N) of a rope that goes by, at an arc length (m)."""
+    return -flow_factors(system.cable, state, arc_length)[2]
+
+
+@inlined_kernel
+def signed_size(section, r_s):
+    """Length of a force (dim,) in N, negative where it pushes along r_s (dim,)."""
+    tension = sqrt(dot(section, section))
+    if tension == inf:  # the square was too large a number, in a motion that blows up
+        small = scale(SMALL, section)
+        tension = sqrt(dot(small, small)) / SMALL
+    return tension if dot(section, r_s) >= 0.0 else -tension
+
+
+@kernel
+def tension_beside(system, state, sections, element, arc_length, after):
+    """Tension (N) at an arc length (m) on an element that bears loads; where one is, before it, or `after` it."""
+    cable, like = system.cable, system.cable.gravity
+    on_element, before = scale(0.0, like), scale(0.0, like)
+    number = sections.first[element]
+    while number != NONE:
+        force = load(sections.force[number], like)
+        on_element = add_scaled(1.0, force, on_element)
+        if sections.place[number] < arc_length or (after and sections.place[number] == arc_length):
+            before = add_scaled(1.0, force, before)
+        number = sections.following[number]
+    here, there = load(sections.node_force[element], like), load(sections.node_force[element + 1], like)
+    u = (arc_length - cable.node_arc_length[element]) / cable.element_length[element]
+    along = subtract(subtract(here, there), on_element)
+    section = subtract(add_scaled(-u, along, here), before)
+    r_s = slope(state.nodes.position, point_on(cable, element, arc_length), like)
+    if system.moving_cable.moving and flows(system, state):
+        section = add_scaled(momentum(system, state, arc_length), r_s, section)
+    return signed_size(section, r_s)
+
+
+@kernel
+def sample_tensions(system, state, sections, arc_lengths, tensions):
+    """Fill `tensions` (n,) in N at `arc_lengths` (n,) in m, before a load that is there; needs the sections.
+
+    Between nodes without a load it is next to a line.
+    """
+    cable = system.cable
+    for k in range(arc_lengths.size):
+        element = element_at(cable, arc_lengths[k])
+        if sections.first[element] != NONE:
+            tensions[k] = tension_beside(system, state, sections, element, arc_lengths[k], False)
+        else:
+            here, there = sections.node_tension[element], sections.node_tension[element + 1]
+            u = (arc_lengths[k] - cable.node_arc_length[element]) / cable.element_length[element]
+            tensions[k] = here + u * (there - here)
+
+
+@kernel
+def tension_range(system, state, sections, lowest, highest):
+    """Write the `lowest` and `highest` (2,) tension of the rope, in N, and its arc length (m); needs the sections.
+
+    Nodes count, and both sides of every load but the contacts of towers, over which it changes little by little.
+    """
+    cable, contacts = system.cable, first_contact(system, sections)
+    lowest[0], highest[0] = inf, -inf
+    for node in range(cable.element_count + 1):
+        take_tension(sections.node_tension[node], cable.node_arc_length[node], lowest, highest)
+        number = sections.first[node] if node < cable.element_count else NONE
+        while number != NONE:
+            if number < contacts:
+                place = sections.place[number]
+                before = tension_beside(system, state, sections, node, place, False)
+                take_tension(before, place, lowest, highest)
+                after = tension_beside(system, state, sections, node, place, True)
+                take_tension(after, place, lowest, highest)
+            number = sections.following[number]
+
+
+@inlined_kernel
+def take_tension(tension, arc_length, lowest, highest):
+    """Let a tension (N) at a place (m) count."""
+    if tension < lowest[0]:
+        lowest[0], lowest[1] = tension, arc_length
+    if tension > highest[0]:
+        highest[0], highest[1] = tension, arc_length
+
+
+@inlined_kernel
+def first_contact(system, sections):
+    """Number, among point loads, of the first contact of a tower."""
+    return sections.given[0] + system.cable.load_arc_length.size + system.carriages.fixed.size
+
+
+@kernel
+def tower_force(system, sections, tower):
+    """Force (dim,) in N of a tower on the rope; needs the sections."""
+    total = scale(0.0, system.cable.gravity)
+    before = first_contact(system, sections)
+    for contact in range(system.towers.contact_offset[tower], system.towers.contact_offset[tower + 1]):
+        total = add_scaled(1.0, load(sections.force[before + contact], total), total)
+    return total
+
+
+@kernel
+def end_force(system, state, end):
+    """Force (dim,) in N of the support at `end` on the cable, from the balance of its node, without other ropes.
+
+    Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
+    """
+    element, row = (0, 0) if end == 0 else (system.cable.element_count - 1, 2)
+    total = force_of_element(system, state, element, row)
+    for own in range(own_count(system)):
+        place = own_place(system, state, own)
+        if not isnan(place):
+            point = point_at(system.cable, place)
+            share = point.shape[row]
+            if point.element == element and share != 0.0:
+                total = add_scaled(share, own_force(system, state, own), total)
+    for carriage in range(system.carriages.fixed.size):
+        if state.attached[carriage] and state.joint_element[carriage] == element:
+            total = add_scaled(1.0, grip_force(system, state, carriage, row), total)
+    return scale(-1.0, total)
+
+
+__all__ = [
+    "NONE",
+    "Sections",
+    "allocate_sections",
+    "end_force",
+    "give",
+    "recover_sections",
+    "sample_tensions",
+    "tension_range",
+    "tower_force",
+]
