@@ -64,7 +64,7 @@ def test_the_tension_of_a_rope_is_that_of_a_finer_mesh_and_of_what_pulls_it(scen
 
 
 def test_the_tension_is_in_balance_on_the_way():
-    """From rest, under way, in wind: ends and supports agree, and the rope bears what hangs on it and is slowed down."""
+    """From rest, under way, in wind: ends and supports agree, and nothing jumps where the cabin passes."""
     simulation = Simulation(load_scenario(TRAMWAY))
     simulation.command("cabin", speed=6.0)
     simulation.wind(8.0, 0.0)
