@@ -199,7 +199,30 @@ class McapLog:
         if self._ended or not self._file.is_open:
             raise ValueError(f"{self.path}: log is closed")
         self._close_file()
-        number = self._number + 1 if number is None else number
+        self._go_on(snapshot, self._number + 1 if number is None else number, lost_from_ns, after_loss=after_loss)
+
+    def move(self, directory: Path, snapshot: bytes | None, number: int) -> None:
+        """Go on in another directory, where the one so far is gone with all that was in it.
+
+        Args:
+            directory: Which exists.
+            snapshot: Full state from which the next file starts, attached.
+            number: Of the next file.
+
+        Raises:
+            OSError: The disk refuses; the log only wants to be closed.
+        """
+        self._file.abandon()
+        self.directory, self._closed, self._ended = directory, [], False
+        self._go_on(snapshot, number, None, after_loss=True)
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether what is being written cannot be found any more."""
+        return self._file.is_gone
+
+    def _go_on(self, snapshot: bytes | None, number: int, lost_from_ns: int | None, *, after_loss: bool) -> None:
+        """Begin the next file."""
         try:
             self._file = McapFile(self.path_of(number), self._topics)
         except OSError:

@@ -52,6 +52,10 @@ class _Writer(Writer):
         self._Writer__chunk_indices = self.packed  # mcap has no door to it
 
 
+class GoneError(FileNotFoundError):
+    """A file that is being written cannot be found any more: it, or its directory, was deleted or replaced."""
+
+
 class McapFile:
     """A file being written.
 
@@ -97,6 +101,20 @@ class McapFile:
     def is_open(self) -> bool:
         """Whether it is neither closed nor given up."""
         return self._stream is not None
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it is being written, and cannot be found any more; a look takes some microseconds."""
+        if self._stream is None:
+            return False
+        own = os.fstat(self._stream.fileno())
+        try:
+            found = self.path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return True
+        except OSError:  # a disk that fails is another matter
+            return False
+        return (found.st_dev, found.st_ino) != (own.st_dev, own.st_ino)
 
     @property
     def contents(self) -> BagFile:
@@ -146,13 +164,20 @@ class McapFile:
             self.flush()
 
     def flush(self) -> None:
-        """Finish the chunk and have it on the disk: from now on neither a kill nor a power cut can take it."""
+        """Finish the chunk and have it on the disk: from now on neither a kill nor a power cut can take it.
+
+        Raises:
+            GoneError: What is on the disk cannot be found any more; the file is given up.
+            OSError: The disk refuses; the file is given up.
+        """
         if self._stream is None:
             return
         try:
             self._writer.flush()
             os.fdatasync(self._stream.fileno())
             self.size = self._readable_size = self._stream.tell()
+            if self.is_gone:
+                raise GoneError(f"{self.path.parent} is gone, and what was in it")
         except OSError:
             self.abandon()
             raise
@@ -167,6 +192,9 @@ class McapFile:
         """
         if self._stream is None:
             return
+        if self.is_gone:
+            self.abandon()
+            raise GoneError(f"{self.path.parent} is gone, and what was in it")
         try:
             self._writer.flush()
             self._readable_size = self._stream.tell()
@@ -184,13 +212,15 @@ class McapFile:
 
     def abandon(self) -> None:
         """Close without an index, cut after the last complete chunk: a piece of one would spoil a later repair."""
+        gone = self.is_gone  # of a file that is none of ours nothing is cut
         stream, self._stream = self._stream, None
         if stream is None:
             return
         with suppress(OSError):
             stream.close()
         with suppress(OSError):
-            os.truncate(self.path, self._readable_size)
+            if not gone:
+                os.truncate(self.path, self._readable_size)
 
     def _register(self) -> dict[str, int]:
         schemas: dict[str, int] = {}

@@ -23,8 +23,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, nanoseconds
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, nanoseconds
 from cable_twin.recording.log_writer import McapLog
+from cable_twin.recording.mcap_file import GoneError
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
 from cable_twin.records import AppliedCommand
 from cable_twin.simulation.snapshot_file import FullState
@@ -75,12 +76,23 @@ class _Item(NamedTuple):
 
 
 class _LogSink:
+    """The bag; where its directory is gone, it takes nothing until it begins a file in a new one.
+
+    Attributes:
+        gone: Whether that is so.
+    """
+
     name = "log"
 
-    def __init__(self, log: McapLog) -> None:
-        self._log = log
-        self.flush_if_due = log.flush_if_due
+    def __init__(self, log: McapLog, new_directory: Callable[[], Path] | None) -> None:
+        self._log, self._new_directory = log, new_directory
+        self.gone = False
+        self.may_move = new_directory is not None
         self.close = log.close
+
+    def flush_if_due(self) -> None:
+        if not self.gone:
+            self._log.flush_if_due()
 
     @property
     def left(self) -> str:
@@ -88,7 +100,7 @@ class _LogSink:
         return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
 
     def write(self, item: _Item) -> None:
-        for topic, data in item.messages:
+        for topic, data in item.messages if not self.gone else ():
             self._log.write(topic, item.stamp_ns, data)
 
     def begin(self, beginning: _Beginning, number: int) -> None:
@@ -99,6 +111,9 @@ class _LogSink:
             snapshot = stream.getvalue()
         if beginning.first:
             self._log.begin(beginning.epoch_ns, snapshot)
+        elif self._new_directory is not None and (self.gone or self._log.is_gone):
+            self._log.move(self._new_directory(), snapshot, number)
+            self.gone = False
         else:
             self._log.split(snapshot, number)
         self._log.write(SCENARIO, beginning.stamp_ns, beginning.scenario)
@@ -146,6 +161,7 @@ class Recorder:
         *views: View | None,
         splitting: Splitting = UNSPLIT,
         capacity: int = CAPACITY,
+        new_directory: Callable[[], Path] | None = None,
     ) -> None:
         """Start the thread.
 
@@ -154,12 +170,14 @@ class Recorder:
             *views: Where snapshots and commands go, None for nowhere; the recorder closes them.
             splitting: When log and view go on in new files, and how long old ones are kept.
             capacity: Frames that may wait before new ones are dropped.
+            new_directory: Makes the directory in which the log goes on where its own is deleted; else it ends then.
         """
         self.faults: list[str] = []
         self.dropped = 0
         self._sinks: list[_LogSink | _ViewSink] = []
-        if log is not None:
-            self._sinks.append(_LogSink(log))
+        self._log_sink = None if log is None else _LogSink(log, new_directory)
+        if self._log_sink is not None:
+            self._sinks.append(self._log_sink)
         self._sinks += [_ViewSink(view, log) for view in views if view is not None]
         self._log = log
         self._splitting = splitting
@@ -173,6 +191,11 @@ class Recorder:
         self._writing = False
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
+
+    @property
+    def directory(self) -> Path | None:
+        """Where the log is by now, None where there is none."""
+        return None if self._log is None else self._log.directory
 
     @property
     def backlog(self) -> int:
@@ -207,7 +230,9 @@ class Recorder:
         """Whether a new file is to begin with the frame of this simulated time (s); costs next to nothing."""
         if simulated_time >= self._split_time:
             return True
-        return self._asked == self._number and self._log is not None and self._log.size >= self._split_size
+        if self._asked != self._number or self._log is None or self._log_sink is None:
+            return False
+        return self._log.size >= self._split_size or self._log_sink.gone
 
     def split(self, full_state: FullState) -> None:
         """Begin a new file with what is handed over from now on; returns at once.
@@ -284,9 +309,15 @@ class Recorder:
     def _begin_files(self, beginning: _Beginning) -> None:
         """Let every sink begin its file, then remove the files that have had their time."""
         number = self._number + (not beginning.first)
+        before = self.directory
         for sink in tuple(self._sinks):
             self._attempt(sink, sink.begin, beginning, number)
         self._number = number
+        if self.directory != before:
+            since = (beginning.stamp_ns - beginning.epoch_ns) / SECOND
+            self.faults.append(
+                f"recording: {before} is gone, and what was in it; goes on in {self.directory} from {since:.2f} s on"
+            )
         if self._log is None or beginning.first or not any(isinstance(sink, _LogSink) for sink in self._sinks):
             return
         try:
@@ -305,9 +336,14 @@ class Recorder:
             action(*arguments)
         except Exception as error:
             text = " ".join(str(error).split()) or type(error).__name__
+            if isinstance(error, GoneError) and isinstance(sink, _LogSink) and sink.may_move and not self._closing:
+                sink.gone = True
+                self.faults.append(f"recording: {text}; goes on in a new directory with the next frame")
+                return
             self._sinks.remove(sink)
             if isinstance(sink, _LogSink):
                 self._split_size = math.inf  # its file grows no more, nor does it get smaller
             with suppress(Exception):
                 sink.close()
-            self.faults.append(f"recording: {sink.name} stopped: {text}{sink.left}")
+            left = "" if isinstance(error, GoneError) else sink.left
+            self.faults.append(f"recording: {sink.name} stopped: {text}{left}")

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
@@ -21,10 +22,16 @@ class Run:
     """A run that is being recorded, as soon as it has begun."""
 
     simulation: Simulation
-    directory: Path
     recorder: Recorder
     live_url: str | None  # where a rerun viewer finds the live view
     web: WebView | None = None  # the same for a browser
+
+    @property
+    def directory(self) -> Path:
+        """Where the logs are by now: in a new one where the first was deleted."""
+        directory = self.recorder.directory
+        assert directory is not None
+        return directory
 
     def close(self) -> None:
         """Close the logs with all that waits for them, and end the live view."""
@@ -76,9 +83,10 @@ def start_run(
     """
     directory = _new_directory(record_directory)
     logs = open_logs(simulation, topics, directory, frame_period=frame_period, rerun=rerun, names=names, frames=frames)
-    recorder = Recorder(logs.bag, *logs.views, splitting=splitting)
+    new_directory = partial(_new_directory, record_directory)
+    recorder = Recorder(logs.bag, *logs.views, splitting=splitting, new_directory=new_directory)
     recorder.faults += logs.faults
-    return Run(simulation, directory, recorder, logs.live_url, logs.web)
+    return Run(simulation, recorder, logs.live_url, logs.web)
 
 
 def _new_directory(parent: Path) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 
 import rerun as rr
@@ -127,15 +128,17 @@ def split_stream(stream: rr.RecordingStream, title: str, old: Path | None, new: 
     """
     assert isinstance(stream, _Stream)
     stream.go_to(title, new)
-    if old is not None:
-        sync(old)
+    with suppress(FileNotFoundError):
+        if old is not None:
+            sync(old)
 
 
 def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
     """Have what was sent on the disk, in the file `path` if there is one; waits for a disk that stalls.
 
     Raises:
-        OSError: The file cannot be written any more, a full disk for instance; the stream is given up then.
+        OSError: The file cannot be written any more, a full disk for instance; the stream is given up then. That it
+            was deleted is no such fault.
     """
     try:
         try:
@@ -144,11 +147,12 @@ def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
         except RuntimeError as error:
             if "timed out" not in str(error):  # rerun has one class for all
                 raise
-            if path is not None:
+            if path is not None and path.exists():
                 os.utime(path)  # returns when the disk takes writes again, which a lost writer never does
             stream.flush(timeout_sec=FLUSH_TIMEOUT)
-        if path is not None:
-            sync(path)
+        with suppress(FileNotFoundError):  # it was deleted: whoever writes the log finds that out
+            if path is not None:
+                sync(path)
     except (RuntimeError, OSError) as error:
         _abandon(stream)
         raise OSError(f"the rerun recording cannot be written: {error}") from error

@@ -1,0 +1,89 @@
+"""A run whose log directory is deleted meanwhile goes on in a new one, and says so."""
+
+from __future__ import annotations
+
+import shutil
+import time
+
+import pytest
+from small_tramway import TRAMWAY
+from twin_process import wait_until
+
+from cable_twin.messages import MessageEncoder, topics
+from cable_twin.offline import replay
+from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.run import start_run
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+EPOCH = 1_700_000_000_123_456_789  # ns
+SAID = 2.0  # s within which it is
+
+
+def delete_directory(run):
+    shutil.rmtree(run.directory)
+
+
+def delete_with_its_parent(run):
+    shutil.rmtree(run.directory.parent)
+
+
+def delete_bag(run):
+    next(run.directory.glob("*.mcap")).unlink()
+
+
+def replace_bag(run):
+    (bag,) = run.directory.glob("*.mcap")
+    bag.unlink()
+    bag.write_text("somebody else's")
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        delete_directory,
+        pytest.param(delete_with_its_parent, marks=pytest.mark.long),
+        pytest.param(delete_bag, marks=pytest.mark.long),
+        replace_bag,
+    ],
+)
+def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
+    simulation = Simulation(load_scenario(TRAMWAY))
+    logs = tmp_path / "logs"
+    rerun = "file" if how is delete_directory else "none"
+    run = start_run(simulation, topics(simulation.layout), record_directory=logs, frame_period=0.02, rerun=rerun)
+    run.begin(EPOCH)
+    encoder, first, frame = MessageEncoder(simulation.layout, EPOCH), run.directory, 0
+
+    def go_on() -> bool:
+        nonlocal frame
+        snapshot = simulation.advance_to(frame * 0.02)
+        if run.recorder.split_due(snapshot.time):
+            run.recorder.split(simulation.capture())
+        run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+        frame += 1
+        time.sleep(0.02)
+        return bool(run.recorder.faults)
+
+    wait_until(lambda: not go_on() and run.recorder._log.safe_until > 0.1)
+    how(run)
+    since = time.monotonic()
+    wait_until(go_on)
+    assert time.monotonic() - since < SAID
+    assert run.recorder.faults[0].startswith(f"recording: {first} is gone, and what was in it")
+    wait_until(lambda: go_on() and run.directory != first)
+    end = frame * 0.02 + 0.3
+    wait_until(lambda: go_on() and frame * 0.02 > end)
+    run.close()
+    assert run.recorder.faults[1].startswith(
+        f"recording: {first} is gone, and what was in it; goes on in {run.directory} "
+    )
+    assert len(run.recorder.faults) == 2
+    log = read_log(run.directory)
+    assert log.complete
+    assert log.snapshot is not None
+    assert len(list(run.directory.glob("*.rrd"))) == (rerun == "file")
+    assert replay.main([str(run.directory)]) == 0
+    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    if how is replace_bag:
+        assert next(first.glob("*.mcap")).read_text() == "somebody else's"
