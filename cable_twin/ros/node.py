@@ -165,7 +165,12 @@ class TwinNode(Node):
 
     def _offer(self) -> None:
         """Create the services, and what is called now and then."""
-        self._offered = Services(self._loop, self._log_directory, lambda: self.get_parameter("step_count").value)
+        self._offered = Services(
+            self._loop,
+            self._log_directory,
+            lambda: self.get_parameter("step_count").value,
+            self._settings["keep_size"],
+        )
         self._offered.offer(self)
         directories = [Path(self._settings["record_directory"])]
         directories += [Path(one) for one in self._settings["scenario_directories"].split(os.pathsep) if one]

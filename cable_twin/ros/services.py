@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
 from functools import partial
+from io import BytesIO
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.commands import Kind, kinds_by_service
+from cable_twin.recording.splitting import MEGABYTE
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.emergency_stop import SERVICE as EMERGENCY_STOP
 from cable_twin.ros.executor import done
@@ -22,6 +24,7 @@ from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s
+TITLE = "snapshot_"  # with which names of saved states begin
 WRITING_TIMEOUT = 0.2  # s that an answer waits for the disk, and commands with it
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 
@@ -33,9 +36,18 @@ class _NothingSavedError(Exception):
 class Services:
     """Commands without numbers, pause, step and snapshots of a frame loop."""
 
-    def __init__(self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int]) -> None:
-        """Offer nothing yet; snapshots are written to what `directory` says then, a step is `step_count` frames."""
-        self._loop = loop
+    def __init__(
+        self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int], keep_size: float = 0.0
+    ) -> None:
+        """Offer nothing yet.
+
+        Args:
+            loop: whose they are.
+            directory: where states are saved, asked for each time.
+            step_count: frames of a step, asked for each time.
+            keep_size: MB that all states saved there may have; 0 is no limit.
+        """
+        self._loop, self._keep_size = loop, keep_size
         self._directory, self._step_count = directory, step_count
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
@@ -127,6 +139,7 @@ class Services:
         try:
             path = self._directory() / path
             path.parent.mkdir(parents=True, exist_ok=True)
+            self._check_room(full, path.parent)
             for number in count(2):
                 if not path.exists():
                     break
@@ -135,6 +148,19 @@ class Services:
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             raise _NothingSavedError(f"nothing saved: {path}: {getattr(error, 'strerror', None) or error}") from error
         return path
+
+    def _check_room(self, full: FullState, directory: Path) -> None:
+        """Refuse a state where those that are saved would have more bytes than `keep_size` allows; none is removed."""
+        if not self._keep_size:
+            return
+        saved = sum(file.stat().st_size for file in directory.glob(f"{TITLE}*{SUFFIX}"))
+        stream = BytesIO()
+        full.write(stream)
+        if saved + stream.tell() > self._keep_size * MEGABYTE:
+            raise _NothingSavedError(
+                f"nothing saved: {directory} has {saved / MEGABYTE:.3g} MB of saved states, and this one has "
+                f"{stream.tell() / MEGABYTE:.3g} MB; allowed: keep_size, {self._keep_size:g} MB; remove some"
+            )
 
     def _tell_written(self, writing: Future[Path]) -> None:
         if writing.exception() is not None:
@@ -145,4 +171,4 @@ class Services:
 
 def _title(full: FullState) -> str:
     """Name of a snapshot by its simulated time."""
-    return f"snapshot_{full.time:.3f}_s"
+    return f"{TITLE}{full.time:.3f}_s"

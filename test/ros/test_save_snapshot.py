@@ -20,6 +20,8 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
+from cable_twin.ros.services import Services
+
 RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
@@ -166,3 +168,22 @@ def test_wrong_snapshot_is_one_line(tmp_path):
     for said, lines in zip(expected.values(), refused_starts(tmp_path, *expected), strict=True):
         (line,) = lines
         assert line.startswith(said)
+
+
+def test_saved_states_have_no_more_room_than_the_logs_are_kept_in(tmp_path):
+    full = Simulation(load_scenario(write_quick_scenario(tmp_path))).capture()
+    services = Services(None, lambda: tmp_path / "run", lambda: 1, keep_size=0.2)
+    try:
+        first = services._write(full)
+        allowed = int(0.2e6 / first.stat().st_size)
+        for _ in range(allowed - 1):
+            services._write(full)
+        with pytest.raises(
+            Exception, match=r"nothing saved: .* MB of saved states, .* keep_size, 0\.2 MB; remove some"
+        ):
+            services._write(full)
+        assert len(list((tmp_path / "run").iterdir())) == allowed
+        first.unlink()
+        services._write(full)
+    finally:
+        services.close()
