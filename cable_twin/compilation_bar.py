@@ -1,4 +1,4 @@
-"""What a first start shows while it compiles: a bar by kernel on a terminal, else a few lines."""
+"""How far a start is: compiling, by kernel, and settling of the rope; a bar on a terminal, else a few lines."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from cable_twin.simulation.compilation_watch import Moment, watching_compilation
+from cable_twin.simulation.engines import RelaxationMoment, watching_relaxation
 
 BEGIN = "compiling the solver's kernels, once on this machine"
+LARGE = 5000  # elements, from which on a line says how long the rope takes to settle at most, where there is no bar
+SOON = 1.0  # s, before which it says nothing
 TOLD = (0.1, 0.4, 0.7)  # shares at which a line says how long it will take, where there is no bar
 
 
 @contextmanager
 def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterator[None]:
-    """Show what is compiled within this block.
+    """Show what is compiled within this block, and how far the rope has settled.
 
     Args:
         console: Where the bar is, if that is a terminal.
@@ -31,7 +34,7 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
     )
     began, told = time.monotonic(), -1
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("the cable settles", total=None, kernel="")
+        task = progress.add_task("the rope settles", total=None, kernel="")
 
         def show(moment: Moment) -> None:
             nonlocal told
@@ -46,7 +49,18 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
                 line(f"compiling: {100.0 * moment.share:.0f} %{f', {left}' if left else ''}")
             told = max(told, reached, 0)
 
-        with watching_compilation(show):
+        estimated = False
+
+        def show_settling(moment: RelaxationMoment) -> None:
+            nonlocal estimated
+            what = f"{moment.elements} elements, {moment.iterations} iterations, at most {moment.remaining:.0f} s left"
+            if console.is_terminal:
+                progress.update(task, description="the rope settles", total=1.0, completed=moment.share, kernel=what)
+            elif moment.elements >= LARGE and moment.elapsed > SOON and not estimated:
+                estimated = True
+                line(f"the rope settles: {what}")
+
+        with watching_compilation(show), watching_relaxation(show_settling):
             yield
     if told >= 0:
         line(f"kernels compiled in {time.monotonic() - began:.1f} s and kept for next time")

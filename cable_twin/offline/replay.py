@@ -10,6 +10,7 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.command_line import OneLineParser, left_at_once, print_line, tell
+from cable_twin.compilation_bar import compilation_shown
 from cable_twin.messages import (
     APPLIED_COMMANDS,
     DERAILMENTS,
@@ -276,9 +278,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         tolerance = options.tolerance
         if tolerance is None:
             tolerance = 0.0 if made_here(log) else ELSEWHERE
+        with left_at_once("replay"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            log, simulation = first_start(log)
         with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
-            with left_at_once("replay"):
-                log, simulation = first_start(log)
             result = replay(log, simulation, tolerance=tolerance, progress=progress)
     except (LogError, ScenarioError, EquilibriumError, SnapshotError, CommandError, SolverError) as error:
         for line in str(error).splitlines():

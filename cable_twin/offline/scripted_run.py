@@ -25,6 +25,10 @@ BACKLOG = 500  # frames that may wait for the disk
 FIGURES_PERIOD = 10.0  # s of simulated time between two records of the key figures
 
 
+class _EndedError(Exception):
+    """Somebody ends the run before its time."""
+
+
 @dataclass(slots=True)
 class Outcome:
     """What came of a run."""
@@ -83,6 +87,10 @@ def simulate(
     waiting, places = deque(item for item in ahead if item.at is None), PlaceWatch(item for item in ahead if item.at)
     outcome = Outcome(past=len(given) - len(ahead))
 
+    def look() -> None:
+        if ended is not None and ended():
+            raise _EndedError
+
     def give(item: ScriptedCommand) -> None:
         applied = _apply(simulation, item, outcome, output)
         if figures is not None and applied is not None:
@@ -95,8 +103,8 @@ def simulate(
                 give(item)
             if simulation.time >= time - 0.5 * simulation.step:
                 break
-            simulation.advance_to(simulation.time + simulation.step)
-        return simulation.advance_to(time)
+            simulation.advance_to(simulation.time + simulation.step, look)
+        return simulation.advance_to(time, look)
 
     started = time.monotonic()
     frames = math.ceil(round(duration / simulation.step) / frame_steps)
@@ -118,9 +126,9 @@ def simulate(
                     _record_figures(output, snapshot, figures)
             if on_frame is not None:
                 on_frame(snapshot.time)
-            if ended is not None and ended():
-                outcome.fault = "ended by a signal"
-                break
+            look()
+    except _EndedError:
+        outcome.fault = "ended by a signal"
     except SolverError as error:
         outcome.fault = str(error)
     _record_figures(output, simulation.snapshot, figures)

@@ -11,35 +11,46 @@ from cable_twin.simulation.loading import exchange, load_on
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.ropeway import Ropeway
 
+PART = 50_000  # steps times nodes that are taken at once
 PERIOD = 0.05  # s of simulated time from one look to the next; a person gets into a cabin in several of them
 SURE_RADIUS = 0.8  # -, of solver.spectral_radius; with more a light load on a stiff cable fails now and then
 
 
 def in_parts(
-    parts: Sequence[Ropeway], meetings: Sequence[Meeting], steps: int, advance: Callable[[int], tuple]
+    parts: Sequence[Ropeway],
+    meetings: Sequence[Meeting],
+    steps: int,
+    advance: Callable[[int], tuple],
+    on_part: Callable[[], object] = lambda: None,
 ) -> Outcome:
-    """Take `steps` solver steps by calls of `advance`, in one where nothing is to be done meanwhile.
+    """Take `steps` solver steps by calls of `advance`, each of some tenths of a second at most.
+
+    Between them Ctrl-C is heard, and what is to be done meanwhile is done.
 
     Args:
         parts: one a rope, with what is on it.
         meetings: what watches each of them.
         steps: how many.
         advance: takes so many of them.
+        on_part: called after each call; what it raises ends the steps there.
 
     Returns:
         What came of all of them, or until one failed or two vehicles are pressed through each other.
     """
     total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
+    most = max(PART // sum(len(part.state.nodes.position) for part in parts), 1)  # steps of a call
     if not _has_more_to_do(parts, meetings):
         while total.converged and total.steps < steps:
-            total = _joined(total, Outcome(*advance(steps - total.steps)))
+            total = _joined(total, Outcome(*advance(min(steps - total.steps, most))))
+            on_part()
         return total
     step, clock = parts[0].system.solver.step, parts[0].state.clock
     period = max(round(PERIOD / step), 1)
     while total.converged and total.steps < steps and not meeting_found(parts, meetings):
         rest = steps - total.steps
         until = period - int(clock[0]) % period if _has_more_to_do(parts, meetings) else rest
-        total = _joined(total, Outcome(*advance(min(rest, until))))
+        total = _joined(total, Outcome(*advance(min(rest, until, most))))
+        on_part()
         if total.converged and int(clock[0]) % period == 0:
             for ropeway in parts:
                 load_on(ropeway, period * step)

@@ -10,6 +10,8 @@ from cable_twin.mechanics.parameters import CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.equilibrium import relax
 from cable_twin.mechanics.solution.integrator_by_name import integrator_named
+from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
+from cable_twin.mechanics.solution.relaxation import watching_relaxation
 from cable_twin.mechanics.state import allocate_workspace, clone_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario, build_system
@@ -176,4 +178,12 @@ def leave_out_absent(systems: list[System]) -> list[System]:
     return systems
 
 
-__all__ = ["Engine", "RopeBundle", "SingleRope", "engine_of", "leave_out_absent"]
+__all__ = [
+    "Engine",
+    "RelaxationMoment",
+    "RopeBundle",
+    "SingleRope",
+    "engine_of",
+    "leave_out_absent",
+    "watching_relaxation",
+]

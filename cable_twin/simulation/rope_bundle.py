@@ -191,10 +191,11 @@ class RopeBundle:
         longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
         first = self.parts[0]
         relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
+        elements = sum(len(part.state.nodes.position) - 1 for part in self.parts)
         if self._scenario.sheaves:
-            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest))
+            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest, elements))
         else:
-            settle_bundle(relaxed, SLACKEST_REST * longest)
+            settle_bundle(relaxed, SLACKEST_REST * longest, elements)
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""

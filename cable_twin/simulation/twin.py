@@ -267,8 +267,12 @@ class Simulation(Readings):
         self._show(NOTHING_DONE)
         return applied
 
-    def advance_to(self, time: float) -> Snapshot:
+    def advance_to(self, time: float, on_part: Callable[[], object] = lambda: None) -> Snapshot:
         """Run until `time` (s), to the nearest whole step.
+
+        Args:
+            time: s.
+            on_part: called every some tenths of a second of computing; what it raises ends the run at that step.
 
         Raises:
             SolverError: a step fails, `snapshot` then is the last good one; or two vehicles are pressed
@@ -282,7 +286,11 @@ class Simulation(Readings):
         if steps == 0:
             return self.snapshot
         self._at_start = False
-        outcome = in_parts(self._parts, self._meetings, steps, self._engine.advance)
+        try:
+            outcome = in_parts(self._parts, self._meetings, steps, self._engine.advance, on_part)
+        except BaseException:  # of `on_part`, or Ctrl-C
+            self._show(NOTHING_DONE)
+            raise
         self._show(report_of(outcome))
         if met := meeting_found(self._parts, self._meetings):
             raise SolverError(f"{met}; the state is that at {self.time:g} s")

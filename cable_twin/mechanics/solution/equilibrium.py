@@ -22,9 +22,9 @@ from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_s
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace, clone_state, copy_state, fields_of
 
-MAX_RELAXATIONS = 5000
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
@@ -80,23 +80,26 @@ def note_rest(system, state):
 
 
 @brief_kernel
-def relax(system, state, good, work, max_relaxations, tolerance):
+def relax(system, state, good, work, tolerance, mass_factor, iterations):
     """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
 
     All joints are driven ones, and what hangs on them starts upright; their drive forces are left in `drive_force`.
 
     Returns:
-        Number of iterations used (max_relaxations when it failed) and the last increment (m).
+        Number of iterations used, the last increment (m), and the mass factor to go on with, where it begins with 0;
+        0 at rest.
     """
     cable = system.cable
-    hang_carriages(system, state)
     shortest = cable.cell_length
     wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
-    mass_factor = 1.0 / (wave_time * wave_time)
-    smallest = 1e-12 * mass_factor
+    first = 1.0 / (wave_time * wave_time)
+    if mass_factor == 0.0:
+        mass_factor = first
+        hang_carriages(system, state)
+    smallest = LAST * first
     largest = 0.1 * shortest
     increment = 0.0
-    for iteration in range(max_relaxations):
+    for iteration in range(iterations):
         copy_state(state, good)
         if system.air.varies:
             blow(system, state, 0.0)
@@ -117,10 +120,20 @@ def relax(system, state, good, work, max_relaxations, tolerance):
         move_bodies(state.bodies.position, work.body_increment, cable.gravity)
         if increment < tolerance and mass_factor <= smallest:
             note_rest(system, state)
-            return iteration + 1, increment
+            return iteration + 1, increment, 0.0
         if increment < largest:
             mass_factor = max(0.25 * mass_factor, smallest)
-    return max_relaxations, increment
+    return iterations, increment, mass_factor
+
+
+def settled(system: System, state: State, good: State, work: Workspace, tolerance: float) -> tuple[int, float]:
+    """Relax as long as it takes.
+
+    Returns:
+        Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
+    """
+    elements = len(state.nodes.position) - 1
+    return relax_in_parts(lambda *how: relax(system, state, good, work, tolerance, *how), elements)
 
 
 def hanging(system: System) -> tuple[FloatArray, FloatArray]:
@@ -219,8 +232,8 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
     good, rough = clone_state(state), 1e-6 * cable.unstrained_length
     for share in SOFTER:
         softer = system._replace(cable=cable._replace(axial_stiffness=share * cable.axial_stiffness))
-        relax(softer, state, good, work, MAX_RELAXATIONS, rough)
-    return relax(system, state, good, work, MAX_RELAXATIONS, tolerance)
+        settled(softer, state, good, work, rough)
+    return settled(system, state, good, work, tolerance)
 
 
 def _advice(system: System) -> str:
@@ -278,9 +291,9 @@ def settle(system: System, state: State, work: Workspace) -> None:
     smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
-        relax(continuum, state, clone_state(state), work, MAX_RELAXATIONS, 1e-6 * cable.unstrained_length)
+        settled(continuum, state, clone_state(state), work, 1e-6 * cable.unstrained_length)
     tolerance = 1e-11 * cable.unstrained_length
-    used, increment = relax(smooth, state, clone_state(state), work, MAX_RELAXATIONS, tolerance)
+    used, increment = settled(smooth, state, clone_state(state), work, tolerance)
     if used >= MAX_RELAXATIONS:
         tolerance = COARSE * cable.unstrained_length
         used, increment = stiffen(smooth, state, work, tolerance)

@@ -14,8 +14,8 @@ from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.generalized_alpha import copy_ropes
 from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.catenary import EquilibriumError
-from cable_twin.mechanics.solution.equilibrium import MAX_RELAXATIONS
 from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, relax_in_parts
 
 FIRST_STEP = 1e-2  # s, of the pseudo-transient
 CLOSED = 1e-6  # m, gap of a clamp
@@ -23,16 +23,19 @@ LONGEST_WAY = 0.2  # m, that a point goes in an iteration
 
 
 @kernel
-def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_relaxations, tolerance):
+def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, tolerance, mass_factor, iterations):
     """Pseudo-transient continuation of all ropes together, as `equilibrium.relax`.
 
     Returns:
-        Number of iterations, `max_relaxations` when it did not end, and the last increment (m).
+        Number of iterations, the last increment (m), and the mass factor to go on with, where it begins with 0; 0 at
+        rest.
     """
     like = system.cable.gravity
-    mass_factor = 1.0 / (FIRST_STEP * FIRST_STEP)
-    smallest, increment = 1e-12 * mass_factor, 0.0
-    for iteration in range(max_relaxations):
+    first = 1.0 / (FIRST_STEP * FIRST_STEP)
+    if mass_factor == 0.0:
+        mass_factor = first
+    smallest, increment = LAST * first, 0.0
+    for iteration in range(iterations):
         find_clamps(bundle, moving, system, state, 0.0)  # what rails carry depends on where a rider comes to stand
         copy_ropes(bundle, STATE, GOOD, state)
         copy_record(moving, moving_good)
@@ -56,24 +59,25 @@ def relax_bundle(bundle, moving, moving_good, scratch, system, state, work, max_
         combine_arrays(moving.stages.position, 1.0, scratch.increment, moving.stages.position)
         closed = worst_clamp_gap(bundle, moving, system, state, like) < CLOSED
         if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
-            return iteration + 1, increment
+            return iteration + 1, increment, 0.0
         if increment < LONGEST_WAY:
             scratch.closing[0] = min(1.5 * scratch.closing[0], LONGEST_GAP)
             mass_factor = max(0.25 * mass_factor, smallest)
-    return max_relaxations, increment
+    return iterations, increment, mass_factor
 
 
-def settle_bundle(parts: tuple[Any, ...], tolerance: float) -> None:
+def settle_bundle(parts: tuple[Any, ...], tolerance: float, elements: int) -> None:
     """Bring a bundle, of which each rope is at rest by itself, to rest as a whole.
 
     Args:
         parts: the first arguments of `relax_bundle`, up to the scratch of a rope.
         tolerance: last increment (m) that is allowed.
+        elements: of all ropes.
 
     Raises:
         EquilibriumError: it finds no rest.
     """
-    used, increment = relax_bundle(*parts, MAX_RELAXATIONS, tolerance)
+    used, increment = relax_in_parts(lambda *how: relax_bundle(*parts, tolerance, *how), elements)
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
