@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,26 @@ def test_a_straight_start_knows_on_which_elements_its_carriages_are():
     cable = simulation.system.cable
     (element,) = simulation.state.joint_element
     assert cable.node_arc_length[element] <= 2.0 < cable.node_arc_length[element + 1]
+
+
+@pytest.mark.parametrize("space", [2, 3])
+def test_a_slack_rope_in_too_few_frames_is_told(space):
+    """20 elements are off by metres; 160, a taut rope and `continuum` are not told anything."""
+    slack = {
+        "space": space,
+        "cable": {
+            "unstrained_length": 110.0,
+            "mass_per_length": 10.0,
+            "axial_stiffness": 2e7,
+            "bending_stiffness": 100.0,
+            "elastic_model": "element_frame",
+            "start": {"position": [0.0, 0.0]},
+            "end": {"position": [100.0, 0.0]},
+        },
+    }
+    with pytest.warns(UserWarning, match="element_frame on a slack rope .* elastic_model continuum"):
+        Simulation(load_scenario(slack, {"cable.elements": 20}))
+    for changes in ({"elements": 320}, {"elements": 20, "elastic_model": "continuum"}):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            Simulation(load_scenario(slack, {f"cable.{key}": value for key, value in changes.items()}))

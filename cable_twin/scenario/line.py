@@ -57,7 +57,9 @@ class Cable(Section):
         },
     )
     elastic_model: ElasticModel = Field(
-        default="continuum", description="strain energy on the arc itself, or in the frame of each element's chord"
+        default="continuum",
+        description="strain energy on the arc itself, or in the frame of each element's chord, which on slack ropes "
+        "needs at least four times the elements",
     )
     kinks: Literal["rounded", "sharp"] = Field(
         default="rounded",

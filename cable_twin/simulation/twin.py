@@ -30,6 +30,7 @@ from cable_twin.simulation.observer import Observer, read_only
 from cable_twin.simulation.pressure import check_pressure
 from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.slack_frame import warn_of_frames
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import Layout, Snapshot
 
@@ -84,6 +85,7 @@ class Simulation(Readings):
             first = self._observer.snapshot(0.0, NOTHING_DONE)
             for part, rope in zip(self._parts, first.ropes.values(), strict=True):
                 check_pressure(part.system, rope)
+                warn_of_frames(part.system, rope)
                 if scenario.solver.integrator == "generalized_alpha":
                     warn_of_crossing(part.scenario, scenario, part.system, rope)
             if meanwhile is not None:

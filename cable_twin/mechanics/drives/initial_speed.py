@@ -5,13 +5,12 @@ from __future__ import annotations
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.drives.reference import follow
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot
+from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_kink,
     joint_velocity,
     place_joint,
-    velocity_acceleration,
 )
 from cable_twin.mechanics.parameters import HAULED
 from cable_twin.mechanics.rope.kink import has_kinks
@@ -28,11 +27,9 @@ def set_going(system, state, carriage, speed):
         place = state.sheaves.position[carriage]
     follow(state.reference, carriage, place, speed, 0.0)
     place_joint(cable, state, carriage)
-    velocity, acceleration = joint_velocity(cable, state, carriage), velocity_acceleration(cable, state, carriage)
+    velocity = joint_velocity(cable, state, carriage)
     if has_kinks(cable):  # what the joint yields changes on the way
-        force = joint_forces(system, state, carriage)[0]
-        bent = joint_kink(cable, state, carriage, force)
+        bent = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0])
         velocity = add_scaled(-speed, bent.by_place, velocity)
-        squared = max(dot(force, force), 1e-12)  # of E ~ F²
-        acceleration = add_scaled(-2.0 * speed * speed * bent.along_by_place / squared, force, acceleration)
-    move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)
+    # the rope is bent there by the vehicle itself, and the bend goes along with it: no v²/r of that
+    move_chain(system.carriages, cable.gravity, state, carriage, velocity, scale(0.0, velocity))

@@ -1,0 +1,36 @@
+"""A slack rope in the frames of too few elements: what `element_frame` takes for strain where a rope is curved."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
+from cable_twin.records import CableSamples
+
+SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
+
+
+def warn_of_frames(system: System, rope: CableSamples) -> None:
+    """Warn where elements in the frame of their chord turn so much that this alone is a part of the tension.
+
+    An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
+    which shortens them there by φ²/24 on average: EA φ²/24 beside T.
+    """
+    cable = system.cable
+    tension = float(np.abs(rope.tensions).min())
+    weight = cable.mass_per_length * float(np.linalg.norm(cable.gravity))
+    if cable.elastic_model != ELEMENT_FRAME or weight == 0.0:
+        return
+    longest = (24.0 * SHARE * max(tension, 1e-9) ** 3 / cable.axial_stiffness) ** 0.5 / weight
+    if float(cable.element_length.max()) > longest:
+        warnings.warn(
+            f"cable.elastic_model element_frame on a slack rope (least tension {tension:.3g} N): elements of "
+            f"{float(cable.element_length.max()):.3g} m are too long for its curvature, and its shape may be "
+            f"off by metres; elements up to {longest:.2g} m, or elastic_model continuum, prevent that",
+            stacklevel=3,
+        )
+
+
+__all__ = ["warn_of_frames"]
