@@ -47,11 +47,16 @@ def checked(
     finer = refined(scenario)
     gathered = KeyFigures(finer)
     simulate(Simulation(finer), script, duration=duration, frame_steps=2 * frame_steps, epoch_ns=0, figures=gathered)
-    values = {figure.name: figure.value for figure in gathered.figures()}
+    return compared(figures, gathered.figures())
+
+
+def compared(figures: Sequence[KeyFigure], finer: Sequence[KeyFigure]) -> list[KeyFigure]:
+    """Key figures, each with its difference from that of the same name of a finer model."""
+    values = {figure.name: figure.value for figure in finer}
     return [
         replace(figure, uncertainty=abs(values[figure.name] - figure.value)) if figure.name in values else figure
         for figure in figures
     ]
 
 
-__all__ = ["checked", "refined"]
+__all__ = ["checked", "compared", "refined"]

@@ -71,6 +71,40 @@ def print_figures(
         filled = fill(line, console.width, initial_indent="  ", subsequent_indent=below)
         console.print(filled, markup=False, soft_wrap=True)
     console.print()
+    for line in verdict_lines(figures, at, unit_at):
+        style = None if line.startswith((" ", "all ")) else "bold red"
+        wrapped = fill(line, console.width, subsequent_indent="    ")
+        console.print(wrapped, markup=False, soft_wrap=True, style=style)
+
+
+def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
+    """What a long table comes to: how many limits are not kept, and which; arguments as of `print_figures`."""
+    runs = [{figure.name: figure for figure in run if figure.limit is not None} for run in figures]
+    names = dict.fromkeys(name for run in runs for name in run)
+    if not names:
+        return []
+    lines = []
+    for name in names:
+        found = [run.get(name) for run in runs]
+        passed = [one for one in found if one is not None and one.verdict not in ("", "kept")]
+        if passed:
+            verdicts = dict.fromkeys(one.verdict for one in passed)
+            labels = [label for label, one in zip(LABELS, found, strict=False) if one in passed]
+            who = f" by {' and '.join(labels)}" if len(runs) > 1 else ""
+            each = "; ".join(_passed(one, at, unit_at, brief=len(runs) > 1) for one in passed)
+            lines.append(f"  {name}: {' or '.join(verdicts)}{who}: {each}")
+    if not lines:
+        return [f"all {len(names)} limits are kept"]
+    return [f"{len(lines)} of {len(names)} limits {'is' if len(lines) == 1 else 'are'} not kept:", *lines]
+
+
+def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
+    """A figure with its limit, and when and where that was where it is not brief."""
+    assert figure.limit is not None
+    unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
+    unit = "" if unit == "-" else f" {unit}"
+    text = f"{shown(figure.value, scale)}{unit}, {figure.bound} {rounded(figure.limit * scale)}{unit}"
+    return text if brief else ", ".join(filter(None, (text, f"{at} {figure.time:.2f} {unit_at}", figure.place)))
 
 
 def shown(value: float, scale: float) -> str:

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from cable_twin.command_line import OneLineParser, left_at_once, tell
 from cable_twin.key_figures import values_of
+from cable_twin.offline.check import compared, refined
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line_places import Line, calculate, plan_line
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, changed_value, plots_fault
@@ -43,6 +44,7 @@ examples:
   line aerial_tramway --places 100 --plot empty.png \\
        --set carriages.cabin.payload.mass=0
   line gondola --csv gondola.csv
+  line aerial_tramway --places 10 --check
 """
 
 
@@ -61,6 +63,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             line = plan_line(load_scenario(scenario, dict(options.set)), options.places, options.vehicle)
         with _progress(console, line.places.size) as on_place:
             calculate(line, on_place)
+        if options.check:
+            finer = plan_line(refined(line.scenario), options.places, options.vehicle)
+            with _progress(console, finer.places.size) as on_place:
+                calculate(finer, on_place)
+            line.figures = compared(line.figures, finer.figures)
     except (ScenarioError, ValueError) as error:
         return _fault(error, UNUSABLE)
     except EquilibriumError as error:
@@ -101,6 +108,11 @@ def parser() -> OneLineParser:
         type=changed_value,
         metavar="KEY=VALUE",
         help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; may be given often",
+    )
+    result.add_argument(
+        "--check",
+        action="store_true",
+        help="calculate it once more with elements of half the length, and print the difference beside each figure",
     )
     result.add_argument("--csv", metavar="PATH", help="write a row each place, in SI units; '-' for the output")
     result.add_argument(
@@ -174,6 +186,8 @@ def _write_json(file: TextIO, line: Line) -> None:
     for figure in line.figures:
         values = {key: value for key, value in values_of(figure).items() if key not in ("time_s", "band")}
         numbers: dict[str, Any] = {key: float(values[key]) for key in ("value", "limit") if key in values}
+        if figure.uncertainty is not None:
+            numbers["uncertainty"] = figure.uncertainty
         envelope.append({"name": figure.name, **values, **numbers, "vehicle_at_m": figure.time, "kept": figure.kept})
     content = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
     json.dump({**content, "columns": names, "rows": rows}, file, indent=1)

@@ -10,9 +10,11 @@ import sys
 import numpy as np
 import pytest
 from rich.console import Console
+from ruamel.yaml import YAML
 
 from cable_twin.offline import line as line_command
 from cable_twin.offline import review, simulate, simulate_options
+from cable_twin.offline.check import refined
 from cable_twin.offline.line import main
 from cable_twin.offline.line_places import calculate, plan_line
 from cable_twin.scenario import load_scenario
@@ -164,6 +166,37 @@ def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
     assert factor["kept"] is True
     assert factor["value"] == min(row[rows[0].index("rope safety factor [-]")] for row in content["rows"])
     assert files["png"].read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_a_finer_mesh_changes_stands_beside_each_figure(tmp_path, capsys):
+    """Of the sag of a light rope with a load almost nothing, and of a limit that is nearer no verdict is left."""
+    path, scenario = tmp_path / "line.json", tmp_path / "span.yaml"
+    with scenario.open("w") as file:
+        YAML(typ="safe").dump({**SPAN, "limits": {"sag": 8.9}}, file)
+    assert main([str(scenario), "--places", "3", "--check", "--json", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"sag below the chord .* ± 0\.", printed)
+    envelope = {one["name"]: one for one in json.loads(path.read_text())["envelope"]}
+    sag = envelope["sag below the chord"]
+    finer = plan_line(refined(load_scenario(str(scenario))), 3, None)
+    calculate(finer, lambda _: None)
+    assert sag["uncertainty"] == pytest.approx(abs(finer.rows["sag below the chord [m]"].max() - sag["value"]))
+    assert sag["uncertainty"] > 0.0
+
+
+def test_limits_that_are_not_kept_stand_below_the_table(capsys):
+    changes = ("--set", "limits.swing=0.3", "--set", "limits.support_load=1000", "--set", "limits.sag=3")
+    assert main(["single_span", "--places", "2", *changes]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (head,) = [number for number, line in enumerate(lines) if re.match(r"\d of \d+ limits are not kept:", line)]
+    below = lines[head + 1 :]
+    assert int(lines[head][0]) == len(below) >= 3
+    assert any(
+        line.startswith("  sag below the chord: exceeded: ") and ", at most 3 m, cabin at " in line for line in below
+    )
+    assert not any(" exceeded" in line for line in lines[head + 1 + len(below) :])
+    assert main(["single_span", "--places", "2", "--set", "limits.tension_per_transverse_load=2"]) == 0
+    assert re.fullmatch(r"all \d+ limits are kept", capsys.readouterr().out.splitlines()[-1])
 
 
 def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
