@@ -110,7 +110,9 @@ class Signal:
 
 
 NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
-    "rope": lambda _: ("highest", "start", "end"),
+    "rope": lambda layout: (
+        [f"{rope}_highest" for rope in layout.ropes] if len(layout.ropes) > 1 else ("highest", "start", "end")
+    ),
     "driven": driven_names,
     "commanded": lambda layout: layout.commanded,
     "vehicles": lambda layout: tuple(layout.vehicles),
@@ -126,9 +128,11 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
 
 
 def _tension(layout: Layout, c: Columns) -> FloatArray:
-    """Highest of all ropes, and those at both ends of the first."""
-    tension, first = c.rope_tension, next(iter(layout.ropes.values()))
-    return np.stack([c.highest_tension[..., 0].max(axis=-1), tension[..., 0], tension[..., first.stop - 1]], axis=-1)
+    """Highest of a rope, and those at both its ends; of several ropes the highest of each."""
+    highest, tension = c.highest_tension[..., 0], c.rope_tension
+    if len(layout.ropes) > 1:
+        return highest
+    return np.stack([highest[..., 0], tension[..., 0], tension[..., -1]], axis=-1)
 
 
 def _adhesion(layout: Layout, c: Columns) -> FloatArray:

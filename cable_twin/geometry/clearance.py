@@ -63,4 +63,18 @@ def clearance_seen(ground: Ground | Surroundings, rope: str, names: Iterable[str
     return Clearance(lowest, found, {rope: lowest})
 
 
-__all__ = ["clearance_seen", "ground_of", "surroundings_of"]
+def heights_over_ground(scenario: Scenario, points: FloatArray) -> FloatArray:
+    """Heights (n,) in m of points (n, 3) above the terrain of a scenario, which goes on level beyond its ends."""
+    middle, sides = np.array(scenario.terrain, dtype=np.float64), scenario.terrain_sides
+    ground = np.interp(points[:, 0], middle[:, 0], middle[:, -1])
+    if sides is not None:
+        left, right = (
+            np.interp(points[:, 0], *np.array(profile, dtype=np.float64).T) for profile in (sides.left, sides.right)
+        )
+        share = np.clip(np.abs(points[:, 1]) / sides.distance, 0.0, 1.0)
+        ground += share * (np.where(points[:, 1] > 0.0, left, right) - ground)
+    heights: FloatArray = points[:, 2] - ground
+    return heights
+
+
+__all__ = ["clearance_seen", "ground_of", "heights_over_ground", "surroundings_of"]

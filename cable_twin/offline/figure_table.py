@@ -72,7 +72,7 @@ def print_figures(
         console.print(filled, markup=False, soft_wrap=True)
     console.print()
     for line in verdict_lines(figures, at, unit_at):
-        style = None if line.startswith((" ", "all ")) else "bold red"
+        style = "bold red" if line.endswith(" not kept:") else None
         wrapped = fill(line, console.width, subsequent_indent="    ")
         console.print(wrapped, markup=False, soft_wrap=True, style=style)
 
@@ -94,7 +94,7 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
             each = "; ".join(_passed(one, at, unit_at, brief=len(runs) > 1) for one in passed)
             lines.append(f"  {name}: {' or '.join(verdicts)}{who}: {each}")
     if not lines:
-        return [f"all {len(names)} limits are kept"]
+        return [f"all {len(names)} limits are kept" if len(names) > 1 else "the limit is kept"]
     return [f"{len(lines)} of {len(names)} limits {'is' if len(lines) == 1 else 'are'} not kept:", *lines]
 
 

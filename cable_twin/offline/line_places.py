@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.records import FloatArray
+from cable_twin.records import FloatArray, Place
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.scenario.hauled import sense_of, way_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -34,6 +34,7 @@ class Line:
         moved: the vehicle that was moved, or the carriers of a moving cable, or the drive of a haul rope.
         places: (n,) m, arc length of the vehicle; of carriers and a haul rope, how far the cable has gone by.
         columns: what a frame shows, at each place.
+        lowest: least heights (m) of all that is on the rope over the terrain, with x (m) of each, at each place.
         rows: (n,) values by name and unit, at each place.
         figures: the envelope; the time of a figure is the place of the vehicle (m).
     """
@@ -42,6 +43,7 @@ class Line:
     moved: str
     places: FloatArray
     columns: list[Columns] = field(default_factory=list)
+    lowest: list[Mapping[str, Place]] = field(default_factory=list)
     rows: dict[str, FloatArray] = field(default_factory=dict)
     figures: list[KeyFigure] = field(default_factory=list)
 
@@ -91,7 +93,10 @@ def calculate(line: Line, on_place: Callable[[int], None]) -> None:
     """
     envelope, found = KeyFigures(line.scenario), []
     for number, place in enumerate(line.places.tolist()):
-        here = at_place(line, place)
+        simulation = at_place(line, place)
+        here = simulation.snapshot
+        if line.scenario.terrain:
+            line.lowest.append(simulation.clearance().vehicles)
         # the place stands for the time, of which there is none
         numbers = here.numbers.copy()
         numbers[0] = place
@@ -110,7 +115,7 @@ def calculate(line: Line, on_place: Callable[[int], None]) -> None:
     line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_vectors(line)]
 
 
-def at_place(line: Line, place: float) -> Snapshot:
+def at_place(line: Line, place: float) -> Simulation:
     """The line at rest with its vehicle there."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
@@ -121,7 +126,7 @@ def at_place(line: Line, place: float) -> Snapshot:
         first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
         changes = {"carriers.first": (first + place) % scenario.spacing}
     try:
-        return Simulation(load_scenario(scenario.resolved(), changes)).snapshot
+        return Simulation(load_scenario(scenario.resolved(), changes))
     except EquilibriumError as error:
         raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
 

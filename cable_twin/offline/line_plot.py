@@ -14,14 +14,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from cable_twin.geometry.clearance import heights_over_ground
 from cable_twin.offline.line_places import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
-from cable_twin.records import FloatArray
+from cable_twin.records import FloatArray, Place
 from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
 SAFETY_FACTOR = "rope safety factor"
-CLEARANCE = "clearance over the terrain [m]"
+SAMPLES = 400  # of x, at which the clearance of ropes is drawn
 HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
 
 
@@ -176,18 +177,34 @@ def tension_limits(line: Line) -> dict[float, str]:
 
 
 def _clearance(axes: Axes, line: Line) -> None:
-    """Least heights of rope and vehicles above the ground, over the place of the vehicle."""
-    limits = line.scenario.limits
-    names = [name for name in line.rows if name.endswith(CLEARANCE)]
-    for number, (key, limit) in enumerate((("rope", limits.rope_clearance), ("vehicle", limits.vehicle_clearance))):
-        own = [name for name in names if name.endswith(f"rope {CLEARANCE}") == (key == "rope")]
-        for name, dashes in zip(own, cycle(("-", "--", ":", "-."))):
-            shown = name.removesuffix(CLEARANCE).rstrip(": ")
-            axes.plot(line.places, line.rows[name], color=COLORS[number], linestyle=dashes, label=shown)
-        if own and limit is not None:
-            axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle="--" if number else "-")
+    """Least height above the ground at each x: of each rope over all places, and of the vehicles at theirs."""
+    scenario, layout = line.scenario, _layout(line)
+    several = len(layout.ropes) > 1
+    for (name, part), dashes in zip(layout.ropes.items(), cycle(("-", "--", ":", "-."))):
+        points = np.array([columns.rope_position[part] for columns in line.columns])
+        x = np.linspace(points[..., 0].min(), points[..., 0].max(), SAMPLES)
+        found = []
+        for rope in points:
+            order = np.argsort(rope[:, 0])
+            heights = heights_over_ground(scenario, rope)
+            found.append(np.interp(x, rope[order, 0], heights[order], left=np.nan, right=np.nan))
+        label = f"{name}: rope" if several else "rope"
+        axes.plot(x, np.fmin.reduce(found), color=COLORS[0], linestyle=dashes, label=label)
+    carriers = scenario.carriers
+    groups: dict[str, list[Place]] = {}
+    for seen in line.lowest:
+        for name, place in seen.items():
+            group = carriers.name if carriers is not None and name not in scenario.carriages else name
+            groups.setdefault(group, []).append(place)
+    for (name, places), marker in zip(groups.items(), cycle(".x+")):
+        at = [place.x for place in places], [place.height for place in places]
+        axes.plot(*at, marker, color=COLORS[1], markersize=4.0, label=name)
+    limits = (scenario.limits.rope_clearance, "-"), (scenario.limits.vehicle_clearance, "--")
+    for limit, dashes in limits:
+        if limit is not None:
+            axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=dashes)
     axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
-    axes.set_xlabel(_where(line))
+    axes.set_xlabel("x, along the track [m]")
     axes.set_ylabel("clearance over\nthe terrain [m]")
     axes.legend(ncols=4, **HEAD)
 

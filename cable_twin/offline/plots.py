@@ -19,7 +19,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from cable_twin.offline.thinned_series import Signals
@@ -29,7 +28,9 @@ from cable_twin.snapshot import ENDS
 INK = "#22303C"
 QUIET = "#7B8794"
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
-MANY = 6  # lines of a run in a panel, above which they are thin and coloured from first to last
+MANY = 6  # lines of a run in a panel, above which they are a band with its highest and its lowest line
+POINTS = 800  # of a band
+EXTREMES: dict[str, Callable[..., str]] = {"highest": max, "lowest": min}  # lines of a band that are drawn
 DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6), (1.0, 1.0), (6.0, 1.2, 1.0, 1.2))  # of runs, or lines
 STYLE = {
     "text.parse_math": False,  # names of scenarios and files are no formulas
@@ -176,7 +177,9 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
     many = len(names) > MANY
-    for index, name in lines:
+    if many:
+        _bands(axes, runs, lines)
+    for index, name in () if many else lines:
         parts = name.split("/")[1:]
         times, values = runs[index].signals.series[name].line()
         whose = " ".join(parts[1:] if lone else parts)
@@ -184,8 +187,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
         whose += f" {other.label}" if other.beside else ""
         color, dashes = _look(names.index(name), len(names), index, len(runs))
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
-        width, below = 0.7 if many else None, 1.9 if other.beside else 2.0
-        axes.plot(times, values, color=color, dashes=dashes, label=legend, linewidth=width, zorder=below)
+        axes.plot(times, values, color=color, dashes=dashes, label=legend, zorder=1.9 if other.beside else 2.0)
     largest = max(abs(value) for value in axes.get_ylim())
     scale, prefix = 1.0, ""
     if signal.unit in SCALED:
@@ -196,21 +198,35 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
     if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
     axes.margins(x=0.01)
-    if many:
-        first, last = (" ".join(name.split("/")[1:]) for name in (names[0], names[-1]))
-        which = "; a: solid; b: dashed" if len(runs) == 2 else ""
-        shades = f", from {first} (dark) to {last} (light){which}" if len(runs) <= 2 else " of each run, in its colour"
-        axes.set_title(
-            f"{len(names)} lines{shades}",
-            fontsize=9.0,
-            fontweight="normal",
-        )
-        if len(runs) > 2:
-            colors = [_look(0, 1, index, len(runs))[0] for index in range(len(runs))]
-            shown = [Line2D([], [], color=color, label=run.label) for color, run in zip(colors, runs, strict=True)]
-            axes.legend(handles=shown, loc="upper right", ncols=len(runs))
-    elif len(lines) > 1:
+    if len(lines) > 1:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
+
+
+def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, str]]) -> None:
+    """Of each run the range of many lines at each time, and those by name that come to its highest and lowest value."""
+    for number in dict.fromkeys(index for index, _ in lines):
+        names = [name for index, name in lines if index == number]
+        series = {name: runs[number].signals.series[name].line() for name in names}
+        begin, end = (pick([float(pick(times)) for times, _ in series.values()]) for pick in (min, max))
+        times = np.linspace(begin, end, POINTS)
+        values = np.array([np.interp(times, *line, left=np.nan, right=np.nan) for line in series.values()])
+        seen = np.isfinite(values).any(axis=0)
+        low, high = np.fmin.reduce(values[:, seen], axis=0), np.fmax.reduce(values[:, seen], axis=0)
+        whose = f"{runs[number].label}: " if runs[number].label else ""
+        color = COLORS[(2 * number) % len(COLORS)]
+        every = f"{whose}all {len(names)}"
+        axes.fill_between(times[seen], low, high, color=color, alpha=0.18, linewidth=0, label=every)
+        for dashes, (word, pick) in zip(DASHES, EXTREMES.items(), strict=False):
+            reached = {name: _reach(line[1], word) for name, line in series.items()}
+            name = pick(reached, key=reached.__getitem__)
+            label = f"{whose}{' '.join(name.split('/')[1:])}, {word}"
+            axes.plot(*series[name], color=color, dashes=dashes, label=label, linewidth=1.0)
+
+
+def _reach(values: np.ndarray, word: str) -> float:
+    """The highest or the lowest of values of which some are none."""
+    extreme = np.fmax.reduce(values) if word == "highest" else np.fmin.reduce(values)
+    return float(extreme) if np.isfinite(extreme) else (-np.inf if word == "highest" else np.inf)
 
 
 def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float, ...]]:
@@ -218,9 +234,7 @@ def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float,
     if runs > 2:  # a colour a run
         few = runs <= len(COLORS)
         color: Any = COLORS[run] if few else plt.get_cmap("viridis")(run / (runs - 1))
-        return color, DASHES[line % len(DASHES)] if lines <= MANY else ()
-    if lines > MANY:
-        return plt.get_cmap("viridis")(line / (lines - 1)), DASHES[run]
+        return color, DASHES[line % len(DASHES)]
     return COLORS[(line + (3 * run if lines <= 3 else 0)) % len(COLORS)], DASHES[run]
 
 

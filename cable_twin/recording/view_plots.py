@@ -166,7 +166,9 @@ Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
 def _together(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
     """Yield all lines of a signal in one plot."""
     if names := signal.names(layout):
-        yield Plot(f"plots/{signal.name}", signal.legend or names, partial(_values, signal, layout, scale))
+        titles = signal.legend if len(signal.legend) == len(names) and len(layout.ropes) == 1 else names
+        titles = signal.legend if signal.legend and signal.whose != "rope" else titles
+        yield Plot(f"plots/{signal.name}", titles, partial(_values, signal, layout, scale))
 
 
 def _one_by_one(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:

@@ -1,9 +1,15 @@
 """The plots of `review`: what shares an axis is of one size."""
 
 import numpy as np
+import pytest
 
-from cable_twin.offline.plots import _panels
+pytest.importorskip("matplotlib")
+import matplotlib.pyplot as plt
+
+from cable_twin.offline.plots import MANY, PlottedRun, _panel, _panels
 from cable_twin.plotted_signals import SIGNALS
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 
 
 class Line:
@@ -30,3 +36,35 @@ def test_towers_are_not_on_the_axis_of_the_ends_which_bear_ten_times_as_much():
     (alone,) = _panels([Run("support_force/start")], SIGNALS["support_force"])
     assert alone.label == "support on rope"
     assert _panels(runs, SIGNALS["tension"]) == []
+
+
+class Wave(Line):
+    def __init__(self, size):
+        self.size = size
+
+    def line(self):
+        times = np.linspace(0.0, 10.0, 101)
+        return times, self.size * np.sin(times)
+
+
+def test_many_lines_are_a_band_with_those_by_name_that_reach_farthest():
+    names = [f"contact_force/chair_{number}" for number in range(1, MANY + 4)]
+    run = Run(*names)
+    run.signals.series = {name: Wave(float(size)) for size, name in enumerate(names, start=1)}
+    (panel,) = _panels([run], SIGNALS["contact_force"])
+    _, axes = plt.subplots()
+    _panel(axes, [PlottedRun("", "lift", "run", run.signals)], panel)
+    last = names[-1].removeprefix("contact_force/")
+    shown = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert shown == [f"all {len(names)}", f"{last}, highest", f"{last}, lowest"]
+    (band,) = axes.collections
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert heights.max() == pytest.approx(len(names), rel=1e-3)
+    assert len(axes.get_lines()) == 2
+    plt.close()
+
+
+def test_tension_of_several_ropes_says_of_which():
+    of_several = SIGNALS["tension"].names(Simulation(load_scenario("chairlift")).layout)
+    assert of_several == ["up_highest", "down_highest"]
+    assert SIGNALS["tension"].names(Simulation(load_scenario("single_span")).layout) == ("highest", "start", "end")

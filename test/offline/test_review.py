@@ -249,7 +249,7 @@ def test_what_is_below_the_resolution_of_its_unit_is_zero(capsys):
 def test_notes_are_filled_below_their_text(capsys):
     noted = KeyFigure("rope tension", 1.0, "N", 1.0, limit=2.0, source="many words " * 12)
     print_figures(Console(width=60), [[noted]])
-    note = capsys.readouterr().out.partition("  (1) ")[2].rstrip().splitlines()
+    note = capsys.readouterr().out.partition("  (1) ")[2].partition("\n\n")[0].splitlines()
     assert len(note) > 2
     assert all(line.startswith("      many") or line.startswith("      words") for line in note[1:])
 

@@ -1,0 +1,50 @@
+"""Key figures from Python: of a run that is commanded, and of a line at rest with its vehicle at many places.
+
+.venv/bin/python examples/key_figures.py [SCENARIO]
+"""
+
+from __future__ import annotations
+
+import sys
+
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.line_places import Line, calculate, plan_line
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.units import with_unit
+
+
+def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:
+    """Drive `target` at a speed (m/s) for half of the time `until` (s), stop it, and return the key figures."""
+    scenario = load_scenario(name)
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    figures.update(simulation.snapshot)
+    figures.command(simulation.command(target, speed=speed))
+    for frame in range(1, round(100.0 * until) + 1):  # frames of 0.01 s: extremes are of frames
+        if frame == round(50.0 * until):
+            figures.command(simulation.command(target, speed=0.0))
+        figures.update(simulation.advance_to(0.01 * frame))
+    return figures.figures()
+
+
+def at_rest(name: str, places: int) -> Line:
+    """Calculate the line at rest with its vehicle at so many places."""
+    line = plan_line(load_scenario(name), places, None)
+    calculate(line, lambda done: None)  # called with the number of places done
+    return line
+
+
+def main(name: str = "aerial_tramway", target: str = "cabin") -> None:
+    """Print the figures with a limit of a run, and the highest tension at each place of a line."""
+    for figure in run(name, target, 2.0, 8.0):
+        if figure.limit is not None:
+            verdict = "kept" if figure.kept else "EXCEEDED"
+            value, limit = (with_unit(number, figure.unit) for number in (figure.value, figure.limit))
+            print(f"{figure.name}: {value}, {figure.bound} {limit}: {verdict}")
+    line = at_rest(name, 5)
+    for place, tension in zip(line.places, line.rows["rope tension, highest [N]"], strict=True):
+        print(f"{line.moved} at {place:.1f} m: {1e-3 * tension:.1f} kN")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

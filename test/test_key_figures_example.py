@@ -1,0 +1,32 @@
+"""The example of key figures from Python: what it prints is what the commands print."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+from cable_twin.offline.line import main as line
+from examples import key_figures
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "experiments.md"
+
+
+def test_it_prints_figures_of_a_run_and_of_a_line_at_rest(capsys, tmp_path):
+    key_figures.main()
+    printed = capsys.readouterr().out.splitlines()
+    limited = [row for row in printed if row.endswith((": kept", ": EXCEEDED"))]
+    assert any(row.startswith("cabin: stopping") or row.startswith("rope safety factor: ") for row in limited)
+    tensions = [float(row.split()[-2]) for row in printed if row.startswith("cabin at ")]
+    assert len(tensions) == 5
+    assert line(["aerial_tramway", "--places", "5"]) == 0
+    (highest,) = re.findall(r"rope tension, highest +([\d.]+) +kN", capsys.readouterr().out)
+    assert round(max(tensions)) == round(float(highest))
+
+
+def test_the_page_shows_the_code_of_the_example():
+    text = PAGE.read_text(encoding="utf-8")
+    for function in (key_figures.run, key_figures.at_rest):
+        body = inspect.getsource(function).partition('"""\n')[2]
+        lines = [row.strip() for row in body.splitlines() if not row.strip().startswith("return")]
+        assert all(row in text for row in lines), function.__name__
