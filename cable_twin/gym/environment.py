@@ -16,7 +16,7 @@ from gymnasium.vector import AsyncVectorEnv
 from cable_twin.commands import KINDS
 from cable_twin.gym.observation import Observed, by_default, chosen, quantities
 from cable_twin.records import Command, FloatArray
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 
 Reward = Callable[[Observed, FloatArray, Observed], float]
@@ -180,9 +180,7 @@ def _whole_steps(period: float, step: float) -> float:
 
 def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, tuple[str, float]]:
     """Kind of command and its limit by name of carriage or drive."""
-    known = {name: drive.limits for name, drive in scenario.drives.items()}
-    movable = {name: one.drive.limits for name, one in scenario.carriages.items() if one.joint == "sliding"}
-    known |= movable
+    known = command_limits(scenario)
     wanted = dict.fromkeys(known, command) if isinstance(command, str) else dict(command)
     kinds = [name for name, kind in KINDS.items() if kind.drives]
     found: dict[str, tuple[str, float]] = {}
@@ -191,17 +189,17 @@ def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, t
             raise ValueError(
                 f"command: '{name}' given; the scenario has: {', '.join(known) or 'nothing that is driven'}"
             )
-        if kind not in kinds or (kind == "force" and name in scenario.drives):
-            allowed = "speed, for it moves the cable" if name in scenario.drives else " or ".join(kinds)
+        if kind not in kinds or known[name].of(kind) == 0.0:
+            allowed = "speed, for it moves the cable" if known[name].force == 0.0 else " or ".join(kinds)
             raise ValueError(f"command: {kind!r} given for '{name}'; allowed: {allowed}")
-        limit = getattr(known[name], kind)
-        if limit is None:
+        limit = known[name].of(kind)
+        if limit == math.inf:
             owner = f"drives.{name}" if name in scenario.drives else f"carriages.{name}.drive"
             unit = KINDS[kind].unit
             raise ValueError(
                 f"{owner}.limits.{kind}: null given; an action needs a limit, in {unit}: overrides set one"
             )
-        found[name] = (kind, float(limit))
+        found[name] = (kind, limit)
     if not found:
         raise ValueError(f"command: the scenario '{scenario.name}' has nothing that is driven")
     return found

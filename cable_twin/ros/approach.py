@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from cable_twin.scenario import Scenario
-from cable_twin.scenario.build_vehicles import stop_stroke
+from cable_twin.scenario import Scenario, places_of
 
 TOLERANCE = 0.1  # m from the place, where it counts as there
 SETTLED = 2.0  # s of simulated time within that
@@ -122,21 +121,22 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
         metres = float(place)
     except ValueError:
         metres = math.nan
+    low, high = places_of(scenario, name)
     if name in scenario.drives:
-        low, high = scenario.drives[name].travel or (-math.inf, math.inf)
         metres = {"start": low, "end": high}.get(place, metres)
         if math.isfinite(metres) and low <= metres <= high:
             return metres
         way = f"{low:g} to {high:g} m of cable gone by, or start, end" if math.isfinite(low) else "cable gone by, in m"
         raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: {way}")
-    length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, scenario.carriages[name])
-    start, end = scenario.cable.start.position[-1], scenario.cable.end.position[-1]
-    ends = {"start": stroke, "end": length - stroke}
-    ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=start > end)
+    rope = scenario.carriages[name].rope
+    cable = scenario.cable if rope is None else scenario.ropes[rope]
+    ends = {"start": low, "end": high}
+    downwards = cable.start.position[-1] > cable.end.position[-1]
+    ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=downwards)
     target = {**(towers or {}), **ends}.get(place, metres)
-    if not stroke <= target <= length - stroke:
+    if not low <= target <= high:
         raise ValueError(
-            f"{place!r} given for '{name}'; allowed: {stroke:.6g} to {length - stroke:.6g} m along the cable, or "
+            f"{place!r} given for '{name}'; allowed: {low:.6g} to {high:.6g} m along the cable, or "
             f"{', '.join((*STATIONS, *scenario.towers))}"
         )
     return target

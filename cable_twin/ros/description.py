@@ -3,13 +3,14 @@
 Links are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of mass
 without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin from
 which it hangs. The way of a vehicle along the rope is a straight joint from the start of the rope to its end in the
-URDF; the poses are those of `/tf`.
+URDF; the poses are those of `/tf`. Its limits are those beyond which commands are refused: places before the end stops,
+or the travel of a drive, speed and force; an effort of 0 is one that takes no force.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import dist
+from math import dist, inf
 from xml.etree import ElementTree
 
 from rosbags.typesys.stores import ros2_jazzy
@@ -18,8 +19,8 @@ from cable_twin.geometry.outlines import body_box
 from cable_twin.geometry.solids import THICK, body_bars
 from cable_twin.messages import header, serialize
 from cable_twin.messages.topics import TFMessage
-from cable_twin.scenario import Scenario, in_space
-from cable_twin.scenario.drives import Limits
+from cable_twin.ros.twin_list import UNLIMITED
+from cable_twin.scenario import Scenario, command_limits, in_space, limits_of, places_of
 from cable_twin.scenario.vehicles import Body, Carriage
 from cable_twin.snapshot import ENDS
 
@@ -29,7 +30,6 @@ Transform = ros2_jazzy.geometry_msgs__msg__Transform
 TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-UNLIMITED = 1e9  # m/s or N, for what a drive does not limit: a URDF has to have a number
 COLORS = ("0.78 0.49 0 1", "0.18 0.56 0.89 1")  # of hangers, of boxes
 Element = ElementTree.Element
 Place = tuple[float, ...]  # x, y, z
@@ -82,28 +82,40 @@ def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str 
     """
     robot = Element("robot", name=scenario.name)
     _add(robot, "link", name=frame_id)
-    for name, drive in scenario.drives.items():
+    for name in scenario.drives:
         _add(robot, "link", name=f"{prefix}{name}")
-        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}", drive.limits)
+        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}")
     for name, vehicle in scenario.vehicles.items():
         _add(robot, "link", name=f"{prefix}{name}")
-        limits = vehicle.drive.limits if name in scenario.carriages else next(iter(scenario.drives.values())).limits
-        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}", limits)
+        _rope_joint(robot, scenario, name, frame_id, f"{prefix}{name}")
         _chain(robot, name, vehicle, prefix)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str, limits: Limits) -> None:
+def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str) -> None:
     """A way along the rope, drawn straight: place and speed are those along the rope."""
-    start, end = (scenario.placed(None, place.position) for place in (scenario.cable.start, scenario.cable.end))
+    vehicle = scenario.vehicles.get(name)
+    rope = None if vehicle is None else vehicle.rope
+    cable = scenario.cable if rope is None else scenario.ropes[rope]
+    start, end = (scenario.placed(rope, place.position) for place in (cable.start, cable.end))
     length = dist(start, end)
     joint = _joint(robot, name, "prismatic", parent, child, start)
     _add(joint, "axis", xyz=" ".join(f"{(b - a) / length:.9g}" for a, b in zip(start, end, strict=True)))
-    loop = name in scenario.drives or name not in scenario.carriages
-    upper = scenario.loop_length if loop else scenario.cable.unstrained_length
-    effort, speed = limits.force or UNLIMITED, limits.speed or UNLIMITED
-    _add(joint, "limit", lower="0", upper=f"{upper:.9g}", velocity=f"{speed:.9g}", effort=f"{effort:.9g}")
+    on_loop = name not in scenario.drives and name not in scenario.carriages
+    lower, upper = (0.0, scenario.loop_length) if on_loop else places_of(scenario, name)
+    limits = limits_of(scenario, name)
+    speed, effort = (_moved(scenario, vehicle), 0.0) if limits is None else limits
+    numbers = {"lower": lower, "upper": upper, "velocity": speed, "effort": effort}
+    bounded = {key: min(max(value, -UNLIMITED), UNLIMITED) for key, value in numbers.items()}
+    _add(joint, "limit", **{key: f"{value:.9g}" for key, value in bounded.items()})
+
+
+def _moved(scenario: Scenario, vehicle: Carriage | None) -> float:
+    """Speed (m/s) of what takes no commands: of the fastest drive of a rope that moves it, 0 of what is fixed."""
+    if vehicle is None or vehicle.joint == "fixed":
+        return 0.0
+    return max((limits.speed for limits in command_limits(scenario).values()), default=inf)
 
 
 def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> None:

@@ -220,11 +220,11 @@ def refusal(scenario: Mapping[str, Any], name: str, kind: Kind, value: float) ->
     if kind.name == "force" and name not in carriages and drives[name].get("sheave") is None:
         return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
     limit = drives[name].get("limits", {}).get(kind.name)
-    if limit is None and kind.name == "force":  # imported here, as both take a second
-        from cable_twin.scenario import load_scenario  # noqa: PLC0415
-        from cable_twin.simulation.command_checks import most_by_friction  # noqa: PLC0415
+    if limit is None and kind.name == "force":  # imported here, as it takes a second
+        from cable_twin.scenario import limits_of, load_scenario  # noqa: PLC0415
 
-        limit = most_by_friction(name, load_scenario(scenario))
+        own = limits_of(load_scenario(scenario), name)
+        limit = own.force if own is not None else None
     if limit is not None and abs(value) > limit:
         return f"{kind.name} of '{name}' is {value:g} {kind.unit}; allowed are -{limit:g} to {limit:g} {kind.unit}"
     return None

@@ -7,12 +7,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+from xml.etree import ElementTree
 
 from cable_twin.printable import LONGEST_MESSAGE, printable
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.middleware import discovery_time
 
-SCENARIO, DIAGNOSTICS = "/scenario", "/diagnostics"
+SCENARIO, ROBOT, DIAGNOSTICS = "/scenario", "/robot_description", "/diagnostics"
+UNLIMITED = 1e9  # m, m/s or N, for what has no limit: a URDF has to have a number
 
 
 @dataclass(slots=True)
@@ -21,6 +23,7 @@ class _Twin:
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)  # of its diagnostics
+    limits: Mapping[str, str] = field(default_factory=dict)  # of what is commanded, as they are told
 
     def describe(self, name: str, count: int) -> str:
         """One line."""
@@ -40,11 +43,17 @@ class _Twin:
         return printable(line, LONGEST_MESSAGE)
 
     def _vehicles(self) -> str:
-        names = list(self._named("carriages"))
+        names = list(map(self._limited, self._named("carriages")))
         if carriers := self._named("carriers"):
             names.append(f"{carriers.get('name')}_1 to {carriers.get('name')}_{carriers.get('count')}")
-        drives = ", ".join(self._named("drives"))
+        drives = ", ".join(map(self._limited, self._named("drives")))
         return (f"drive: {drives}; " if drives else "") + f"carriages: {', '.join(names) or 'none'}"
+
+    def _limited(self, name: str) -> str:
+        one = self._named("carriages").get(name)
+        if isinstance(one, dict) and (one.get("clamped_to") or one.get("joint") == "fixed"):
+            return f"{name} (takes no command)"
+        return f"{name} ({self.limits[name]})" if self.limits.get(name) else name
 
     def _named(self, section: str) -> Mapping[str, Any]:
         """A section of the scenario; empty where it is none."""
@@ -61,8 +70,26 @@ def published_scenario(text: str) -> dict[str, Any]:
     return scenario if isinstance(scenario, dict) else {}
 
 
+def limits_in(description: str) -> dict[str, str]:
+    """Largest commands of each joint along a rope, by its name, as the URDF of a twin has them; empty without any."""
+    found: dict[str, str] = {}
+    if "<!" in description:  # entities, which may grow without end
+        return found
+    try:
+        joints = ElementTree.fromstring(description).iterfind("joint[@type='prismatic']")
+        for joint in joints:
+            given = {key: float(value) for key, value in joint.find("limit").attrib.items()}  # type: ignore[union-attr]
+            speed, force = given["velocity"], given["effort"]
+            told = [f"{speed:g} m/s"] if speed < UNLIMITED else []
+            told += [f"{1e-3 * force:.4g} kN" if force >= 1e3 else f"{force:g} N"] if 0.0 < force < UNLIMITED else []
+            found[joint.get("name", "")] = f"up to {', '.join(told)}" if told else ""
+    except (ElementTree.ParseError, AttributeError, KeyError, ValueError):
+        return {}  # not of a twin
+    return found
+
+
 def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
-    """Look for twins; returns a line each: name, scenario, state, simulated time (s), and what it moves.
+    """Look for twins; returns a line each: name, scenario, state, simulated time (s), what it moves and how much.
 
     Args:
         node: of rclpy.
@@ -79,6 +106,9 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
     def note_scenario(name: str, message: Any) -> None:
         twins[name].scenario = published_scenario(message.data)
 
+    def note_limits(name: str, message: Any) -> None:
+        twins[name].limits = limits_in(message.data)
+
     def note_status(message: Any) -> None:
         for status in message.status:
             twin = twins.get(f"/{status.name.rpartition(': ')[0]}")
@@ -92,10 +122,16 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
         for name in _names(node):
             if name not in twins:
                 twins[name] = _Twin()
-                node.create_subscription(String, name + SCENARIO, lambda m, name=name: note_scenario(name, m), latched)
+                for topic, note in ((SCENARIO, note_scenario), (ROBOT, note_limits)):
+                    node.create_subscription(
+                        String, name + topic, lambda m, name=name, note=note: note(name, m), latched
+                    )
         rclpy.spin_once(node, timeout_sec=0.05)
         elapsed = time.monotonic() - started
-        complete = bool(twins) and all(twin.scenario and twin.values for twin in twins.values())
+        complete = bool(twins) and all(
+            twin.scenario and twin.values and (twin.limits or not node.count_publishers(name + ROBOT))
+            for name, twin in twins.items()
+        )
         if elapsed > (enough if complete else max(wait, enough) if twins else wait):
             break
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]

@@ -2,6 +2,7 @@
 
 from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.build_vehicles import vehicle_buffer
+from cable_twin.scenario.command_limits import CommandLimits, command_limits, limits_of, places_of
 from cable_twin.scenario.files import (
     ScenarioError,
     config_directory,
@@ -17,18 +18,22 @@ from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.wind_conflicts import wind_unfelt
 
 __all__ = [
+    "CommandLimits",
     "Grading",
     "Scenario",
     "ScenarioError",
     "assignment",
     "build_payloads",
     "build_system",
+    "command_limits",
     "config_directory",
     "full_key",
     "in_space",
+    "limits_of",
     "load_scenario",
     "masts",
     "parse_scenario",
+    "places_of",
     "scenario_lines",
     "scenario_names",
     "tower_axes",

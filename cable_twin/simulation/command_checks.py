@@ -10,12 +10,9 @@ from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
 from cable_twin.printable import printable
 from cable_twin.records import Command, CommandError
-from cable_twin.scenario import Scenario, wind_unfelt
-from cable_twin.scenario.drives import Limits
+from cable_twin.scenario import Scenario, limits_of, wind_unfelt
 from cable_twin.scenario.vehicles import Carriage
 
-SAFETY = 4.5  # -, of a haul rope in operation
-BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
 
@@ -29,45 +26,28 @@ def check_drive(command: Command, scenario: Scenario) -> None:
         raise CommandError("a command without a name")
     unit = KINDS[command.kind].unit
     for name, value in command.values.items():
-        limits = _limits(name, command.kind, scenario)
+        if (limits := limits_of(scenario, name)) is None:
+            raise CommandError(_not_commanded(name, scenario))
+        limit = limits.of(command.kind)
+        if limit == 0.0:
+            raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
         if not math.isfinite(value):
             raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-        limit = limits.speed if command.kind == "speed" else limits.force or most_by_friction(name, scenario)
-        if limit is not None and abs(value) > limit:
+        if abs(value) > limit:
             raise CommandError(
                 f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
             )
 
 
-def _limits(name: str, kind: str, scenario: Scenario) -> Limits:
-    """Limits of what a command of a kind may name: a carriage that drives itself, or the drive of a moving cable."""
-    if name in scenario.drives:
-        if kind == "force" and scenario.drives[name].sheave is None:
-            raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
-        return scenario.drives[name].limits
+def _not_commanded(name: str, scenario: Scenario) -> str:
+    """Reason why something takes no commands of speed and force."""
     carriage = _known(name, scenario)
     if carriage.joint == "clamped":
-        raise CommandError(f"'{name}' goes with the cable and takes no command; drive: {next(iter(scenario.drives))}")
+        return f"'{name}' goes with the cable and takes no command; drive: {next(iter(scenario.drives))}"
     if carriage.clamped_to:
         drives = ", ".join(scenario.drives) or "none in this scenario"
-        raise CommandError(
-            f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
-        )
-    if carriage.joint == "fixed":
-        raise CommandError(f"'{name}' is fixed to the cable and takes no command")
-    return carriage.drive.limits
-
-
-def most_by_friction(name: str, scenario: Scenario) -> float | None:
-    """Force (N) of a bullwheel's drive above which the rope slips at the tension it may have; None of other drives."""
-    drive = scenario.drives.get(name)
-    if drive is None or drive.sheave is None:
-        return None
-    sheave = scenario.sheaves[drive.sheave]
-    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
-    breaking = min(BREAKING_STRAIN * rope.axial_stiffness for rope in ropes)
-    breaking = min([breaking, *(rope.breaking_force for rope in ropes if rope.breaking_force is not None)])
-    return breaking / SAFETY * (1.0 - math.exp(-sheave.friction * sheave.wrap))
+        return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
+    return f"'{name}' is fixed to the cable and takes no command"
 
 
 def check_room(command: Command, scenario: Scenario) -> None:

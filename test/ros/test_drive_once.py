@@ -61,7 +61,7 @@ class twin_line:  # noqa: N801 - stands for a text
     """The line of the twin in a list, at whatever time."""
 
     def __init__(self, twin: Participant, state: str) -> None:
-        self.pattern = rf"{twin.twin}: quick, {state} at {TIME}; carriages: cabin"
+        self.pattern = rf"{twin.twin}: quick, {state} at {TIME}; carriages: cabin \(up to 10 m/s, 150 kN\)"
 
     def __eq__(self, other: object) -> bool:
         return re.fullmatch(self.pattern, str(other)) is not None
@@ -167,7 +167,8 @@ def test_a_second_twin_of_one_name_is_refused_and_another_name_is_listed(running
     assert code == 0
     lines = output.splitlines()
     assert [line.partition(":")[0] for line in lines] == ["/b/cable_twin", "/cable_twin"]
-    assert re.fullmatch(r"/b/cable_twin: quick, paused at 0\.000 s of simulated time; carriages: cabin", lines[0])
+    paused = "/b/cable_twin: quick, paused at 0.000 s of simulated time; carriages: cabin (up to 10 m/s, 150 kN)"
+    assert lines[0] == paused
     code, output = drive("--node", "/b/cable_twin", "--step", "1")
     assert (code, output) == (0, "/b/cable_twin: one frame, to 0.010 s of simulated time")
     assert other.end() == 0

@@ -1,0 +1,76 @@
+"""Limits of the commands that carriages and drives take: one source for refusals, robot_description, lists and gym."""
+
+from __future__ import annotations
+
+from math import exp, inf
+from typing import NamedTuple
+
+from cable_twin.scenario.build_vehicles import stop_stroke
+from cable_twin.scenario.schema import Scenario
+
+SAFETY = 4.5  # -, of a haul rope in operation
+BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed
+
+
+class CommandLimits(NamedTuple):
+    """Largest commands, either way; inf where there is no limit, a force of 0 where none is taken."""
+
+    speed: float  # m/s
+    force: float  # N
+
+    def of(self, kind: str) -> float:
+        """Limit of commands of a kind, speed (m/s) or force (N)."""
+        return self.speed if kind == "speed" else self.force
+
+
+def command_limits(scenario: Scenario) -> dict[str, CommandLimits]:
+    """Limits of all that takes commands, by name: drives of ropes, then carriages that drive themselves."""
+    found = {name: limits_of(scenario, name) for name in (*scenario.drives, *scenario.carriages)}
+    return {name: limits for name, limits in found.items() if limits is not None}
+
+
+def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
+    """Limits of a drive or carriage; None where no such thing takes commands."""
+    if (drive := scenario.drives.get(name)) is not None:
+        force = 0.0 if drive.sheave is None else most_by_friction(scenario, name)
+        return CommandLimits(_or_none(drive.limits.speed), force)
+    carriage = scenario.carriages.get(name)
+    if carriage is None or carriage.joint != "sliding" or carriage.clamped_to:
+        return None
+    return CommandLimits(_or_none(carriage.drive.limits.speed), _or_none(carriage.drive.limits.force))
+
+
+def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
+    """Places (m) between which a position command may be: arc lengths before the end stops, or rope gone by of a drive.
+
+    Args:
+        scenario: what runs.
+        name: of a drive or carriage.
+
+    Returns:
+        The lowest and the highest; infinite of a drive without `travel`.
+    """
+    if (drive := scenario.drives.get(name)) is not None:
+        return drive.travel or (-inf, inf)
+    carriage = scenario.carriages[name]
+    if carriage.joint == "fixed":
+        return carriage.arc_length, carriage.arc_length
+    alone = scenario.of_rope(carriage.rope or next(iter(scenario.ropes))) if scenario.ropes else scenario
+    stroke = stop_stroke(alone, carriage)
+    return stroke, alone.cable.unstrained_length - stroke
+
+
+def most_by_friction(scenario: Scenario, name: str) -> float:
+    """Force (N) of a bullwheel's drive above which the rope slips at the tension that it may have."""
+    sheave = scenario.sheaves[str(scenario.drives[name].sheave)]
+    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
+    breaking = [BREAKING_STRAIN * rope.axial_stiffness for rope in ropes]
+    breaking += [rope.breaking_force for rope in ropes if rope.breaking_force is not None]
+    return min(breaking) / SAFETY * (1.0 - exp(-sheave.friction * sheave.wrap))
+
+
+def _or_none(limit: float | None) -> float:
+    return inf if limit is None else limit
+
+
+__all__ = ["CommandLimits", "command_limits", "limits_of", "most_by_friction", "places_of"]
