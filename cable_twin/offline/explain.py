@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
+
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -9,6 +11,8 @@ from rich.text import Text
 
 from cable_twin.offline.figure_table import table_console
 from cable_twin.scenario.reference import Entry, explained
+
+WIDE = 120  # characters below which a table has too narrow columns to be read
 
 
 def print_entries(key: str) -> None:
@@ -25,12 +29,26 @@ def print_entries(key: str) -> None:
     if len(found) == 1:
         _print_entry(console, found[0])
         return
+    if console.width < WIDE:
+        for entry in found:
+            _print_block(console, entry)
+        return
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for title in Entry._fields:
         table.add_column(title, no_wrap=title in ("key", "unit"))
     for entry in found:
         table.add_row(*map(Text, entry))
     console.print(table)
+
+
+def _print_block(console: Console, entry: Entry) -> None:
+    """Print an entry as a key with its unit, and below it its meaning, default and what is allowed, filled."""
+    unit = f" [{entry.unit}]" if entry.unit else ""
+    rest = "; ".join(f"{title}: {text}" for title, text in zip(("default", "allowed"), entry[2:4], strict=True) if text)
+    lines = [f"{entry.key}{unit}"]
+    for text in (entry.meaning, rest):
+        lines += wrap(text, console.width - 1, initial_indent="    ", subsequent_indent="    ")
+    console.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
 
 
 def _print_entry(console: Console, entry: Entry) -> None:

@@ -23,7 +23,7 @@ class _Twin:
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)  # of its diagnostics
-    limits: Mapping[str, str] = field(default_factory=dict)  # of what is commanded, as they are told
+    limits: Mapping[str, str] | None = None  # of what is commanded, as they are told; None: not heard yet
 
     def describe(self, name: str, count: int) -> str:
         """One line."""
@@ -53,7 +53,8 @@ class _Twin:
         one = self._named("carriages").get(name)
         if isinstance(one, dict) and (one.get("clamped_to") or one.get("joint") == "fixed"):
             return f"{name} (takes no command)"
-        return f"{name} ({self.limits[name]})" if self.limits.get(name) else name
+        limit = (self.limits or {}).get(name)
+        return f"{name} ({limit})" if limit else name
 
     def _named(self, section: str) -> Mapping[str, Any]:
         """A section of the scenario; empty where it is none."""
@@ -129,7 +130,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
         rclpy.spin_once(node, timeout_sec=0.05)
         elapsed = time.monotonic() - started
         complete = bool(twins) and all(
-            twin.scenario and twin.values and (twin.limits or not node.count_publishers(name + ROBOT))
+            twin.scenario and twin.values and (twin.limits is not None or not node.count_publishers(name + ROBOT))
             for name, twin in twins.items()
         )
         if elapsed > (enough if complete else max(wait, enough) if twins else wait):

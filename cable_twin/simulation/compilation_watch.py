@@ -19,6 +19,7 @@ from cable_twin.simulation.first_compilation import called_at_start, kernels_bel
 NAMELESS = "impl"
 PERIOD = 0.25  # s between two looks
 OVERHEAD = 300  # bytes of Python's code that take as long to compile as the least kernel does
+KNOWN = 0.08, 0.95  # shares between which the time that is left is: what links in the end takes some seconds more
 LAST = 0.2  # of the time for all kernels below: what optimising them together takes
 
 
@@ -31,8 +32,8 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Time (s) left at the speed so far; None where nothing is known of that."""
-        return self.elapsed * (1.0 - self.share) / self.share if 0.08 < self.share < 1.0 - 1e-9 else None
+        """Time (s) left at the speed so far; None where nothing is known of that, at the begin and for the last part."""
+        return self.elapsed * (1.0 - self.share) / self.share if KNOWN[0] < self.share < KNOWN[1] else None
 
 
 def work_ahead(engine: Engine) -> dict[tuple[str, str], float]:
