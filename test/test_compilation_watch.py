@@ -61,6 +61,7 @@ def test_what_is_compiled_is_told_with_its_name_and_nothing_where_nothing_is(mon
 def test_what_is_left_follows_from_the_speed_so_far():
     assert Moment(0.25, "chain", 10.0).remaining == pytest.approx(30.0)
     assert Moment(0.01, "chain", 10.0).remaining is None  # a guess
+    assert Moment(0.99, "integrate", 60.0).remaining is None  # not 1 s or 0 s: what links them takes some seconds
     assert Moment(1.0, "integrate_bundle", 10.0).remaining is None  # what else there is was not known
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
+from rich.console import Console
 from ruamel.yaml import YAML
 
 from cable_twin.offline.simulate import main
@@ -77,6 +78,17 @@ def test_explain_prints_an_entry(capsys):
         "  default: 0",
         "  allowed: a finite number at least 0",
     ]
+
+
+def test_explain_is_readable_on_a_narrow_terminal(capsys, monkeypatch):
+    """No word is cut and no line longer than the terminal: a key with its unit, below it what it means."""
+    monkeypatch.setattr("cable_twin.offline.explain.table_console", lambda: Console(width=80))
+    assert main(["--explain", "limits"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) < 80
+    at = lines.index("limits.support_load [N]")
+    assert lines[at + 1] == "    highest force of the cable on a support"
+    assert lines[at + 2] == "    default: null; allowed: a finite number above 0, or null"
 
 
 def test_explain_prints_a_section_whatever_a_carriage_is_called(capsys):

@@ -32,7 +32,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Time (s) left at the speed so far; None where nothing is known of that, at the begin and for the last part."""
+        """Time (s) left at the speed so far; None at the begin and for the last part, where that says nothing."""
         return self.elapsed * (1.0 - self.share) / self.share if KNOWN[0] < self.share < KNOWN[1] else None
 
 
