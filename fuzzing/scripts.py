@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -83,13 +84,15 @@ def run(file: Path) -> str:
 
     try:
         script = read_script(file)
+        with suppress(ScriptError):  # what a scenario refuses is found in the same pass
+            read_script(file, simulations()[0][0].scenario)
     except ScriptError:
         return REFUSED
     done = REFUSED
     for simulation, start in simulations():
         simulation.restore(start)
         ahead = commands_ahead(simulation, script)
-        if check_script(simulation, ahead):
+        if check_script(simulation.scenario, ahead):
             continue
         simulate(simulation, script, duration=DURATION, frame_steps=FRAME_STEPS, epoch_ns=0)
         done = DONE

@@ -198,6 +198,23 @@ def test_the_first_minute_of_the_shipped_gondola():
     assert np.isfinite(simulation.energy().total)
 
 
+@pytest.mark.parametrize("space", [2, 3])
+def test_a_rope_that_slips_in_a_storm_goes_on(space):
+    """Its strand answers three times as stiffly as the estimate: increments went to and fro, and grew, at any step."""
+    limits = {"drives.haul_rope.limits.acceleration": 0.3627, "drives.haul_rope.limits.speed": 8.0}
+    simulation = Simulation(load_scenario("gondola", {"space": space, "carriers.count": 21, **limits}), on_demand=True)
+    simulation.command("haul_rope", speed=4.43)
+    simulation.wind(-8.2, 17.6)
+    simulation.advance_to(1.0)
+    simulation.wind(83.9, -15.1)
+    halved, slipped = 0, False
+    for time in np.arange(1.1, 2.8, 0.1):
+        halved += simulation.advance_to(time).solver.halvings
+        slipped = slipped or bool(wheels(simulation).slipping[0])
+    assert slipped
+    assert halved <= 2
+
+
 @pytest.mark.parametrize("count", [1, 120, 200])
 def test_a_lift_of_any_number_of_carriers_starts_at_rest(count):
     """Far more or less weight than the ropes were cut for, so that the tensioned bullwheel has a way to go first."""

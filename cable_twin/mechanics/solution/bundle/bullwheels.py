@@ -20,6 +20,8 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULI
 from cable_twin.mechanics.solution.generalized_alpha import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
+OVERSHOT = 0.5  # share of the last increment by which one goes back, from which on the stiffness is measured
+GONE_OVER, TRAVEL = range(2)  # BundleWork.wheel_stiffness
 NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 
@@ -159,9 +161,10 @@ def add_increment(motion, number, c, h, delta):
 
 
 @kernel
-def correct_bullwheels(bundle, motion, system, c, h):
+def correct_bullwheels(bundle, motion, scratch, system, c, h):
     """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m)."""
     sheaves, largest = bundle.sheaves, 0.0
+    last, measured = scratch.wheel_increment, scratch.wheel_stiffness
     for sheave in range(sheaves.inertia.size):
         if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
             continue
@@ -169,21 +172,48 @@ def correct_bullwheels(bundle, motion, system, c, h):
         second = record_at(bundle.records[sheaves.rope[sheave, 1], SYSTEM], system).cable
         on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
         if motion.by_forces[sheave] != NOTHING:
-            delta = missing_rope(sheaves, motion, sheave, c, h, on, off)
+            force, stiffness = missing_rope(sheaves, motion, sheave, c, h, on, off)
+            delta = measured_increment(last, measured, sheave, GONE_OVER, force, stiffness)
             add_increment(motion.rope, sheave, c, h, delta)
             if motion.by_forces[sheave] == WHEEL:
                 add_increment(motion.rim, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
-            delta = missing_travel(sheaves, motion, sheave, c, h, on + off)
+            force, stiffness = missing_travel(sheaves, motion, sheave, c, h, on + off)
+            delta = measured_increment(last, measured, sheave, TRAVEL, force, stiffness)
             add_increment(motion.carriage, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
     return largest
 
 
 @kernel
+def measured_increment(last, measured, sheave, kind, force, stiffness):
+    """Increment (m) for a force (N) that is left, by an estimated stiffness (N/m), or by the measured one if higher.
+
+    Where the strand next to a wheel answers more stiffly than a straight one, as it does to a rope that slips in a
+    storm, increments of the estimate go to and fro, and grow. What the last one has changed is the stiffness.
+
+    Args:
+        last: (wheels, 2) m, increments of the iteration before, 0 in the first one.
+        measured: (wheels, 2) N/m, stiffness of this step, 0 where none has been measured.
+        sheave: number of the wheel.
+        kind: GONE_OVER or TRAVEL.
+        force: N.
+        stiffness: N/m, estimated.
+    """
+    stiffness, before = max(stiffness, measured[sheave, kind]), last[sheave, kind]
+    delta = force / stiffness
+    if delta * before < 0.0 and abs(delta) > OVERSHOT * abs(before):
+        stiffness -= force / before  # of which the increment before has left this force
+        measured[sheave, kind] = stiffness
+        delta = force / stiffness
+    last[sheave, kind] = delta
+    return delta
+
+
+@kernel
 def missing_rope(sheaves, motion, sheave, c, h, on, off):
-    """Increment (m) of the rope that has gone over a wheel; `on` and `off` (N/m) are the answers of its strands."""
+    """Force (N) that is left on the rope over a wheel, and its stiffness; `on`, `off` (N/m): answers of the strands."""
     mass_factor, _ = factors(c, h)
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
@@ -194,7 +224,7 @@ def missing_rope(sheaves, motion, sheave, c, h, on, off):
         force += friction_on_rope(sheaves, motion, sheave, slipping)
         on *= sheaves.adhesion[sheave] if slipping < 0 else 1.0
         off *= sheaves.adhesion[sheave] if slipping > 0 else 1.0
-    return (force - inertia * motion.rope.acceleration[sheave]) / (inertia * mass_factor + on + off)
+    return force - inertia * motion.rope.acceleration[sheave], inertia * mass_factor + on + off
 
 
 @kernel
@@ -208,7 +238,7 @@ def stiffness_of_end(cable, c, h):
 
 @kernel
 def missing_travel(sheaves, motion, sheave, c, h, yielding):
-    """Increment (m) of the carriage of a counterweight, with buffers at the limits of its travel."""
+    """Force (N) left on the carriage of a counterweight, and its stiffness (N/m), with buffers at its limits."""
     mass_factor, rate_factor = factors(c, h)
     travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
     low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
@@ -217,7 +247,7 @@ def missing_travel(sheaves, motion, sheave, c, h, yielding):
     buffer, by_depth, by_rate = buffer_force(stiffness, 0.0, damping, depth, -sign * speed)
     force = sheaves.pull[sheave] + sign * buffer - motion.pull[sheave]
     force -= sheaves.mass[sheave] * motion.carriage.acceleration[sheave]
-    return force / (sheaves.mass[sheave] * mass_factor + yielding + by_depth + rate_factor * by_rate)
+    return force, sheaves.mass[sheave] * mass_factor + yielding + by_depth + rate_factor * by_rate
 
 
 @kernel

@@ -72,6 +72,8 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
     mass_factor, rate_factor = factors(c, h)
     memory = record_at(bundle.records[0, STATE], state).newton_curvature
+    scratch.wheel_increment[:] = 0.0
+    scratch.wheel_stiffness[:] = 0.0
     increment, before = 0.0, 0.0
     curvature = REFRESH * memory[0] if memory[0] > 0.0 else inf
     for iteration in range(1, solver.max_iterations + 1):
@@ -89,7 +91,7 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         turned = 0.0
         if looped:
             feel_ends(bundle, moving.sheaves, system, state)
-            turned = correct_bullwheels(bundle, moving.sheaves, system, c, h)
+            turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h)
             carry_on(bundle, moving.sheaves, system, state)
             follow_clamps(bundle, moving, system, state)
         if iteration == 2 and before > 0.0:

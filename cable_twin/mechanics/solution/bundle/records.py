@@ -194,6 +194,8 @@ class BundleWork(NamedTuple):
     elimination: FloatArray  # (pantographs, stages, 3): matrix row, and what stands right of it
     increment: FloatArray  # (pantographs, stages) m
     by_rope: FloatArray  # (pantographs, stages) -, of each stage by the rope above the head
+    wheel_increment: FloatArray  # (wheels, 2) m, the last of this step: of the rope over it, and of its carriage
+    wheel_stiffness: FloatArray  # (wheels, 2) N/m, measured in this step against the same, 0 where it was not needed
 
 
 def allocate_bundle_state(bundle: Bundle) -> BundleState:
@@ -276,4 +278,6 @@ def allocate_bundle_work(bundle: Bundle) -> BundleWork:
         elimination=np.zeros((*shape, 3)),
         increment=np.zeros(shape),
         by_rope=np.zeros(shape),
+        wheel_increment=np.zeros((bundle.sheaves.inertia.size, 2)),
+        wheel_stiffness=np.zeros((bundle.sheaves.inertia.size, 2)),
     )
