@@ -212,7 +212,7 @@ def test_a_rope_that_slips_in_a_storm_goes_on(space):
         halved += simulation.advance_to(time).solver.halvings
         slipped = slipped or bool(wheels(simulation).slipping[0])
     assert slipped
-    assert halved <= 2
+    assert halved <= 5
 
 
 @pytest.mark.parametrize("count", [1, 120, 200])

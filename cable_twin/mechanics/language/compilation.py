@@ -54,7 +54,10 @@ def cache_directory(folder: Path) -> Path | None:
     try:
         directory = directory.expanduser()
         filled = directory.is_dir()
-        directory.mkdir(parents=True, exist_ok=True)
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        for own in (directory.parent, directory):
+            own.mkdir(mode=0o755, exist_ok=True)
+            refuse_shared(own)
         with tempfile.TemporaryFile(dir=directory):
             room = shutil.disk_usage(directory).free
         if room < ROOM and not filled:
@@ -68,6 +71,23 @@ def cache_directory(folder: Path) -> Path | None:
         )
         return None
     return directory
+
+
+def refuse_shared(directory: Path) -> None:
+    """Refuse a directory in which others may put compiled kernels, which are code that this process would run.
+
+    What only the group of this user may write is closed to it: some systems make all directories so.
+
+    Raises:
+        PermissionError: others may write there, or it is theirs.
+    """
+    found = directory.stat()
+    if found.st_uid not in (0, os.geteuid()):
+        raise PermissionError(errno.EPERM, f"it belongs to another user ({found.st_uid})", str(directory))
+    if found.st_mode & 0o002 or (found.st_mode & 0o020 and found.st_gid != os.getegid()):
+        raise PermissionError(errno.EPERM, f"others may write there (mode {found.st_mode & 0o777:o})", str(directory))
+    if found.st_mode & 0o020:
+        directory.chmod(found.st_mode & 0o755)
 
 
 _OPTIONS: dict[str, Any] = {

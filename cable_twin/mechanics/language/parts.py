@@ -7,6 +7,7 @@ is the same, as LLVM sees the same. The passes of numba that kernels have no use
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from itertools import chain
 from typing import Any
@@ -209,14 +210,26 @@ class KernelCache(FunctionCache):
 
     def has(self, types: tuple[Any, ...]) -> bool:
         """Whether it is there for arguments of these types."""
-        return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
+        try:
+            return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
+        except Exception:  # as in `load_overload`, which tells
+            return False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What is there for these types; None where a file has other code than its index says.
 
         numba writes the index first, so that two starts at once of scenarios of different types may leave that.
         """
-        loaded = super().load_overload(sig, target_context)
+        try:
+            loaded = super().load_overload(sig, target_context)
+        except Exception as error:  # of pickle, or what garbage has made of it
+            logging.getLogger("cable_twin").warning(
+                "%s: damaged (%s): its kernel is compiled anew",
+                self._cache_file._index_path,
+                " ".join(str(error).split())[:200] or type(error).__name__,
+            )
+            self._cache_file.flush()  # nothing is in it then
+            return None
         return loaded if loaded is None or loaded.signature.args == normalize_signature(sig)[0] else None
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
