@@ -34,6 +34,7 @@ class RunTable:
         self.name, self.scenario = name, scenario
         self.columns: list[str] = []
         self.figures: Sequence[KeyFigure] = ()
+        self.responses: dict[str, list[dict[str, Any]]] = {}  # of drives, by what they are
         self._lines = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed when nobody has it
         self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
 
@@ -145,7 +146,7 @@ class Export:
         file.write('{"runs": [')
         for number, table in enumerate(self._tables):
             figures = [figure_columns(figure) for figure in table.figures]
-            head = {"run": table.name, "scenario": table.scenario, "key_figures": figures}
+            head = {"run": table.name, "scenario": table.scenario, "key_figures": figures, **table.responses}
             file.write(f"{',' if number else ''}\n{json.dumps(head, allow_nan=False)[:-1]}, ")
             file.write(f'"signals": {{"columns": {json.dumps(table.columns)}, "rows": [')
             for row, line in enumerate(table.lines()):

@@ -64,7 +64,7 @@ SCALED = ("N", "W", "N m")  # units that may get a prefix
 class PlottedRun:
     """One run to draw."""
 
-    label: str  # a, b, ... where there are several, else empty
+    label: str  # where there are several, of legends: what `--output` called it, or a, b, ...; else empty
     scenario: str
     run: str
     signals: Signals

@@ -9,6 +9,7 @@ from typing import Protocol
 from cable_twin.figure_messages import figures_of_statuses
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.export import RunTable
+from cable_twin.offline.responses import Responses
 from cable_twin.offline.thinned_series import Signals, signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
@@ -17,6 +18,7 @@ from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.snapshot import Snapshot
 
+USUAL = "cable_twin_logs"  # where runs are that nobody has named
 FIGURES_AGE = 1.5  # s before the end at which the last key figures may have been recorded without a word
 
 
@@ -46,7 +48,7 @@ class Reading:
         self._gathered = KeyFigures(self.scenario)
         self._recorded: list[KeyFigure] | None = None  # the last ones
         self._figures_time = 0.0  # s, of those
-        self.signals = Signals()
+        self.signals, self.responses = Signals(), Responses()
         self.view: _View | None = None
         self.table: RunTable | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
@@ -59,6 +61,12 @@ class Reading:
     def name(self) -> str:
         """What names the run: its directory, or its file where that is alone."""
         return self.log.source.name
+
+    @property
+    def title(self) -> str:
+        """What `--output` called the run: the directory that its own one is in; nothing of the usual one."""
+        parent = self.log.source.parent.name
+        return "" if parent == USUAL else parent
 
     def _find_first(self) -> Snapshot:
         for item in self._items:
@@ -93,6 +101,7 @@ class Reading:
         values = signal_values(item)
         self._gathered.update(item)
         self.signals.update(item, values)
+        self.responses.take(item)
         if self.view is not None:
             self.view.log(item)
         if self.table is not None:

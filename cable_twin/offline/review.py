@@ -26,12 +26,14 @@ from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
+from cable_twin.offline.responses import print_responses
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
 from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
 
+LONGEST_TITLE = 24  # letters of what --output called a run, in a legend
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 EPILOG = """\
@@ -182,6 +184,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
     for reading in readings:
         if reading.table is not None:
             reading.table.figures = reading.figures
+            reading.table.responses = reading.responses.rows()
     with export.words():
         _print(readings, comparisons)
         if options.plots is not None and not _write_plots(readings, options.plots, console):
@@ -224,6 +227,8 @@ def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> No
     for label, reading in zip(LABELS, readings, strict=False):
         print_line(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
     print_figures(console, [reading.figures for reading in readings])
+    for label, reading in zip(LABELS if len(readings) > 1 else ("",), readings, strict=False):
+        print_responses(console, reading.responses.finish(), reading.responses.efforts.values(), label)
     for label, reading, comparison in zip(LABELS[1:], readings[1:], comparisons, strict=False):
         print_differences(console, readings[0], reading, comparison, label)
 
@@ -232,7 +237,14 @@ def _write_plots(readings: Sequence[Reading], directory: Path, console: Console)
     """Write the plots; says where they are, or what prevents it."""
     from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
 
-    labels = LABELS[: len(readings)] if len(readings) > 1 else ("",)
+    labels: Sequence[str] = LABELS[: len(readings)] if len(readings) > 1 else ("",)
+    titles = [reading.title for reading in readings]
+    if (
+        len(readings) > 1
+        and len(set(titles)) == len(titles)
+        and all(0 < len(title) <= LONGEST_TITLE for title in titles)
+    ):
+        labels = titles
     runs = [
         PlottedRun(label, reading.scenario.name, reading.name, reading.signals)
         for label, reading in zip(labels, readings, strict=True)

@@ -1,0 +1,215 @@
+"""Responses of drives to commands, as control engineers judge them: of each step of the speed, and of a whole run.
+
+A command that holds for `HELD` s or more after a change is a step. Of the speed v from v_0 there to the command v_c:
+
+    rise time        from 10 to 90 % of v_c - v_0
+    settling time    until v stays within 2 % of v_c - v_0 around v_c
+    overshoot        how far v goes beyond v_c, over |v_c - v_0|
+    steady error     mean of v - v_c over the last tenth of the step
+
+and of a whole run: the tracking error v minus the ramped reference, its largest size and root of mean square; the
+effort, the drive force as root of mean square, and the work of the drive as it drives and as it brakes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cable_twin.plotted_signals import SIGNALS
+from cable_twin.snapshot import Snapshot
+
+HELD = 2.0  # s
+SMALLEST = 1e-3  # m/s, of a step
+BAND, LOW, HIGH, LAST = 0.02, 0.1, 0.9, 0.1  # shares: of settling, rise, and of the time that the steady error is of
+MOST = 50_000  # frames of a step that are kept; of a longer one each second, fourth, ... is
+SHOWN = 12  # steps of a table
+
+
+@dataclass(frozen=True, slots=True)
+class StepResponse:
+    """Response of one drive to one step; None where it has not come so far."""
+
+    name: str
+    time: float  # s, of the step
+    before: float  # m/s
+    command: float  # m/s
+    rise: float | None  # s
+    settling: float | None  # s
+    overshoot: float  # -
+    steady_error: float  # m/s
+
+
+@dataclass(slots=True)
+class Effort:
+    """What a whole run took of one drive."""
+
+    name: str
+    frames: int = 0
+    largest_error: float = 0.0  # m/s, of the tracking
+    squared_error: float = 0.0
+    squared_force: float = 0.0
+    driving: float = 0.0  # J
+    braking: float = 0.0  # J, of which it takes energy
+
+    @property
+    def rms_error(self) -> float:
+        """Root of the mean square of the tracking error (m/s)."""
+        return math.sqrt(self.squared_error / max(self.frames, 1))
+
+    @property
+    def rms_force(self) -> float:
+        """Root of the mean square of the drive force (N)."""
+        return math.sqrt(self.squared_force / max(self.frames, 1))
+
+
+@dataclass(slots=True)
+class _Step:
+    """A command that holds, and what came of it."""
+
+    start: float  # s
+    before: float  # m/s
+    command: float  # m/s
+    stride: int = 1
+    frames: int = 0
+    times: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+
+    def take(self, time: float, speed: float) -> None:
+        if self.frames % self.stride == 0:
+            self.times.append(time - self.start)
+            self.speeds.append(speed)
+            if len(self.times) > MOST:
+                self.times, self.speeds, self.stride = self.times[::2], self.speeds[::2], 2 * self.stride
+        self.frames += 1
+
+
+class Responses:
+    """Gathers them from the frames of a run.
+
+    Attributes:
+        steps: responses of the steps that are over.
+        efforts: of each drive.
+    """
+
+    def __init__(self) -> None:
+        self.steps: list[StepResponse] = []
+        self.efforts: dict[str, Effort] = {}
+        self._under_way: dict[str, _Step] = {}
+        self._last_time = math.nan
+        self._last_speeds: dict[str, float] = {}
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take in a frame; one whose log holds no commands is passed over."""
+        layout, c = snapshot.layout, snapshot.columns
+        commanded, reference = (SIGNALS[name].values(layout, c) for name in ("commanded_speed", "reference_speed"))
+        if not layout.commanded or np.isnan(reference).all():
+            return
+        own = slice(None, len(layout.carriages))
+        speeds = layout.of_commanded(c.speed[own], c.drive_speed)
+        forces = layout.of_commanded(c.drive_force[own], c.moving_cable_force)
+        elapsed = snapshot.time - self._last_time
+        rows = zip(layout.commanded, *(one.tolist() for one in (commanded, reference, speeds, forces)), strict=True)
+        for name, told, follows, speed, force in rows:
+            self._take_effort(name, speed - follows, speed, force, elapsed)
+            self._take_step(name, snapshot.time, told, speed)
+            self._last_speeds[name] = speed
+        self._last_time = snapshot.time
+
+    def finish(self) -> list[StepResponse]:
+        """All steps in the order of time, also those that the end of the run cuts short."""
+        for name in list(self._under_way):
+            self._end(name)
+        return sorted(self.steps, key=lambda step: step.time)
+
+    def rows(self) -> dict[str, list[dict[str, Any]]]:
+        """Steps and efforts for JSON, in SI units."""
+        means = ("rms_error", "rms_force")
+        shown = ("name", "largest_error", "driving", "braking")
+        return {
+            "step_responses": [asdict(step) for step in self.finish()],
+            "efforts": [{key: getattr(one, key) for key in (*shown, *means)} for one in self.efforts.values()],
+        }
+
+    def _take_effort(self, name: str, error: float, speed: float, force: float, elapsed: float) -> None:
+        effort = self.efforts.setdefault(name, Effort(name))
+        effort.frames += 1
+        effort.largest_error = max(effort.largest_error, abs(error))
+        effort.squared_error += error * error
+        effort.squared_force += force * force
+        work = force * speed * elapsed if elapsed > 0.0 else 0.0
+        effort.driving, effort.braking = effort.driving + max(work, 0.0), effort.braking + max(-work, 0.0)
+
+    def _take_step(self, name: str, time: float, told: float, speed: float) -> None:
+        step = self._under_way.get(name)
+        if step is None or step.command != told:  # also of NaN: no speed is commanded
+            self._end(name)
+            begun = time if math.isnan(self._last_time) else self._last_time  # a command comes after a frame
+            self._under_way[name] = step = _Step(begun, self._last_speeds.get(name, speed), told)
+        step.take(time, speed)
+
+    def _end(self, name: str) -> None:
+        step = self._under_way.pop(name, None)
+        if step is None or not step.times[-1] >= HELD or not abs(step.command - step.before) > SMALLEST:
+            return
+        self.steps.append(_response(name, step))
+
+
+def _response(name: str, step: _Step) -> StepResponse:
+    """Figures of one step."""
+    times, speeds = np.array(step.times), np.array(step.speeds)
+    share = (speeds - step.before) / (step.command - step.before)
+    begun, risen = share >= LOW, share >= HIGH
+    rise = float(times[risen.argmax()] - times[begun.argmax()]) if risen.any() else None
+    outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
+    after = int(outside[-1]) + 1 if outside.size else 0
+    settling = float(times[after]) if after < times.size else None
+    last = times >= (1.0 - LAST) * times[-1]
+    return StepResponse(
+        name,
+        step.start,
+        step.before,
+        step.command,
+        rise,
+        settling,
+        max(float(share.max()) - 1.0, 0.0),
+        float(np.mean(speeds[last]) - step.command),
+    )
+
+
+def print_responses(
+    console: Console, steps: Sequence[StepResponse], efforts: Iterable[Effort], label: str = ""
+) -> None:
+    """Print the steps and the efforts of a run, each as a table; nothing where there are none."""
+    which = f" of {label}" if label else ""
+    if steps:
+        titles = ("step of the speed" + which, "at [s]", "from [m/s]", "to [m/s]", "rise [s]", "settling [s]")
+        shown = map(escape, (*titles, "overshoot [%]", "steady error [m/s]"))
+        table = Table(*shown, box=box.SIMPLE_HEAD, pad_edge=False)
+        for step in steps[:SHOWN]:
+            times = (("not reached", step.rise), ("not settled", step.settling))
+            told = [without if time is None else f"{time:.2f}" for without, time in times]
+            numbers = f"{step.time:.2f}", f"{step.before:.4g}", f"{step.command:.4g}"
+            table.add_row(step.name, *numbers, *told, f"{100.0 * step.overshoot:.2f}", f"{step.steady_error:.2g}")
+        console.print(table)
+        if len(steps) > SHOWN:
+            console.print(f"  {len(steps) - SHOWN} more steps; --json has all")
+    if moved := [effort for effort in efforts if effort.driving or effort.braking]:
+        columns = ("effort of the run" + which, "force, rms [kN]", "driving [kJ]", "braking [kJ]")
+        errors = "tracking error, rms [m/s]", "largest [m/s]"
+        table = Table(*map(escape, (*columns, *errors)), box=box.SIMPLE_HEAD, pad_edge=False)
+        for effort in moved:
+            sizes = effort.rms_force / 1e3, effort.driving / 1e3, effort.braking / 1e3
+            table.add_row(effort.name, *(f"{size:.4g}" for size in (*sizes, effort.rms_error, effort.largest_error)))
+        console.print(table)
+
+
+__all__ = ["Effort", "Responses", "StepResponse", "print_responses"]
