@@ -12,6 +12,7 @@ from importlib.util import find_spec
 
 from cable_twin.command_line import INTERRUPTED, faults_reported, interrupts_kept, left_at_once, tell
 
+PIPE_CLOSED = 128 + signal.SIGPIPE  # exit code, as of any command whose reader has gone
 UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all others
 
 
@@ -33,6 +34,9 @@ def _run(command: str) -> int:
     except KeyboardInterrupt:
         tell(command, "ended by Ctrl-C")
         return INTERRUPTED
+    except BrokenPipeError:  # who reads the output has enough, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
     except OSError as error:  # of the output: what else may fail on a disk is told where it does
         tell(command, f"{error.filename or 'output'}: {error.strerror or error}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would try once more

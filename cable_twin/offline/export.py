@@ -104,6 +104,8 @@ class Export:
         """Write all, the figures of the tables too; says what prevents it, as this command."""
         try:
             self._write_all()
+        except BrokenPipeError:
+            raise  # who reads the output has enough: `entry_points` ends without a word
         except OSError as error:
             tell(command, f"{error.filename or 'output'}: {error.strerror or error}")
             return False

@@ -86,6 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             from cable_twin.offline.line_plot import write_line_plot  # noqa: PLC0415 - matplotlib takes a second
 
             write_line_plot(line, options.plot)
+    except BrokenPipeError:
+        raise  # who reads the output has enough: `entry_points` ends without a word
     except OSError as error:
         return _fault(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
     return DONE

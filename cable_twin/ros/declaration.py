@@ -13,8 +13,7 @@ from rclpy.parameter import Parameter as RosParameter
 from cable_twin.messages.topics import TFMessage
 from cable_twin.rates import ONCE, fault
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS, Parameter, splitting_of
-from cable_twin.scenario import assignment
-from cable_twin.snapshot import Layout
+from cable_twin.scenario import Scenario, assignment
 
 RATES = {  # parameter: group of topics that it is of, and who takes them: publishers or logs
     "rope_rate": ("rope", 0),
@@ -131,17 +130,17 @@ def count_frame_steps(node: Node, frame_rate: float, step: float) -> int:
     return steps
 
 
-def own_topics(values: Mapping[str, Any], layout: Layout, scenario: str) -> tuple[str, ...]:
+def own_topics(values: Mapping[str, Any], scenario: Scenario) -> tuple[str, ...]:
     """Carriers that get topics of their own.
 
     Raises:
         ParameterError: the scenario has none of that name.
     """
     names = [name.strip() for name in values["carrier_topics"].split(",") if name.strip()]
-    carriers = layout.carriers
+    carriers = [*scenario.vehicles][len(scenario.carriages) :]
     known = f"the carriers {carriers[0]} to {carriers[-1]}" if carriers else "no carriers"
     faults = [
-        f"parameter 'carrier_topics' names '{name}'; scenario '{scenario}' has {known}"
+        f"parameter 'carrier_topics' names '{name}'; scenario '{scenario.name}' has {known}"
         for name in dict.fromkeys(names)
         if name not in carriers
     ]

@@ -202,6 +202,8 @@ def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: End
     if options.list:
         with _waiting("looking for twins"):
             lines = list_twins(node, options.wait, ending)
+        if ending.is_set():
+            raise KeyboardInterrupt
         print(*lines, sep="\n", end="\n" if lines else "")
         return (
             "" if lines else f"no twin found after {options.wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"

@@ -115,6 +115,7 @@ class EmergencyStop:
         command = Command(kind.name, {})
         with self._lock:
             loop = self._loop
+            idle = not request.data and loop is not None and not loop.emergency_stopped
             future = loop.submit(command, "service", urgent=True) if loop is not None else None
         if future is not None:
             await done(future, turn=TURN, within=ANSWER)
@@ -127,6 +128,8 @@ class EmergencyStop:
             response.message = f"{kind.done}: no scenario runs at this moment, it holds for the one that begins"
         elif not future.done():
             response.message = f"{kind.done}, from the next frame boundary on"
+        elif idle and loop is not None:
+            response.message = f"no emergency stop was in force at {loop.simulated_time:.3f} s of simulated time"
         else:
             applied = future.result()
             assert applied is not None

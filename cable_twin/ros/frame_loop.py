@@ -93,6 +93,11 @@ class FrameLoop:
         return self._paused
 
     @property
+    def emergency_stopped(self) -> bool:
+        """Whether an emergency stop is in force."""
+        return self._simulation.emergency_stopped
+
+    @property
     def simulated_time(self) -> float:
         """Simulated time (s) of the newest computed frame."""
         return self._simulation.snapshot.time

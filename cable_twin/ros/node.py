@@ -103,7 +103,7 @@ class TwinNode(Node):
             check_others(self)
         self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self.simulation.step)
         layout, frame_rate = self.simulation.layout, 1.0 / (self._frame_steps * self.simulation.step)
-        own = own_topics(self._settings, layout, self.simulation.scenario.name)
+        own = own_topics(self._settings, self.simulation.scenario)
         rates = topic_rates(self, self._settings, frame_rate)
         self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
         self._rviz = ForRviz(self.simulation, self._frames)
@@ -243,7 +243,9 @@ class TwinNode(Node):
         given, changes = self._settings["scenario"], changes_of(self._settings)
         with compilation_shown(Console(stderr=True), self.get_logger().info):
             if not self._settings["snapshot"]:
-                return Simulation(load_scenario(given, changes), meanwhile=compile_figures)
+                scenario = load_scenario(given, changes)
+                own_topics(self._settings, scenario)  # refused before minutes of compiling
+                return Simulation(scenario, meanwhile=compile_figures)
             simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
         own = simulation.scenario.name
         if "scenario" in self._parameter_overrides and Path(given).stem != own:
@@ -253,7 +255,7 @@ class TwinNode(Node):
 
     def _check(self, simulation: Simulation) -> None:
         """Raise ParameterError where the node's parameters do not fit a simulation."""
-        own = own_topics(self._settings, simulation.layout, simulation.scenario.name)
+        own = own_topics(self._settings, simulation.scenario)
         steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
         topic_rates(self, self._settings, 1.0 / (steps * simulation.step))
         self._endpoints.check_names(topic.name for topic in topics(simulation.layout, own=own))

@@ -13,9 +13,10 @@ from typing import Any
 
 from cable_twin.command_messages import applied_command_from_message
 from cable_twin.commands import Kind
-from cable_twin.messages import APPLIED_COMMANDS
+from cable_twin.messages import APPLIED_COMMANDS, REFUSED_COMMANDS
+from cable_twin.printable import LONGEST_MESSAGE, printable
 from cable_twin.ros.command_line import Ending
-from cable_twin.ros.twin_client import ANSWER, REFUSED, nobody_listens
+from cable_twin.ros.twin_client import ANSWER, nobody_listens
 from cable_twin.ros.twin_list import published_scenario
 
 RATE = 20.0  # Hz, well inside the node's command time-out
@@ -39,7 +40,7 @@ class Driver:
     """
 
     def __init__(self, node: Any, kind: Kind, value: float, options: argparse.Namespace, ending: Ending) -> None:
-        from rcl_interfaces.msg import Log  # noqa: PLC0415
+        from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415
         from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
         from std_msgs.msg import String  # noqa: PLC0415
@@ -59,7 +60,7 @@ class Driver:
         node.create_subscription(String, f"{twin}/scenario", self._on_scenario, latched)
         node.create_subscription(JointState, f"{twin}/joint_states", self._on_states, 10)
         node.create_subscription(JointState, f"{twin}/{APPLIED_COMMANDS}", self._on_applied, 50, raw=True)
-        node.create_subscription(Log, "/rosout", self._on_log, 50)
+        node.create_subscription(DiagnosticArray, f"{twin}/{REFUSED_COMMANDS}", self._on_refused, 50)
 
     def find_twin(self) -> str | None:
         """Wait for the twin and check the command against its scenario; returns what is wrong."""
@@ -71,7 +72,7 @@ class Driver:
             if time.monotonic() > deadline:
                 if self._scenario is not None:
                     return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
-                return nobody_listens(self._topic, self._options.wait)
+                return nobody_listens(self._node, self._topic, self._options.wait)
         return refusal(self._scenario, self._options.name, self._kind, self._value)
 
     def run(self) -> str | None:
@@ -192,14 +193,11 @@ class Driver:
             self._refusal = ""
             self._note_answer()
 
-    def _on_log(self, message: Any) -> None:
-        """The twin says in its log why it refuses a command."""
-        if self._told_by_twin(message) and message.msg.startswith(f"{self._topic}: {REFUSED}"):
-            self._refusal = message.msg.partition(REFUSED)[2].rpartition(" (")[0]
-
-    def _told_by_twin(self, message: Any) -> bool:
-        """Whether a line of the log is the twin's, and came when there was a command."""
-        return self._answered < math.inf and message.name == self._options.node.strip("/").replace("/", ".")
+    def _on_refused(self, message: Any) -> None:
+        """The twin says why it refuses a command."""
+        for status in message.status:
+            if self._answered < math.inf and status.name == self._kind.topic:
+                self._refusal = printable(status.message, LONGEST_MESSAGE)
 
     def _note_answer(self) -> None:
         self._answered, self._applied = time.monotonic(), True

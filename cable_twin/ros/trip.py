@@ -27,6 +27,7 @@ class Trip(Driver):
     """
 
     def __init__(self, node: Any, options: argparse.Namespace, ending: Ending) -> None:
+        from rcl_interfaces.msg import Log  # noqa: PLC0415
         from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
 
         super().__init__(node, KINDS["speed"], options.at_most or 0.0, options, ending)
@@ -37,6 +38,7 @@ class Trip(Driver):
         self._near_since: float | None = None
         self._arrived = False
         self._rope: Any = None  # the newest cable
+        node.create_subscription(Log, "/rosout", self._on_log, 50)
         node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
 
     def find_twin(self) -> str | None:
@@ -116,11 +118,11 @@ class Trip(Driver):
         self._rope = message
 
     def _on_log(self, message: Any) -> None:
-        """The twin tells a refusal, and that it has given up, in its log."""
+        """The twin tells in its log that it has given up."""
         from cable_twin.ros.goals import GIVEN_UP  # noqa: PLC0415 - is there by now
 
-        super()._on_log(message)
-        if self._told_by_twin(message) and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
+        own = message.name == self._options.node.strip("/").replace("/", ".")
+        if own and self._answered < math.inf and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
             self._refusal = f"the twin goes there no longer: {message.msg.partition(': ')[2]}"
 
 

@@ -9,11 +9,13 @@ from typing import Any
 from cable_twin.commands import INPUTS, VECTOR, Kind
 from cable_twin.printable import printable_lines
 from cable_twin.ros.command_line import Ending
+from cable_twin.ros.middleware import discovery_time
+from cable_twin.ros.twin_list import twin_names
 
 ANSWER = 5.0  # s within which the twin has to apply a command, on a machine that is busy with other things
 SERVICE_ANSWER = 10.0  # s within which a service has to answer: the node itself waits for a frame for 5 s
 SLOW_FRAME = 0.1  # s that a frame may take where many are asked for
-REFUSED = "command refused, the last good one stays: "  # in the log of the node
+URGENT = "/emergency_stop"  # service that is called in a hurry
 
 
 class TwinError(RuntimeError):
@@ -82,7 +84,7 @@ class TwinClient:
         name = f"{self._twin}/{service}"
         client = self._node.create_client(kind, name)
         try:
-            self._until(client.service_is_ready, self._wait, self._nobody(name))
+            self._find(client.service_is_ready, name)
             future = client.call_async(request)
             self._until(future.done, patience, f"{name} has not answered for {patience:g} s")
             return future.result()
@@ -100,12 +102,12 @@ class TwinClient:
         Raises:
             TwinError: there is no twin, or it has not applied the command: its reason, where it tells one.
         """
-        from rcl_interfaces.msg import Log  # noqa: PLC0415
+        from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
 
         # an emergency stop does not wait for these, which are half of the start
         from cable_twin.command_messages import applied_command_from_message  # noqa: PLC0415
-        from cable_twin.messages import APPLIED_COMMANDS  # noqa: PLC0415
+        from cable_twin.messages import APPLIED_COMMANDS, REFUSED_COMMANDS  # noqa: PLC0415
         from cable_twin.records import AppliedCommand, Command  # noqa: PLC0415
 
         given = Command(kind.name, values)
@@ -118,8 +120,7 @@ class TwinClient:
                 applied.append(found)
 
         def note_refusal(message: Any) -> None:
-            if message.msg.startswith(f"{name}: {REFUSED}"):
-                refusals.append(message.msg.partition(REFUSED)[2].rpartition(" (")[0])
+            refusals.extend(printable_lines(status.message) for status in message.status if status.name == kind.topic)
 
         message = _message(kind, values)
         publisher = self._node.create_publisher(type(message), f"{self._twin}/{kind.topic}", 10)
@@ -127,11 +128,9 @@ class TwinClient:
         answers = self._node.create_subscription(
             JointState, f"{self._twin}/{APPLIED_COMMANDS}", note_applied, 50, raw=True
         )
-        self._node.create_subscription(Log, "/rosout", note_refusal, 50)
-        self._until(
-            lambda: publisher.get_subscription_count() and self._heard(answers.topic_name),
-            self._wait,
-            self._nobody(name),
+        refused = self._node.create_subscription(DiagnosticArray, f"{self._twin}/{REFUSED_COMMANDS}", note_refusal, 50)
+        self._find(
+            lambda: publisher.get_subscription_count() and self._heard(answers.topic_name, refused.topic_name), name
         )
         message.header.stamp = self._node.get_clock().now().to_msg()
         publisher.publish(message)
@@ -145,18 +144,31 @@ class TwinClient:
         what = ", ".join(f"{name} {value:g} {kind.unit}" for name, value in values.items())
         return f"{kind.name.replace('_', ' ')} {what}"
 
-    def _heard(self, answer: str) -> bool:
+    def _heard(self, *topics: str) -> bool:
         """Whether what the twin answers will be heard: it publishes what it applies, and why it refuses."""
         return all(
             any(
                 f"{one.node_namespace.rstrip('/')}/{one.node_name}" == self._twin
                 for one in self._node.get_publishers_info_by_topic(topic)
             )
-            for topic in (answer, "/rosout")
+            for topic in topics
         )
 
-    def _nobody(self, name: str) -> str:
-        return nobody_listens(name, self._wait)
+    def _find(self, found: Callable[[], Any], name: str) -> None:
+        """Wait for the twin behind a topic or service; an emergency stop does not wait where only others run."""
+        import rclpy  # noqa: PLC0415
+
+        started, wait = time.monotonic(), self._wait
+        enough = discovery_time(rclpy.get_rmw_implementation_identifier())
+
+        def looked() -> bool:
+            elapsed = time.monotonic() - started
+            others = name.endswith(URGENT) and elapsed > enough and twin_names(self._node)
+            return bool(found()) or elapsed > wait or bool(others)
+
+        self._until(looked, wait + ANSWER, "")
+        if not found():
+            raise TwinError(nobody_listens(self._node, name, min(time.monotonic() - started, wait)))
 
     def _until(self, condition: Callable[[], Any], seconds: float, fault: str) -> None:
         """Wait for a condition; raises TwinError when it does not come, or KeyboardInterrupt at a signal."""
@@ -171,9 +183,12 @@ class TwinClient:
             rclpy.spin_once(self._node, timeout_sec=0.05)
 
 
-def nobody_listens(name: str, wait: float) -> str:
-    """What to say where there is no twin."""
-    return f"no twin listens on {name} after {wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
+def nobody_listens(node: Any, name: str, wait: float) -> str:
+    """Say that no twin listens on the topic or service of this name, and which twins there are in the domain."""
+    told = f"no twin listens on {name} after {wait:.3g} s"
+    if others := twin_names(node):
+        return f"{told}; there is {', '.join(others)}: drive --node {others[0]} ..."
+    return f"{told}: is `sim` running, with the same ROS_DOMAIN_ID?"
 
 
 def _message(kind: Kind, values: Mapping[str, float]) -> Any:

@@ -120,7 +120,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     started, enough = time.monotonic(), discovery_time(rclpy.get_rmw_implementation_identifier())
     while not ending.is_set():
-        for name in _names(node):
+        for name in twin_names(node):
             if name not in twins:
                 twins[name] = _Twin()
                 for topic, note in ((SCENARIO, note_scenario), (ROBOT, note_limits)):
@@ -138,7 +138,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]
 
 
-def _names(node: Any) -> list[str]:
+def twin_names(node: Any) -> list[str]:
     """Full names of the twins that can be seen: they publish their scenario, and stop in an emergency."""
     scenarios = {
         name.removesuffix(SCENARIO)

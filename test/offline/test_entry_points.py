@@ -139,3 +139,15 @@ def test_a_terminal_that_is_closed_ends_a_run_with_a_log_that_is_complete(tmp_pa
         raise
     (log,) = (tmp_path / "cable_twin_logs").iterdir()
     assert read_log(log).complete
+
+
+def test_a_table_into_a_pipe_that_is_closed_ends_without_a_word(start, tmp_path):
+    """As `line --csv - | head` does, with the exit code of a closed pipe."""
+    write_quick_scenario(tmp_path)
+    process = start("line", "quick.yaml", "--places", "2", "--csv", "-")
+    process.stdout.close()
+    process.stdout = None
+    _, error = process.communicate(timeout=COMPILING)
+    assert "Broken pipe" not in error
+    assert "Traceback" not in error
+    assert process.returncode == 128 + signal.SIGPIPE

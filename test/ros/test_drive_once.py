@@ -51,6 +51,9 @@ def test_it_stops_releases_and_resets(twin, drive):
     code, output = drive("--release")
     assert code == 0
     assert re.fullmatch(rf"/cable_twin: emergency stop released at {TIME}", output)
+    code, output = drive("--release")
+    assert code == 0
+    assert re.fullmatch(rf"/cable_twin: no emergency stop was in force at {TIME}", output)
     code, output = drive("--reset")
     assert code == 0
     assert re.fullmatch(rf"/cable_twin: state put back to the start at {TIME}", output)
@@ -139,6 +142,29 @@ def test_without_a_twin_it_says_so(processes, arguments):
     name = {"--reset": "reset", "--wind": "wind"}.get(arguments[0])
     missing = f"no twin listens on /cable_twin/{name}" if name else "no twin found"
     assert process.output == f"drive: {missing} after 2 s: is `sim` running, with the same ROS_DOMAIN_ID?\n"
+
+
+@pytest.mark.parametrize("arguments", [["--emergency-stop", "--wait", "60"], ["--reset", "--wait", "1.5"]])
+def test_where_only_other_twins_run_they_are_named(running, processes, arguments):
+    """An emergency stop says so as soon as others have been seen, and does not wait for the end of --wait."""
+    twin = running[1]
+    process = processes(*arguments, "--node", "/elsewhere/cable_twin", module="ros.drive", domain=running[0].domain)
+    twin.until(lambda: process.process.poll() is not None, what="end of drive")
+    assert process.wait() == 1
+    said = re.fullmatch(r"drive: no twin listens on /elsewhere/cable_twin/\w+ after ([\d.]+) s; (.*)\n", process.output)
+    assert said, process.output
+    assert float(said[1]) < 20.0
+    assert said[2] == "there is /cable_twin: drive --node /cable_twin ..."
+
+
+def test_ctrl_c_ends_the_listing(processes, participants):
+    process = processes("--list", "--wait", "60", module="ros.drive")
+    participant = participants(process.domain)
+    seen = participant.node.get_node_names
+    participant.until(lambda: any("drive" in name for name in seen()), what="drive")
+    process.send(signal.SIGINT)
+    assert process.wait() == 130
+    assert process.output == ""
 
 
 def test_ctrl_c_ends_the_waiting(processes, participants):

@@ -31,10 +31,9 @@ def test_every_one_of_many_calls_is_answered(running):
     _, participant = running
     answers, _ = calls(participant, BURST)
     assert all(answer.success for answer in answers)
-    assert {answer.message.partition(" at ")[0] for answer in answers} == {
-        "emergency stop",
-        "emergency stop released",
-    }
+    told = {answer.message.partition(" at ")[0] for answer in answers}
+    assert told >= {"emergency stop", "emergency stop released"}
+    assert told <= {"emergency stop", "emergency stop released", "no emergency stop was in force"}
     assert participant.next_diagnostics()[2]["emergency_stop"] == "false"  # in the order in which they were asked
 
 
