@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from benchmarks import (
     accuracy,
     convergence,
+    emergency_stop,
     exudyn_comparison,
     exudyn_space,
     frame,
@@ -47,9 +48,13 @@ PARTS = {
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
+    "emergency_stop": (
+        emergency_stop.run,
+        "answers to an emergency stop under floods, bombs and full disks; only when named",
+    ),
     "live": (live.run, "frames of the running twin that came late, beside a bare timer; only when named"),
 }
-BY_DEFAULT = [name for name in PARTS if name != "live"]  # it lasts as long as it is told to
+BY_DEFAULT = [name for name in PARTS if name not in ("emergency_stop", "live")]  # these want the machine for themselves
 EPILOG = """\
 examples:
   python -m benchmarks exudyn scaling --output docs
@@ -97,7 +102,9 @@ def main() -> int:
         epilog=EPILOG,
         formatter_class=Filled,
     )
-    parser.add_argument("parts", nargs="*", type=part_name, metavar="PART", help="which parts; default: all but live")
+    parser.add_argument(
+        "parts", nargs="*", type=part_name, metavar="PART", help="which parts; default: all but the last two"
+    )
     parser.add_argument("--quick", action="store_true", help="seconds instead of minutes: fewer and shorter cases")
     parser.add_argument("--repetitions", type=positive, metavar="N", help="default: 5, 1 with --quick")
     parser.add_argument(

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -104,14 +105,22 @@ class LiveTwin:
 
     def until(self, condition: Callable[[], Any], what: str, seconds: float = ANSWERED) -> Any:
         """Take messages until a condition holds; returns what it gave."""
-        deadline = time.monotonic() + seconds
+        since, delayed = time.monotonic(), self._delay()
         while not (found := condition()):
             if self._process.poll() is not None:
                 self._look()
-            if time.monotonic() > deadline:
+            if time.monotonic() - since > seconds + self._delay() - delayed:
                 raise NoAnswerError(f"{what}: not within {seconds:g} s\n{self._tail()}")
             self._executor.spin_once(timeout_sec=0.05)
         return found
+
+    def _delay(self) -> float:
+        """Seconds (s) for which its threads have waited for a core that others have, of the one that waited most."""
+        found = [0.0]
+        for thread in Path(f"/proc/{self._process.pid}/task").glob("*/schedstat"):
+            with suppress(OSError):
+                found.append(1e-9 * int(thread.read_text().split()[1]))
+        return max(found)
 
     def _start(self) -> None:
         self._output = self.directory / f"sim_{time.monotonic_ns()}.txt"

@@ -202,7 +202,8 @@ class TwinNode(Node):
         self._output.send_once(self._rviz.once())
         self._await_recorder()
         gc.collect()  # before time runs, not beside it
-        gc.freeze()  # what stays to the end need not be looked through between two frames
+        if not gc.get_freeze_count():  # by the first world: to look through all at the next ones held an answer up
+            gc.freeze()  # what stays to the end need not be looked through between two frames
         start = f" from {self.simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         factor = self._settings["real_time_factor"]

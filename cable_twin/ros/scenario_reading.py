@@ -25,7 +25,7 @@ from cable_twin.scenario import (
     scenario_names,
 )
 
-SECONDS = 30.0  # s for one scenario, on a busy machine
+SECONDS = 20.0  # s for one scenario, on a busy machine
 SUFFIXES = (".yaml", ".yml")
 
 

@@ -120,7 +120,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         _run(node, ending)
         while node.loading.loaded is not None and not ending.is_set():
-            gc.unfreeze()  # what was made of the one before may go
             node = _next(node)
             _run(node, ending)
     except (ParameterError, SecondTwinError) as error:
