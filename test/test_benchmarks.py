@@ -190,7 +190,7 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
         (
             ["speed"],
             "'speed' is no part; allowed are exudyn, exudyn_space, space, ropes, scaling, startup, frame, graded, "
-            "uniform, accuracy, convergence, learning, lockstep, live",
+            "uniform, accuracy, convergence, learning, lockstep, emergency_stop, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
