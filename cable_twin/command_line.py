@@ -217,7 +217,7 @@ class OneLineParser(argparse.ArgumentParser):
             listing: the lines that `--list` prints.
         """
         self.add_argument("plain_scenario", nargs="?", metavar="SCENARIO", help=text)
-        self.add_argument("--scenario", metavar="SCENARIO", help="the same")
+        self.add_argument("--scenario", metavar="SCENARIO", help="another way to give SCENARIO")
         self.add_argument("--list", action=_PrintLines, lines=listing, help="print the scenarios, a line each, and end")
 
     def given_scenario(self, options: argparse.Namespace) -> str | None:

@@ -72,7 +72,7 @@ KINDS: Mapping[str, Kind] = {
     for kind in (
         Kind(
             "speed",
-            "drive with a speed along the cable",
+            "drive at this speed along the rope",
             quantity="speed",
             unit="m/s",
             topic=JOINT_COMMANDS,
@@ -81,7 +81,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "force",
-            "drive with a force along the cable",
+            "drive with this force along the rope",
             quantity="force",
             unit="N",
             topic=JOINT_COMMANDS,
@@ -90,7 +90,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "payload",
-            "let a carriage that stands in a station carry this mass",
+            "set the payload of a carriage that stands in a station",
             quantity="mass",
             unit="kg",
             topic="payload",
@@ -98,7 +98,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "wind",
-            "let the wind blow along the track, upwards and in space to the left, until the next one",
+            "set the wind: along the track, then upwards, then (in space) to the left; it holds until the next one",
             quantity="speed",
             unit="m/s",
             axes=("x", "z", "y"),
@@ -108,7 +108,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "gust",
-            "let a gust of one minus cosine (CS-25.341) come, axes as of wind, and how long",
+            "a gust in the shape of one minus cosine (CS-25.341): peak by axis as for wind, and its duration",
             quantity="speed",
             unit="m/s",
             axes=("x", "z", "y", "duration"),
@@ -118,7 +118,8 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "operating_gust",
-            "the same with the extreme operating gust of IEC 61400-1, which has a dip before and after its peak",
+            "an extreme operating gust (IEC 61400-1), with a dip before and after its peak: peak by "
+            "axis, and its duration",
             quantity="speed",
             unit="m/s",
             axes=("x", "z", "y", "duration"),
@@ -128,7 +129,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "emergency_stop",
-            "stop all drives, and refuse to drive until released",
+            "stop all drives at once, and refuse to drive until the stop is released",
             service="emergency_stop",
             switch=True,
             done="emergency stop",
@@ -145,7 +146,7 @@ KINDS: Mapping[str, Kind] = {
         ),
         Kind(
             "reset",
-            "put the state back to the start; time runs on",
+            "put the twin back into its state at the start; time goes on",
             service="reset",
             done="state put back to the start",
             halts=True,

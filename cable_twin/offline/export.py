@@ -161,7 +161,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     """Take `--csv` and `--json`."""
     for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
         parser.add_argument(
-            f"--{kind}", metavar="PATH", help=f"write {what}, every frame, in SI units; '-' for the output"
+            f"--{kind}", metavar="PATH", help=f"write {what} of every frame, in SI units; '-': to standard output"
         )
 
 

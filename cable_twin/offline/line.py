@@ -99,9 +99,13 @@ def parser() -> OneLineParser:
         "line", "Calculate a line at rest with its vehicle at many places.", EPILOG, failure=UNUSABLE
     )
     result.add_scenario(f"name of a scenario, or path of its YAML file; default: {DEFAULT_SCENARIO}", scenario_lines)
-    result.add_argument("--vehicle", metavar="NAME", help="what is moved; default: the first, or all carriers")
     result.add_argument(
-        "--places", type=_places, default=PLACES, metavar="N", help=f"how many, 2 to {MOST}; default: {PLACES}"
+        "--vehicle",
+        metavar="NAME",
+        help="vehicle that is placed along the line; default: the first carriage, or all carriers together",
+    )
+    result.add_argument(
+        "--places", type=_places, default=PLACES, metavar="N", help=f"number of places, 2 to {MOST}; default: {PLACES}"
     )
     result.add_argument(
         "--set",
@@ -109,19 +113,24 @@ def parser() -> OneLineParser:
         default=[],
         type=changed_value,
         metavar="KEY=VALUE",
-        help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; may be given often",
+        help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; can be repeated",
     )
     result.add_argument(
         "--check",
         action="store_true",
-        help="calculate it once more with elements of half the length, and print the difference beside each figure",
-    )
-    result.add_argument("--csv", metavar="PATH", help="write a row each place, in SI units; '-' for the output")
-    result.add_argument(
-        "--json", metavar="PATH", help="write the same and the envelope, in SI units; '-' for the output"
+        help="calculate the line a second time with elements half as long, and print how much each figure changes",
     )
     result.add_argument(
-        "--plot", type=Path, metavar="PATH", help="draw line, terrain, tension, clearance and loads as PNG, PDF or SVG"
+        "--csv", metavar="PATH", help="write one row for each place, in SI units; '-': to standard output"
+    )
+    result.add_argument(
+        "--json", metavar="PATH", help="write these rows and the envelope, in SI units; '-': to standard output"
+    )
+    result.add_argument(
+        "--plot",
+        type=Path,
+        metavar="PATH",
+        help="plot profile, terrain, tension, clearance and tower loads, as .png, .pdf or .svg",
     )
     return result
 

@@ -243,12 +243,13 @@ def parser() -> OneLineParser:
         EPILOG,
         failure=CANNOT,
     )
-    result.add_argument("log", type=Path, help="directory of a run, or its .mcap")
+    result.add_argument("log", type=Path, help="directory of a run, or one of its .mcap files")
     result.add_argument(
         "--tolerance",
         type=_tolerance,
         metavar="NUMBER",
-        help=f"greatest difference of two numbers; default: 0 for a log made here, else {ELSEWHERE:g}",
+        help=f"largest relative difference that counts as equal (see below); default: 0 for a log "
+        f"made here, else {ELSEWHERE:g}",
     )
     return result
 

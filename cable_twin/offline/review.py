@@ -61,18 +61,22 @@ def parser() -> OneLineParser:
         help=f"directory of a run, or its .mcap; of several all are compared with the first; "
         f"default: the newest run in {RUNS}",
     )
-    result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG")
+    result.add_argument("--plots", type=Path, metavar="DIR", help="write plots as PNG files into this directory")
     result.add_argument(
         "--rerun",
         choices=("window", "web", "off"),
         default="window",
-        help="show the rerun recording in a window, or to a browser of this machine until Ctrl-C, or make none; "
+        help="window: show the rerun recording in rerun's viewer; web: serve it to a browser on "
+        "this machine until Ctrl-C; "
+        "off: make no recording; "
         "default: window",
     )
     add_export(result)
-    result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="as --rerun off")
+    result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="short for --rerun off")
     result.add_argument(
-        "--repair", action="store_true", help="only copy what is readable of a bag cut short or damaged to BAG_repaired"
+        "--repair",
+        action="store_true",
+        help="copy what can be read of a damaged or unfinished bag to BAG_repaired, and do nothing else",
     )
     return result
 

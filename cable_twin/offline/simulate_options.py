@@ -21,17 +21,21 @@ UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
 DURATION = 60.0  # s, after the last command of a script
 SPLITTING = (
-    ("split-duration", "S", "simulated seconds after which the logs go on in new files, 0 for never"),
-    ("split-size", "MB", "size of the bag's file from which on they do so as well, 0 for any"),
-    ("keep-age", "S", "remove files at a split that ended so many seconds ago, 0 for none"),
-    ("keep-size", "MB", "remove the oldest files at a split until the run has this size, 0 for none"),
+    ("split-duration", "S", "begin new log files after so many simulated seconds; 0: never"),
+    ("split-size", "MB", "begin new log files when the MCAP file has reached this size; 0: no limit"),
+    ("keep-age", "S", "whenever new files begin, delete those that ended longer ago than this; 0: keep all"),
+    (
+        "keep-size",
+        "MB",
+        "whenever new files begin, delete the oldest until the run is no larger than this; 0: keep all",
+    ),
 )
 LOG_RATES = {  # group of topics: what they are
     "joints": "joint states are",
     "poses": "poses are",
     "forces": "forces are",
     "rope": "the shape of the rope is",
-    "path": "the same as a path for RViz is",
+    "path": "the shape of the rope as a nav_msgs/Path, for RViz, is",
 }
 EPILOG = """\
 A script is YAML or CSV, times in seconds of simulated time:
@@ -62,7 +66,7 @@ examples:
   simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
   simulate chairlift --duration 30 --record off --json - \\
            | jq '.runs[0].key_figures[] | select(.kept == false)'
-  simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   at which side wind has it to stop?
+  simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   up to which side wind may it run?
   simulate --list                                                          the scenarios, a line each
   simulate --explain cable.damping_time                                    what is that?
 """
@@ -77,18 +81,22 @@ def parser() -> OneLineParser:
         failure=UNUSABLE,
     )
     result.add_scenario(
-        f"name of a scenario, or path of its YAML file; default: that of the bag, else {DEFAULT_SCENARIO}",
+        f"name of a shipped scenario, or path of a YAML file; default: the scenario of --from-bag, "
+        f"else {DEFAULT_SCENARIO}",
         scenario_lines,
     )
     result.add_argument(
-        "--explain", metavar="KEY", help="say what a key of a scenario file, or a section, means, and run nothing"
+        "--explain",
+        metavar="KEY",
+        help="explain a key, or a section, of a scenario file (meaning, unit, default, range) and exit",
     )
     result.add_argument(
         "--snapshot",
         type=Path,
         metavar="FILE",
-        help="go on from the state, and with the scenario, that ~/save_snapshot or Simulation.save wrote; "
-        "times of commands stay simulated time, which goes on as well",
+        help="continue from a state that the service ~/save_snapshot or Simulation.save wrote, with "
+        "the scenario in it; "
+        "simulated time continues from there, also for the times of a script",
     )
     result.add_argument(
         "--set",
@@ -96,40 +104,48 @@ def parser() -> OneLineParser:
         default=[],
         type=changed_value,
         metavar="KEY=VALUE",
-        help="change a value of the scenario by its dotted key, as in cable.elements=48; may be given often",
+        help="change a value of the scenario by its dotted key, as in cable.elements=48; can be repeated",
     )
     result.add_argument(
         "--duration",
         type=_number(0.0, math.inf, "s"),
         metavar="S",
-        help=f"simulated seconds; default: that of the bag, else {DURATION:g} s after the last command",
+        help=f"simulated time to run; default: as long as the run in --from-bag, else until "
+        f"{DURATION:g} s after the last command",
     )
     result.add_argument(
         "--sweep",
         type=sweep_of,
         metavar="KEY=START:STOP:STEP",
-        help="run once for each value of a number of the scenario, on all cores and without logs, and say between "
-        "which values all limits are kept, with runs in between to find where they end; wind.y is that of air.wind, "
-        "--csv and --json have the key figures of all runs",
+        help="run once for each value of one number of the scenario, on all cores and without logs, "
+        "and report the range "
+        "in which all limits are kept; more runs are added to find its ends. wind.y stands for air.wind.y; --csv and "
+        "--json get the key figures of all runs",
     )
     result.add_argument(
         "--plot",
         type=Path,
         metavar="FILE",
-        help="of a sweep, draw the figures whose limits are passed first: .png, .pdf, .svg",
+        help="with --sweep: plot the key figures that exceed their limits first, as .png, .pdf or .svg",
     )
     source = result.add_mutually_exclusive_group()
-    source.add_argument("--script", type=Path, metavar="FILE", help="commands, .yaml or .csv, see below")
-    source.add_argument("--from-bag", type=Path, metavar="BAG", help="take the commands of a recorded run")
+    source.add_argument(
+        "--script", type=Path, metavar="FILE", help="commands over time, a .yaml or .csv file as described below"
+    )
+    source.add_argument("--from-bag", type=Path, metavar="BAG", help="repeat the commands of a recorded run")
     result.add_argument(
-        "--output", type=Path, default=Path("cable_twin_logs"), metavar="DIR", help="default: cable_twin_logs"
+        "--output",
+        type=Path,
+        default=Path("cable_twin_logs"),
+        metavar="DIR",
+        help="directory in which the run gets one of its own; default: cable_twin_logs",
     )
     result.add_argument(
         "--frame-rate",
         type=_number(1.0, 1000.0, "Hz"),
         default=100.0,
         metavar="HZ",
-        help="frames recorded in a second of simulated time; default: 100",
+        help="frames per second of simulated time; default: 100",
     )
     for group, text in LOG_RATES.items():
         rate = LOGGED.get(group, EVERY_FRAME)
@@ -138,7 +154,7 @@ def parser() -> OneLineParser:
             dest=f"rate_{group}",
             type=_rate,
             metavar="HZ",
-            help=f"how often {text} recorded, 0 for every frame; default: {rate:g}",
+            help=f"rate at which {text} recorded; 0: every frame; default: {rate:g}",
         )
     for name, metavar, text in SPLITTING:
         result.add_argument(
@@ -152,13 +168,14 @@ def parser() -> OneLineParser:
         "--record",
         choices=("all", "bag", "off"),
         default="all",
-        help="MCAP bag and rerun recording, the bag alone, or nothing; default: all",
+        help="all: MCAP bag and rerun recording; bag: the MCAP bag only; off: nothing; default: all",
     )
     result.add_argument(
         "--check",
         action="store_true",
-        help="run again with half the mesh and half the step, at four times the time, and say by how much each key "
-        "figure differs; a limit within that is not decided",
+        help="run a second time with elements and step half as long (takes about four times as "
+        "long) and print how much "
+        "each key figure changes; a limit that lies within this change is 'not decided'",
     )
     add_export(result)
     return result

@@ -63,7 +63,7 @@ def _fault(options: argparse.Namespace) -> str:
     """What does not go together with a sweep, in a line."""
     for name in ("snapshot", "from_bag", "check"):
         if getattr(options, name):
-            return f"--sweep with --{name.replace('_', '-')}; allowed: runs from the start of a scenario"
+            return f"--sweep cannot be combined with --{name.replace('_', '-')}: a sweep starts every run from rest"
     return ""
 
 

@@ -24,14 +24,15 @@ from cable_twin.ros.twin_list import list_twins
 DISCOVERY = 10.0  # s to find the twin, where --wait does not say it
 # what is no command: service, what it is called with, and what it does
 ACTIONS: dict[str, tuple[str, bool | None, str]] = {
-    "pause": ("pause", True, "hold simulated time"),
-    "resume": ("pause", False, "let simulated time go on"),
-    "snapshot": ("save_snapshot", None, "write the full state to a file, whose path is printed"),
+    "pause": ("pause", True, "pause the simulation"),
+    "resume": ("pause", False, "resume the simulation"),
+    "snapshot": ("save_snapshot", None, "write the full state to a file and print its path"),
 }
 TOLD = {name: kind for name, kind in KINDS.items() if kind.topic or kind.service}  # gusts come by scripts
 EPILOG = """\
-Speeds and forces are repeated until Ctrl-C or the end of --duration; the twin is then told to stop, and after silence
-it stops by itself. --to ends at rest within 0.1 m of the place. All else is given once, and its outcome is printed.
+--speed and --force are sent again and again until Ctrl-C or the end of --duration; then the twin is told to stop. (If
+`drive` is killed, the twin stops by itself after `command_timeout`.) --to ends when the vehicle stands within 0.1 m of
+the place. Everything else is sent once, and the answer is printed.
 
 exit codes: 0 done, 1 no twin, refused or a wrong option, 130 ended by Ctrl-C before the twin had answered
 
@@ -62,7 +63,7 @@ drive [-h] [--node NODE] [--wait S] ... and one of
 
 def parser() -> OneLineParser:
     """Options of `drive`: one for each kind of command, and for what else a twin does."""
-    result = OneLineParser("drive", "Tell a running twin what to do, from the terminal.", EPILOG)
+    result = OneLineParser("drive", "Send commands to a running twin from a terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     result.usage = USAGE  # argparse breaks so long a choice within a word
     what = result.add_mutually_exclusive_group(required=True)
@@ -76,17 +77,24 @@ def parser() -> OneLineParser:
             what.add_argument(option, action="store_true", help=kind.help)
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
-    what.add_argument("--step", type=_count, metavar="N", help="N frames while paused")
+    what.add_argument("--step", type=_count, metavar="N", help="advance a paused twin by N frames")
     what.add_argument(
-        "--to", metavar="PLACE", help="have the twin drive to a place: m along the cable, a station or a tower"
+        "--to",
+        metavar="PLACE",
+        help="let the twin drive to a place and stop there: m along the cable, a station or a tower",
     )
-    what.add_argument("--load", metavar="SCENARIO", help="begin anew with another scenario, in logs of its own")
-    what.add_argument("--list", action="store_true", help="the twins of this domain, and how they are")
+    what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
+    what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
     result.add_argument(
-        "--at-most", type=_number, metavar="M/S", help="m/s on the way --to a place; default: the limit of the drive"
+        "--at-most",
+        type=_number,
+        metavar="M/S",
+        help="m/s: highest speed on the way --to a place; default: the limit of the drive",
     )
-    result.add_argument("--ramp", type=_not_negative, metavar="S", help="s from zero to the value; default 0")
-    result.add_argument("--duration", type=_not_negative, metavar="S", help="s to drive; default: until Ctrl-C")
+    result.add_argument(
+        "--ramp", type=_not_negative, metavar="S", help="s: time in which the value is reached from zero; default: 0"
+    )
+    result.add_argument("--duration", type=_not_negative, metavar="S", help="s: time to drive; default: until Ctrl-C")
     result.add_argument(
         "--node", type=_node, help="full name of the twin; default: /cable_twin, in the namespace of this command"
     )
@@ -95,7 +103,7 @@ def parser() -> OneLineParser:
         type=_not_negative,
         default=DISCOVERY,
         metavar="S",
-        help=f"s to wait for the twin, which compiles its solver on its first start; default: {DISCOVERY:g}",
+        help=f"s: time to wait for the twin, which compiles its solver on its first start; default: {DISCOVERY:g}",
     )
     return result
 

@@ -71,81 +71,119 @@ class Parameter:
 
 
 PARAMETERS = (
-    Parameter("scenario", "aerial_tramway", "name of a scenario, or path of its YAML file"),
-    Parameter("set", "", "changes of the scenario by dotted key, KEY=VALUE, a line each, as in wind.x=12"),
+    Parameter("scenario", "aerial_tramway", "name of a shipped scenario, or path of a YAML file"),
+    Parameter("set", "", "changes to values of the scenario, KEY=VALUE with a dotted key, one a line, as in wind.x=12"),
     Parameter(
         "scenario_directories",
         "",
-        "below which files of other scenarios may be that are loaded while the twin runs, with : between them, beside "
-        "config, the record directory and the directory of the scenario",
+        "directories, separated by :, from which scenario files may be loaded while the twin runs, besides config, the "
+        "record directory and the directory of the scenario it started with",
     ),
-    Parameter("snapshot", "", "file of ~/save_snapshot to go on from, with its own scenario"),
-    Parameter("frame_rate", 100.0, "frames published in a second of simulated time", "Hz", 1.0, 1000.0),
+    Parameter("snapshot", "", "snapshot file to continue from, as ~/save_snapshot writes it, with the scenario in it"),
+    Parameter("frame_rate", 100.0, "frames per second of simulated time", "Hz", 1.0, 1000.0),
     Parameter(
-        "real_time_factor", 1.0, "simulated seconds in a second of the clock, 0 as fast as possible", "", 0.0, 1000.0
+        "real_time_factor", 1.0, "simulated seconds per second of real time; 0: as fast as possible", "", 0.0, 1000.0
     ),
-    Parameter("record", True, "write an MCAP bag, and a rerun recording as `rerun` says"),
-    Parameter("record_directory", "cable_twin_logs", "where each run makes a directory of its own"),
+    Parameter("record", True, "write logs: an MCAP bag, and a rerun recording where `rerun` asks for one"),
+    Parameter("record_directory", "cable_twin_logs", "directory in which each run gets one of its own"),
     Parameter(
         "rerun",
         "file",
-        "rerun recording: none, a file beside the bag, or that and a live view, for a viewer or also for a browser",
+        "rerun recording. none: no recording; file: a file beside the bag; live: also a live view for a rerun viewer; "
+        "web: also for a browser",
         choices=RERUN_MODES,
     ),
+    Parameter("split_duration", 3600.0, "simulated time after which new log files begin; 0: never", "s", 0.0, 1e9),
+    Parameter("split_size", 0.0, "size of the MCAP file at which new log files begin; 0: no limit", "MB", 0.0, 1e9),
     Parameter(
-        "split_duration", 3600.0, "simulated time after which the logs go on in new files, 0 never", "s", 0.0, 1e9
+        "keep_age",
+        0.0,
+        "whenever new files begin, those that ended longer ago than this are deleted; 0: keep all",
+        "s",
+        0.0,
+        1e9,
     ),
-    Parameter("split_size", 0.0, "size of the bag's file from which on they do so as well, 0 any", "MB", 0.0, 1e9),
-    Parameter("keep_age", 0.0, "files that ended so long ago are removed at the next split, 0 none", "s", 0.0, 1e9),
     Parameter(
-        "keep_size", 0.0, "the oldest files are removed at a split until a run has this size, 0 none", "MB", 0.0, 1e9
+        "keep_size",
+        0.0,
+        "whenever new files begin, the oldest are deleted until the run is no larger than this; 0: keep all",
+        "MB",
+        0.0,
+        1e9,
     ),
     Parameter(
-        "command_timeout", 0.5, "without a command for so long a moving carriage ramps to a stop", "s", 0.02, 3600.0
+        "command_timeout",
+        0.5,
+        "time without a command after which a moving carriage or drive ramps to a stop",
+        "s",
+        0.02,
+        3600.0,
     ),
     Parameter(
         "command_max_age",
         0.0,
-        "a command whose stamp is further from that of the newest frame is refused, 0: stamps do not count",
+        "commands whose stamp differs by more than this from the stamp of the newest frame are "
+        "refused; 0: stamps are ignored",
         "s",
         0.0,
         3600.0,
     ),
-    Parameter("command_size", 65_536, "largest message that is taken as a command", "bytes", 1_024, 16_777_216),
-    Parameter("command_rate", 1_000, "commands of topics that are taken in a second", "1/s", 1, 1_000_000),
     Parameter(
-        "carrier_topics", "", "carriers that get topics of their own besides carriers/poses, as in chair_1,chair_7"
+        "command_size",
+        65_536,
+        "largest command message that is accepted; larger ones are refused undecoded",
+        "bytes",
+        1_024,
+        16_777_216,
+    ),
+    Parameter(
+        "command_rate",
+        1_000,
+        "commands per second that are accepted, all topics together; more are refused",
+        "1/s",
+        1,
+        1_000_000,
+    ),
+    Parameter(
+        "carrier_topics",
+        "",
+        "carriers that also get topics of their own, besides carriers/poses, as in chair_1,chair_7",
     ),
     *(
-        Parameter(name, default, f"{text}; a whole fraction of frame_rate, or 0 for every frame", "Hz", 0.0, 1000.0)
+        Parameter(
+            name, default, f"{text}; frame_rate divided by a whole number, or 0 for every frame", "Hz", 0.0, 1000.0
+        )
         for name, default, text in (
-            ("rope_rate", EVERY_FRAME, "how often cable is published"),
-            ("path_rate", PUBLISHED["path"], "how often cable_path is published"),
-            ("marker_rate", PUBLISHED["markers"], "how often markers is published"),
-            ("log_joint_rate", EVERY_FRAME, "how often joint_states is logged"),
-            ("log_pose_rate", LOGGED["poses"], "how often poses are logged"),
-            ("log_force_rate", LOGGED["forces"], "how often forces are logged"),
-            ("log_rope_rate", LOGGED["rope"], "how often cable is logged"),
-            ("log_path_rate", LOGGED["path"], "how often cable_path is logged"),
-            ("log_transform_rate", LOGGED["transforms"], "how often /tf is logged"),
-            ("log_marker_rate", LOGGED["markers"], "how often markers is logged"),
+            ("rope_rate", EVERY_FRAME, "rate at which ~/cable is published"),
+            ("path_rate", PUBLISHED["path"], "rate at which ~/cable_path is published"),
+            ("marker_rate", PUBLISHED["markers"], "rate at which ~/markers is published"),
+            ("log_joint_rate", EVERY_FRAME, "rate at which ~/joint_states is logged"),
+            ("log_pose_rate", LOGGED["poses"], "rate at which poses are logged"),
+            ("log_force_rate", LOGGED["forces"], "rate at which forces are logged"),
+            ("log_rope_rate", LOGGED["rope"], "rate at which ~/cable is logged"),
+            ("log_path_rate", LOGGED["path"], "rate at which ~/cable_path is logged"),
+            ("log_transform_rate", LOGGED["transforms"], "rate at which /tf is logged"),
+            ("log_marker_rate", LOGGED["markers"], "rate at which ~/markers is logged"),
         )
     ),
     Parameter(
         "frame_id",
         "map",
-        "coordinate frame in which everything is; a name without spaces that does not begin with a slash",
+        "coordinate frame of all positions; a name without spaces that does not begin with a slash",
         pattern=r"[^/\s]\S*",
     ),
     Parameter(
         "frame_prefix",
         "",
-        "in front of the frames of vehicles, bodies and supports, as in south/; the same, or nothing",
+        "prefix of the coordinate frames of vehicles, bodies and supports, as in south/; without spaces, not beginning "
+        "with a slash, or empty",
         pattern=r"([^/\s]\S*)?",
     ),
-    Parameter("allow_second", False, "start even where a twin of the same name runs in this ROS domain"),
-    Parameter("start_paused", False, "wait for the service ~/pause or ~/step"),
-    Parameter("step_count", 1, "frames that a call of ~/step takes while paused, as fast as they go", "", 1, 1_000_000),
+    Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
+    Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),
+    Parameter(
+        "step_count", 1, "frames that one call of ~/step advances a paused twin, as fast as possible", "", 1, 1_000_000
+    ),
     Parameter("publish_clock", False, "publish simulated time on /clock, for nodes with use_sim_time"),
 )
 

@@ -155,7 +155,10 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tm
     [
         (("--plot", "a.png"), "--plot a.png without --sweep"),
         (("--sweep", "wind.x=0:1:1", "--plot", "a.txt"), "--plot a.txt: allowed: a name that ends with .png, .pdf"),
-        (("--sweep", "wind.x=0:1:1", "--check"), "--sweep with --check; allowed: runs from the start of a scenario"),
+        (
+            ("--sweep", "wind.x=0:1:1", "--check"),
+            "--sweep cannot be combined with --check: a sweep starts every run from rest",
+        ),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line(capsys, options, said):
