@@ -133,6 +133,20 @@ def parser() -> OneLineParser:
         "--script", type=Path, metavar="FILE", help="commands over time, a .yaml or .csv file as described below"
     )
     source.add_argument("--from-bag", type=Path, metavar="BAG", help="repeat the commands of a recorded run")
+    _add_recording(result)
+    result.add_argument(
+        "--check",
+        action="store_true",
+        help="run a second time with elements and step half as long (takes about four times as "
+        "long) and print how much "
+        "each key figure changes; a limit that lies within this change is 'not decided'",
+    )
+    add_export(result)
+    return result
+
+
+def _add_recording(result: OneLineParser) -> None:
+    """Add the options of what is recorded, where, how often, and for how long it is kept."""
     result.add_argument(
         "--output",
         type=Path,
@@ -170,15 +184,6 @@ def parser() -> OneLineParser:
         default="all",
         help="all: MCAP bag and rerun recording; bag: the MCAP bag only; off: nothing; default: all",
     )
-    result.add_argument(
-        "--check",
-        action="store_true",
-        help="run a second time with elements and step half as long (takes about four times as "
-        "long) and print how much "
-        "each key figure changes; a limit that lies within this change is 'not decided'",
-    )
-    add_export(result)
-    return result
 
 
 def plots_fault(option: str) -> str:
