@@ -15,6 +15,7 @@ import tempfile
 import textwrap
 import threading
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import metadata
@@ -121,13 +122,18 @@ Main = Callable[..., int]
 
 
 def faults_reported(command: str) -> Callable[[Main], Main]:
-    """Decorator of a command's `main`: what nothing else has answered is a line, a file of details and exit code 70."""
+    """Decorator of a command's `main`: what nothing else has answered is a line, a file of details and exit code 70.
+
+    Warnings are a line each.
+    """
 
     def decorate(main: Main) -> Main:
         @functools.wraps(main)
         def answered(*arguments: Any, **options: Any) -> int:
             try:
-                return main(*arguments, **options)
+                with warnings.catch_warnings():
+                    warnings.showwarning = lambda message, *_, **__: tell(command, f"warning: {message}")
+                    return main(*arguments, **options)
             except OSError:  # of the output, or of a disk, which `entry_points` tells
                 raise
             except Exception as error:

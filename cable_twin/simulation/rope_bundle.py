@@ -155,7 +155,7 @@ class RopeBundle:
     @staticmethod
     def _sharpen(name: str, part: Ropeway) -> bool:
         with of_rope(name):
-            return part.sharpen()
+            return part.sharpen(f"ropes.{name}")
 
     def _find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together."""

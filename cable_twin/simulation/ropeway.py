@@ -26,6 +26,7 @@ from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, w
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
+from cable_twin.simulation.sharp_bends import warn_of_bends
 from cable_twin.simulation.snapshot_file import FullState
 
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
@@ -108,8 +109,11 @@ class Ropeway:
             moved = self.system.cable if ends is None else self.system.cable._replace(end_position=ends)
             settle(self.system._replace(cable=moved), self.state, work)
 
-    def sharpen(self) -> bool:
+    def sharpen(self, key: str = "cable") -> bool:
         """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all.
+
+        Args:
+            key: where the scenario has the rope.
 
         Raises:
             EquilibriumError: it has none.
@@ -123,6 +127,7 @@ class Ropeway:
                 f"cable.kinks: given 'sharp' where the rope rests with {tensions.mean():.3g} N; allowed: rounded, or a "
                 f"tension above {LEAST_STRAIN * cable.axial_stiffness:.3g} N"
             )
+        warn_of_bends(self.scenario, self._empty, self.state.nodes.position[:, 1], tensions, key)
         table = rounding(cable, tensions)
         self._empty = self._empty._replace(cable=cable._replace(**table))
         self.carry(self._first_loads)

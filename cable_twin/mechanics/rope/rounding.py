@@ -22,6 +22,7 @@ from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_fun
 
 REACH = 6  # elements on either side that are looked at
 LIMIT = 0.1  # -
+MEASURED = 3.0  # -, EA F² / T³ up to which that is so, and motion under vehicles stable
 CHANGE = 1e-3  # of the tension, for derivatives by it
 PLACES = 9  # on an element, through which polynomials of degree 8 go
 LEAST_TENSION = 1e-3  # of the highest one: a rope that is slacker is no string
