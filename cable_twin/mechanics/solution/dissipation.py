@@ -1,86 +1,157 @@
 """What generalized-alpha itself loses: energy that no damper, friction or brake has taken.
 
 All forces of a step are in balance with M q_ddot at both of its ends, so that by the trapezoidal rule their work is
-½ (q_ddot + q_ddot')·M Δq. The kinetic energy changes by ½ (q_dot + q_dot')·M Δq_dot, to the last bit. The difference,
+½ (q_ddot + q_ddot')·M Δq. The kinetic energy changes by ½ (q_dot + q_dot')·M Δq_dot, to the last bit. With the updates
+of the method, the difference is the change of a function of the state, which comes back, and
 
-    ½ (q_ddot + q_ddot')·M Δq - ½ (q_dot + q_dot')·M Δq_dot,
+    h² w·M (η² Δq_ddot + (η (γ - ½) - (½ γ - β)) Δa),  w = (½ - α_m) Δa - η Δq_ddot,  η = ½ - α_f,
 
-is 0 with the trapezoidal rule and otherwise what the method takes out of motion that is fast for its step. It needs no
-forces, and so no account of drives, brakes, friction, wind, buffers or loads: what these give and take is in the first
-part. What is left out is the error of the trapezoidal rule on forces that change much in a step.
+which is never given back; a is the auxiliary acceleration. It is 0 with the trapezoidal rule, and needs no forces, so
+that it knows nothing of drives, brakes, friction, wind, buffers or loads. Beside it stands the error of the trapezoidal
+rule where that is large: on the tension of a rope that turns, and on the forces of joints, which do no work at all.
+Left out is that on forces of dampers, contacts and kinks.
 """
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.orientations import inertia_of, orientation, turn_between
-from cable_twin.mechanics.language.turns import gyration, no_turn
+from cable_twin.mechanics.language.turns import cross, no_turn
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.language.vectors import product as times
-from cable_twin.mechanics.rope.point import coordinate
-from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.on_rope.chain import arm_to, axes_of
+from cable_twin.mechanics.rope.elastic_models import combine
+from cable_twin.mechanics.rope.flow import nodal_vectors
+from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.point import point_on, slope, value
+from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, MASS
 
 EVERY = 13  # steps, of which one is looked at and stands for all; of no common measure with those of a frame
+SECOND = 2  # steps, of which one is looked at for the error of the trapezoidal rule, which has either sign
 
 
 @kernel
-def numerical_loss(system, before, after):
-    """What a step from `before` to `after` has lost, and by how much it has changed the kinetic energy (J).
+def numerical_loss(system, before, after, c, h):
+    """What a step of `h` (s), with the coefficients `c` of the method, from `before` to `after` has lost, and by how much it changed the kinetic energy (J).
 
     Counted are cable, counterweights and bodies that were on the cable all the time.
     """
-    lost, moved = 0.0, 0.0
-    for element in range(system.cable.element_count):
-        here, there = cable_loss(system.cable, before.nodes, after.nodes, element)
-        lost, moved = lost + here, moved + there
+    factors = loss_factors(c, h)
+    lost, moved = cable_loss(system.cable, before.nodes, after.nodes, factors)
     for end in range(2):
-        here, there = counterweight_loss(system, before.nodes, after.nodes, end)
+        here, there = counterweight_loss(system, before.nodes, after.nodes, end, factors)
         lost, moved = lost + here, moved + there
     for carriage in range(system.carriages.fixed.size):
         if before.attached[carriage] and after.attached[carriage]:
             for body in range(system.carriages.body_offset[carriage], system.carriages.body_offset[carriage + 1]):
-                here, there = body_loss(system, before, after, body)
+                here, there = body_loss(system, before, after, body, factors)
                 lost, moved = lost + here, moved + there
     return lost, abs(moved)
 
 
 @kernel
-def body_loss(system, before, after, body):
-    """The same of one body (J): of its centre of mass, and of its turn θ with the moment J ω_dot + ω x J ω."""
-    like, carriages = system.cable.gravity, system.carriages
-    first, last = before.bodies, after.bodies
-    way = subtract(load(last.position[body], like), load(first.position[body], like))
-    gain = subtract(load(last.velocity[body], like), load(first.velocity[body], like))
-    speed = add_scaled(1.0, load(last.velocity[body], like), load(first.velocity[body], like))
-    pull = add_scaled(1.0, load(last.acceleration[body], like), load(first.acceleration[body], like))
-    change = 0.5 * carriages.mass[body] * dot(speed, gain)
-    work = 0.5 * carriages.mass[body] * dot(pull, way)
-    turn = turn_between(first.position[body], last.position[body], like)
-    early, late = turning(carriages, first, body, like), turning(carriages, last, body, like)
-    spun = late[1] - early[1]
-    return work + 0.5 * dot(add_scaled(1.0, early[0], late[0]), turn) - change - spun, change + spun
+def loss_factors(c, h):
+    """The loss is (p Δa + q Δq_ddot)·M (r Δa + s Δq_ddot): p, q, and r, s with h² in them."""
+    eta = 0.5 - c.alpha_f
+    return 0.5 - c.alpha_m, -eta, h * h * (eta * (c.gamma - 0.5) - 0.5 * c.gamma + c.beta), h * h * eta * eta
 
 
 @kernel
-def turning(carriages, bodies, body, like):
-    """Moment (turns,) in N m that turns a body as it does, and its energy of that (J)."""
-    axes = orientation(bodies.position[body], like)
-    inertia = inertia_of(carriages.inertia, body, axes, like)
+def trapezoidal_error(system, before, after):
+    """What the trapezoidal rule takes for energy that is there (J), in a step: on tension, and on forces of joints."""
+    cable = system.cable
+    lost = stretching_error(cable, before, after)
+    for carriage in range(system.carriages.fixed.size):
+        if before.attached[carriage] and after.attached[carriage]:
+            lost -= 0.5 * joint_work(system, before, before, after, carriage)
+            lost -= 0.5 * joint_work(system, after, before, after, carriage)
+    return lost
+
+
+@inlined_kernel
+def changed(start, end, like):
+    """By how much a row (dim,) has changed."""
+    return subtract(load(end, like), load(start, like))
+
+
+@kernel
+def body_loss(system, before, after, body, factors):
+    """The same of one body (J): of its centre of mass, and of its turn."""
+    like, carriages, (p, q, r, s) = system.cable.gravity, system.carriages, factors
+    first, last, still = before.bodies, after.bodies, no_turn(system.cable.gravity)
+    by, true = first.algorithmic[body], first.acceleration[body]
+    a, b = changed(by, last.algorithmic[body], like), changed(true, last.acceleration[body], like)
+    lost = carriages.mass[body] * dot(add_scaled(p, a, scale(q, b)), add_scaled(r, a, scale(s, b)))
+    gain = changed(first.velocity[body], last.velocity[body], like)
+    speed = add_scaled(1.0, load(last.velocity[body], like), load(first.velocity[body], like))
+    change = 0.5 * carriages.mass[body] * dot(speed, gain)
+    dim = len(like)
+    a = changed(by[dim:], last.algorithmic[body, dim:], still)
+    b = changed(true[dim:], last.acceleration[body, dim:], still)
+    inertia = inertia_of(carriages.inertia, body, orientation(last.position[body], like), like)
+    lost += dot(add_scaled(p, a, scale(q, b)), times(inertia, add_scaled(r, a, scale(s, b)), still))
+    return lost, change + spun(carriages, last, body, like) - spun(carriages, first, body, like)
+
+
+@kernel
+def spun(carriages, bodies, body, like):
+    """Energy of the turning of a body (J)."""
+    inertia = inertia_of(carriages.inertia, body, orientation(bodies.position[body], like), like)
     spin = load(bodies.velocity[body, len(like) :], no_turn(like))
-    acceleration = load(bodies.acceleration[body, len(like) :], spin)
-    moment, _ = gyration(inertia, spin, acceleration, no_turn(like), 0.0, 0.0, 0.0)
-    return moment, 0.5 * dot(spin, times(inertia, spin, spin))
+    return 0.5 * dot(spin, times(inertia, spin, spin))
+
+
+@kernel
+def joint_work(system, at, before, after, carriage):
+    """Work (J) that the forces of the joints of a carriage `at` one end of a step would do on all of its way.
+
+    Joints that yield (`rope.kink`) have some of their own on the cable.
+    """
+    cable, carriages, like = system.cable, system.carriages, system.cable.gravity
+    first = carriages.body_offset[carriage]
+    place, element = at.joints.position[carriage], at.joint_element[carriage]
+    point = point_on(cable, element, place)
+    above = subtract(value(after.nodes.position, point, like), value(before.nodes.position, point, like))
+    slid = after.joints.position[carriage] - before.joints.position[carriage]
+    above = add_scaled(slid, slope(at.nodes.position, point, like), above)
+    work = 0.0
+    for body in range(first, carriages.body_offset[carriage + 1]):
+        way = subtract(load(after.bodies.position[body], like), load(before.bodies.position[body], like))
+        turn, axes = (
+            turn_between(before.bodies.position[body], after.bodies.position[body], like),
+            axes_of(at, body, like),
+        )
+        upper = add_scaled(1.0, cross(turn, arm_to(axes, carriages.upper_pivot[body], like)), way)
+        if body > first:
+            work += dot(load(at.multipliers[body], like), subtract(upper, above))
+        elif not has_kinks(cable):
+            work += dot(joint_forces(system, at, carriage)[0], subtract(upper, above))
+        above = add_scaled(1.0, cross(turn, arm_to(axes, carriages.lower_pivot[body], like)), way)
+    return work
 
 
 @formula
-def between(weight, start, end, element, length, like):
-    """The four coordinates (dim,) of an element at the end plus `weight` times those at the start, slopes times l."""
+def combined(weight, start, end, length):
+    """The four nodal vectors (dim,) at the end plus `weight` times those at the start, slopes times l."""
     return (
-        add_scaled(weight, coordinate(start, element, 0, like), coordinate(end, element, 0, like)),
-        scale(length, add_scaled(weight, coordinate(start, element, 1, like), coordinate(end, element, 1, like))),
-        add_scaled(weight, coordinate(start, element, 2, like), coordinate(end, element, 2, like)),
-        scale(length, add_scaled(weight, coordinate(start, element, 3, like), coordinate(end, element, 3, like))),
+        add_scaled(weight, start[0], end[0]),
+        scale(length, add_scaled(weight, start[1], end[1])),
+        add_scaled(weight, start[2], end[2]),
+        scale(length, add_scaled(weight, start[3], end[3])),
+    )
+
+
+@formula
+def mixed(p, a, q, b):
+    """Sum p a + q b of four vectors each."""
+    return (
+        add_scaled(p, a[0], scale(q, b[0])),
+        add_scaled(p, a[1], scale(q, b[1])),
+        add_scaled(p, a[2], scale(q, b[2])),
+        add_scaled(p, a[3], scale(q, b[3])),
     )
 
 
@@ -96,32 +167,101 @@ def product(one, other):
     return total
 
 
-@kernel
-def cable_loss(cable, before, after, element):
-    """The same of the consistent mass of one element (J)."""
-    like, length = cable.gravity, cable.element_length[element]
-    way = between(-1.0, before.position, after.position, element, length, like)
-    gain = between(-1.0, before.velocity, after.velocity, element, length, like)
-    pull = between(1.0, before.acceleration, after.acceleration, element, length, like)
-    speed = between(1.0, before.velocity, after.velocity, element, length, like)
-    half, change = 0.5 * cable.mass_per_length * length, product(speed, gain)
-    return half * (product(pull, way) - change), half * change
+@inlined_kernel
+def cable_loss(cable, before, after, factors):
+    """The same of the consistent mass of all elements (J).
+
+    Elements are computed `WIDTH` at a time, and those that are left over one by one.
+    """
+    like = cable.gravity
+    grouped = cable.element_count - cable.element_count % WIDTH
+    lanes = 0.0 * gather(after.position, 0, like)[0][0]
+    sums = lanes, lanes
+    for element in range(0, grouped, WIDTH):
+        here, there = elements_loss(
+            cable.mass_per_length,
+            gather_numbers(cable.element_length, element),
+            factors,
+            (gather(before.algorithmic, element, like), gather(after.algorithmic, element, like)),
+            (gather(before.acceleration, element, like), gather(after.acceleration, element, like)),
+            (gather(before.velocity, element, like), gather(after.velocity, element, like)),
+        )
+        sums = sums[0] + here, sums[1] + there
+    lost, moved = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
+    for element in range(grouped, cable.element_count):
+        here, there = elements_loss(
+            cable.mass_per_length,
+            cable.element_length[element],
+            factors,
+            (nodal_vectors(before.algorithmic, element, like), nodal_vectors(after.algorithmic, element, like)),
+            (nodal_vectors(before.acceleration, element, like), nodal_vectors(after.acceleration, element, like)),
+            (nodal_vectors(before.velocity, element, like), nodal_vectors(after.velocity, element, like)),
+        )
+        lost, moved = lost + here, moved + there
+    return lost, moved
+
+
+@inlined_kernel
+def elements_loss(mass_per_length, length, factors, auxiliary, true, rates):
+    """Loss and gain of kinetic energy (J) of one element, or of `WIDTH`, from nodal vectors at start and end."""
+    p, q, r, s = factors
+    a, b = combined(-1.0, auxiliary[0], auxiliary[1], length), combined(-1.0, true[0], true[1], length)
+    gain, speed = combined(-1.0, rates[0], rates[1], length), combined(1.0, rates[0], rates[1], length)
+    mass = mass_per_length * length
+    return mass * product(mixed(p, a, q, b), mixed(r, a, s, b)), 0.5 * mass * product(speed, gain)
+
+
+@inlined_kernel
+def stretching_error(cable, before, after):
+    """The error on the tension of all elements (J), computed as in `cable_loss`."""
+    like, first, last = cable.gravity, before.nodes.position, after.nodes.position
+    grouped = cable.element_count - cable.element_count % WIDTH
+    lanes = 0.0 * gather(last, 0, like)[0][0]
+    for element in range(0, grouped, WIDTH):
+        length = gather_numbers(cable.element_length, element)
+        lanes += tension_error(length, gather(first, element, like), gather(last, element, like))
+    total = sum_of_lanes(lanes)
+    for element in range(grouped, cable.element_count):
+        length = cable.element_length[element]
+        total += tension_error(length, nodal_vectors(first, element, like), nodal_vectors(last, element, like))
+    return cable.axial_stiffness * total
+
+
+@inlined_kernel
+def tension_error(length, start, end):
+    """½ ∫(1 - t·t')(ε' - ε)dx (m), from nodal vectors: of a rope that stretches as it turns.
+
+    With the strain ε = |r_x| - 1 of `continuum`, unit tangent t, it is what the trapezoidal rule makes of the strain
+    energy too much, to the last bit; here without its strain beside 1: with ρ = l r_x and δ = |ρ'| - |ρ|, 1 - t·t' is
+    (|Δρ|² - δ²) / 2 l².
+    """
+    e = subtract(end[0], start[0]), subtract(end[1], start[1]), subtract(end[2], start[2]), subtract(end[3], start[3])
+    moved = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
+    middle = (
+        subtract(add_scaled(1.0, start[2], end[2]), add_scaled(1.0, start[0], end[0])),
+        scale(length, add_scaled(1.0, start[1], end[1])),
+        scale(length, add_scaled(1.0, start[3], end[3])),
+    )
+    total, per_length = 0.0 * length, 1.0 / length
+    for point in range(AXIAL_POINTS):
+        change = combine(AXIAL_SLOPES[point], *moved)
+        longer = 0.5 * per_length * dot(change, combine(AXIAL_SLOPES[point], *middle))
+        total += AXIAL_WEIGHT[point] * (dot(change, change) - longer * longer) * longer
+    return 0.25 * per_length * per_length * total
 
 
 @kernel
-def counterweight_loss(system, before, after, end):
+def counterweight_loss(system, before, after, end, factors):
     """The same of what pulls an end (J)."""
     mass = system.counterweights.mass[end]
     if not mass > 0.0:
         return 0.0, 0.0
-    like, node = system.cable.gravity, 0 if end == 0 else system.cable.element_count
+    like, node, (p, q, r, s) = system.cable.gravity, 0 if end == 0 else system.cable.element_count, factors
     direction = load(system.counterweights.direction[end], like)
-    way = dot(direction, load(after.position[node, 0], like)) - dot(direction, load(before.position[node, 0], like))
+    a = dot(direction, changed(before.algorithmic[node, 0], after.algorithmic[node, 0], like))
+    b = dot(direction, changed(before.acceleration[node, 0], after.acceleration[node, 0], like))
     late, early = (
         dot(direction, load(after.velocity[node, 0], like)),
         dot(direction, load(before.velocity[node, 0], like)),
     )
-    pull = dot(direction, load(after.acceleration[node, 0], like))
-    pull = 0.5 * (pull + dot(direction, load(before.acceleration[node, 0], like)))
-    change = 0.5 * mass * (late * late - early * early)
-    return mass * pull * way - change, change
+    return mass * (p * a + q * b) * (r * a + s * b), 0.5 * mass * (late * late - early * early)

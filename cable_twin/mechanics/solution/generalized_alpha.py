@@ -16,7 +16,7 @@ from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.orientations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
-from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
+from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment, worst_element
 from cable_twin.mechanics.solution.kinks import hold_kinks
@@ -240,7 +240,7 @@ def advance(system, state, good, before, work, steps):
     Returns:
         The fields of `Outcome`.
     """
-    solver = system.solver
+    solver, c = system.solver, coefficients(system.solver.spectral_radius)
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
     for done in range(steps):
@@ -258,8 +258,10 @@ def advance(system, state, good, before, work, steps):
                         copy_state(state, before)
                     converged, used, increment, gap = step(system, state, start, solver.step / parts, work)
                     iterations += used
+                    if converged and state.clock[0] % SECOND == 0:
+                        lost += SECOND * trapezoidal_error(system, start, state)
                     if converged and looks:
-                        here, there = numerical_loss(system, start, state)
+                        here, there = numerical_loss(system, start, state, c, solver.step / parts)
                         lost, moved = lost + EVERY * here, moved + EVERY * there
             if converged:
                 worst_gap = max(worst_gap, gap)

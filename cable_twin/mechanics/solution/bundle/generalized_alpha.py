@@ -20,7 +20,7 @@ from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, SYSTEM, WORK
 from cable_twin.mechanics.solution.bundle.riders import ride_tracks
 from cable_twin.mechanics.solution.bundle.strand_ends import carry_on, feel_ends, give_ends, place_ends
-from cable_twin.mechanics.solution.dissipation import EVERY, numerical_loss
+from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
 from cable_twin.mechanics.solution.generalized_alpha import (
     LEAST_CURVATURE,
     REFRESH,
@@ -168,6 +168,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
         The fields of `Outcome`.
     """
     solver, clock = system.solver, record_at(bundle.records[0, STATE], state).clock
+    c = coefficients(solver.spectral_radius)
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
     taken, gone_back = 0, wheels_gone_back(moving.sheaves)
@@ -190,11 +191,14 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                         bundle, moving, moving_before, scratch, system, state, work, column, solver.step / parts
                     )
                     iterations += used
-                    if converged and looks:
-                        for rope in range(bundle.records.shape[0]):
-                            own = record_at(bundle.records[rope, SYSTEM], system)
-                            start = record_at(bundle.records[rope, column], state)
-                            here, there = numerical_loss(own, start, record_at(bundle.records[rope, STATE], state))
+                    for rope in range(bundle.records.shape[0] if converged else 0):
+                        own = record_at(bundle.records[rope, SYSTEM], system)
+                        start = record_at(bundle.records[rope, column], state)
+                        end = record_at(bundle.records[rope, STATE], state)
+                        if clock[0] % SECOND == 0:
+                            lost += SECOND * trapezoidal_error(own, start, end)
+                        if looks:
+                            here, there = numerical_loss(own, start, end, c, solver.step / parts)
                             lost, moved = lost + EVERY * here, moved + EVERY * there
             if converged:
                 worst_gap = max(worst_gap, gap)
