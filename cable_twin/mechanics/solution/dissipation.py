@@ -35,9 +35,16 @@ SECOND = 2  # steps, of which one is looked at for the error of the trapezoidal 
 
 @kernel
 def numerical_loss(system, before, after, c, h):
-    """What a step of `h` (s), with the coefficients `c` of the method, from `before` to `after` has lost, and by how much it changed the kinetic energy (J).
+    """What a step has lost, and by how much it has changed the kinetic energy (J).
 
     Counted are cable, counterweights and bodies that were on the cable all the time.
+
+    Args:
+        system: parameters.
+        before: state at its start.
+        after: state at its end.
+        c: coefficients of the method.
+        h: its length, s.
     """
     factors = loss_factors(c, h)
     lost, moved = cable_loss(system.cable, before.nodes, after.nodes, factors)
