@@ -3,6 +3,7 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
+import signal
 from importlib import import_module
 
 import pytest
@@ -16,6 +17,7 @@ from cable_twin.simulation import Simulation
 SHARED = ("seed_example", "chairlift"), ("windy_tramway", "jig_back")  # whose kernels most tests need: plane and space
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under `nohup` all commands that tests start would ignore it
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -83,5 +83,5 @@ def test_an_orientation_that_is_none_is_found_in_a_snapshot(tmp_path, part, leng
     with pytest.raises(SnapshotError) as caught:
         Simulation.load(path)
     assert str(caught.value) == (
-        f"{path}: damaged: {part}/bodies.position: the quaternion of body 0 has a length of {length:.3g}; allowed: 1"
+        f"{path}: {part}/bodies.position: the quaternion of body 0 has a length of {length:.3g}; allowed: 1"
     )

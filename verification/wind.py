@@ -94,7 +94,7 @@ def gusts() -> Iterator[Result]:
     }
     for shape, expected in shapes.items():
         gust = {"time": start, "amplitude": [0.0, 10.0, 0.0], "duration": duration, "shape": shape}
-        got = winds(line(gusts=[gust]), np.zeros((1, 3)), 0.01, times.size)[:, 0, 1] - SPEED
+        got = winds(line({"drag_area": 5.0}, gusts=[gust]), np.zeros((1, 3)), 0.01, times.size)[:, 0, 1] - SPEED
         name = shape.replace("_", " ")
         yield Result(f"{name}: difference, largest", "m/s", 0.0, float(np.abs(got - expected).max()), 1e-9)
         yield Result(f"{name}: highest", "m/s", float(expected.max()), float(got.max()), 1e-9)
@@ -112,7 +112,7 @@ def turbulence() -> Iterator[Result]:
     step, count = 0.05, 2**16
     for spectrum in ("kaimal", "von_karman"):
         turbulent = {"spectrum": spectrum, "intensity": 0.15, "length_scale": 60.0, "seed": 7, "points": 11}
-        data = line(turbulence=turbulent)
+        data = line({"drag_area": 5.0}, turbulence=turbulent)
         places = np.array([[x, 0.0, 40.0] for x in np.linspace(0.0, 100.0, 11)])
         found = winds(data, places, step, count)
         name, deviation = spectrum.replace("_", " "), 0.15 * SPEED
@@ -149,10 +149,10 @@ def turbulence() -> Iterator[Result]:
 def bits() -> Iterator[Result]:
     """A fingerprint of the samples, and the wind along a line 100 m downwind."""
     turbulent = {"intensity": 0.15, "length_scale": 60.0, "seed": 7, "points": 11}
-    table = build_system(load_scenario(line(turbulence=turbulent))).air.wind.turbulence
+    table = build_system(load_scenario(line({"drag_area": 5.0}, turbulence=turbulent))).air.wind.turbulence
     got = sha256(table.tobytes()).hexdigest()[:8]
     yield Result("first bits of the samples of seed 7", "-", float(int(SEED_7, 16)), float(int(got, 16)), 0.0)
-    data = line(turbulence=turbulent) | {"air": {"wind": [10.0, 0.0, 0.0], "turbulence": turbulent}}
+    data = line({"drag_area": 5.0}, turbulence=turbulent) | {"air": {"wind": [10.0, 0.0, 0.0], "turbulence": turbulent}}
     found = winds(data, np.array([[0.0, 0.0, 40.0], [100.0, 0.0, 40.0]]), 0.1, 400)
     late = float(np.abs(found[100:, 1] - found[:-100, 0]).max())
     yield Result("wind 100 m downwind, 10 s later: difference", "m/s", 0.0, late, 1e-4)

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.point import position_on_cable
-from cable_twin.mechanics.solution import equilibrium
+from cable_twin.mechanics.solution import equilibrium, relaxation
 from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import advance
@@ -143,7 +143,8 @@ def test_a_problem_without_rest_says_so(monkeypatch):
 
     The error names iterations, how far the last one moved a point and what is allowed.
     """
-    monkeypatch.setattr(equilibrium, "MAX_RELAXATIONS", 300)
+    for module in (relaxation, equilibrium):
+        monkeypatch.setattr(module, "MAX_RELAXATIONS", 300)
     with pytest.raises(
         EquilibriumError,
         match=r"after 300 iterations, .*: the last one moved a point by [0-9].* m, allowed are 1e-09 m",

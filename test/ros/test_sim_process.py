@@ -276,8 +276,8 @@ BAD_PARAMETERS = [
     (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
     (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time' is 'maybe'; a bool is needed"),
-    (["--frame-id", "/map"], "sim: parameter 'frame_id' is '/map'; coordinate frame in which everything is; "),
-    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix' is 'a b/'; in front of the frames of "),
+    (["--frame-id", "/map"], "sim: parameter 'frame_id' is '/map'; coordinate frame of all positions; "),
+    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix' is 'a b/'; prefix of the coordinate frames of "),
     (
         ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.reliability:=sometimes"],
         "sim: qos_overrides./cable_twin/cable: Unexpected QoS override for policy `reliability`: `sometimes`",
@@ -329,7 +329,10 @@ def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignore
     sim = processes("--frame-rate", "30", "--ros-args", *names)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
-    assert "unknown parameter 'frame_rat' is ignored; known: scenario, set, snapshot, frame_rate" in sim.output
+    assert (
+        "unknown parameter 'frame_rat' is ignored; known: scenario, set, scenario_directories, snapshot, frame_rate"
+        in sim.output
+    )
     assert "use_sim_time" not in sim.output
     assert "frame_rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in sim.output
     participant.publish(name=["cabin"], velocity=[1.0])
