@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections import Counter
 from itertools import pairwise
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
-from twin_process import COMPILING, TwinProcess, gaps, refused_starts, stamps
+from twin_process import COMPILING, TwinProcess, environment, gaps, refused_starts, stamps
 
 from cable_twin.messages import SECOND
 from cable_twin.offline import replay
@@ -223,6 +225,23 @@ def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
         "carriers/forces": {5 * FRAME},
     }
     assert participant.received["carriers/poses"]
+
+
+def test_topics_of_a_carrier_that_is_not_there_are_refused_before_kernels_are_compiled(tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-m", "cable_twin.ros.sim", "chairlift", "--carrier-topics", "chair_99"],
+        env={**environment(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_DISABLE_JIT": "0"},
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=False,
+    )
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(
+        "sim: parameter 'carrier_topics' names 'chair_99'; scenario 'chairlift' has the carriers chair_1 to chair_"
+    )
+    assert not [*tmp_path.rglob("*.nbc")]
 
 
 def test_wrong_rates_and_names_are_a_line_each(tmp_path):

@@ -140,7 +140,10 @@ OF_OTHERS = (
 
 
 def test_topics_and_services_are_those_of_the_page(twin):
-    """As other nodes see them: names, types and directions; without what every node has, and what no wheel brings."""
+    """As other nodes see them: names, types and directions; without what every node has, and what no wheel brings.
+
+    The emergency stop is a participant of its own.
+    """
     scenario = load_scenario("aerial_tramway")
     vehicles = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
     of_all = {
@@ -148,7 +151,7 @@ def test_topics_and_services_are_those_of_the_page(twin):
         *(row for row in topics_of_page() if not row.name.startswith(OF_OTHERS) and "haul" not in row.name),
     }
     expected = {line for row in of_all for line in row.expanded(vehicles, ("start", "end"))}
-    ask, node = twin.node, ("cable_twin", "/")
+    ask, nodes = twin.node, {("cable_twin", "/"), ("cable_twin_emergency_stop", "/")}
     groups = (
         ("out", ask.get_publisher_names_and_types_by_node, "msg"),
         ("in", ask.get_subscriber_names_and_types_by_node, "msg"),
@@ -158,12 +161,13 @@ def test_topics_and_services_are_those_of_the_page(twin):
     def found() -> set[tuple[str, str, str]]:
         return {
             (direction, name.removeprefix("/cable_twin/"), types[0].replace(f"/{form}/", "/"))
+            for node in nodes.intersection(ask.get_node_names_and_namespaces())
             for direction, get, form in groups
             for name, types in get(*node)
             if name not in ("/rosout", "/parameter_events") and not types[0].startswith(("rcl_", "type_desc"))
         }
 
-    twin.until(lambda: found() == expected, what=f"{expected ^ found()}")
+    twin.until(lambda: found() == expected, what="the topics and services of the page")
 
 
 def test_joint_states_name_carriages_and_bodies(twin):
