@@ -5,6 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 
 from cable_twin.recording.log_reader import Log
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import SAMPLES, Meanwhile, Simulation, SnapshotError
 
@@ -22,6 +23,11 @@ def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = 
     """
     if log.snapshot is None:
         return Simulation(load_scenario(log.scenario), samples=samples, meanwhile=meanwhile)
+    if not log.snapshot:
+        raise SnapshotError(
+            f"{log.path}: the run started from a snapshot, and {SNAPSHOT_NAME} is not attached any more: "
+            "its messages can be read, and nothing replayed"
+        )
     try:
         return Simulation.load(BytesIO(log.snapshot), samples=samples, meanwhile=meanwhile)
     except SnapshotError as error:

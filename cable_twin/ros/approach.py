@@ -1,7 +1,8 @@
 """The way to a place: a trapezoid of speed within the limits of a drive, and a stop there. Knows nothing of rclpy.
 
-The way is reckoned from the speeds that were applied, at their simulated times, so that an elastic haul rope is not
-rocked by a loop over it. How far the vehicle is from there, the stretch of that rope, is filtered and added.
+The way is that of the ramp which the drive follows, so that an elastic haul rope is not rocked by a loop over it. How
+far the vehicle is from there, the stretch of that rope, is filtered and added: so it has arrived where the drive rests
+and the place around which the vehicle may still swing, for minutes on a long rope, is the one it was to go to.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from collections.abc import Mapping
 from cable_twin.scenario import Scenario, places_of
 
 TOLERANCE = 0.1  # m from the place, where it counts as there
-SETTLED = 2.0  # s of simulated time within that
+RESTING = 0.05  # m/s of the drive, below which it counts as at rest
+SETTLED = 2.0  # s of simulated time within both
 SHARE = 0.7  # of acceleration and deceleration that is asked for: the drive follows without being at its limits
-LANDING = 1.0  # s, time constant of the last decimetres
-STRETCHING, STIFF = 4.0, 1.0  # s, of the filter: with a haul rope, which bounces within a few seconds, and without
+LANDING = 0.5  # s, time constant of the last decimetres
+STRETCHING, STIFF = 3.0, 1.0  # s, of the filter: with a haul rope, which bounces within a few seconds, and without
 STALLED = 60.0  # s of simulated time without coming nearer
 PERIOD = 0.05  # s of simulated time from one speed to the next
 STATIONS = ("start", "end", "lower_station", "upper_station")
@@ -47,39 +49,42 @@ class Approach:
         self._landing = LANDING + (0.0 if limits.jerk is None else self._slowing / limits.jerk)
         elastic = drive is None and scenario.carriages[name].drive.haul_rope is not None
         self._filter_time = STRETCHING if elastic else STIFF
-        self._way = math.nan  # m, that the speeds have asked for
-        self._last = (math.nan, 0.0)  # s and m/s of the newest applied speed
+        self._last = (math.nan, 0.0)  # s and m/s of the newest speed
         self._filters = (math.nan, math.nan)  # m, place beside the way
         self._filtered = math.nan  # s
         self._near_since: float | None = None
+        self._mean = (0.0, 0)  # m, place since then, and of how many it is the mean
         self._nearest, self._side = (math.inf, math.nan), 0.0  # m, and when; on the side of the sign of that
 
-    def speed(self, time: float, place: float, speed: float) -> float | None:
-        """Speed (m/s) that is due at a simulated time (s), at a place (m) and speed; None: it has arrived."""
-        if math.isnan(self._way):
-            self._way, self._last = place, (time, speed)
-        asked = self._way + self._last[1] * (time - self._last[0])
-        left = self.target - asked - self._filter(time, place - asked)
-        if abs(self.target - place) > TOLERANCE or abs(speed) > TOLERANCE:
-            self._near_since = None
-        elif self._near_since is None:
-            self._near_since = time
-        elif time - self._near_since >= SETTLED:
-            return None
+    def speed(self, time: float, place: float, way: float, speed: float) -> float | None:
+        """Speed (m/s) that is due; None: it has arrived.
+
+        Args:
+            time: s, simulated.
+            place: m, of the vehicle or cable.
+            way: m, of the ramp that the drive follows.
+            speed: m/s, of that ramp.
+        """
+        if math.isnan(self._last[0]):
+            self._last = time, speed
+        left = self.target - way - self._filter(time, place - way)
+        if abs(left) > TOLERANCE or abs(speed) > RESTING:
+            self._near_since, self._mean = None, (0.0, 0)
+        else:
+            mean, count = self._mean
+            self._mean = mean + (place - mean) / (count + 1), count + 1
+            self._near_since = time if self._near_since is None else self._near_since
+            if time - self._near_since >= SETTLED and abs(self.target - self._mean[0]) <= TOLERANCE:
+                return None
         slowing, landing = self._slowing, self._landing
         size = min(self.fastest, slowing * (math.sqrt(landing**2 + 2.0 * abs(left) / slowing) - landing))
         gained = self._gaining * max(time - self._last[0], PERIOD)
-        return math.copysign(min(size, abs(self._last[1]) + gained), left)
+        self._last = time, math.copysign(min(size, abs(self._last[1]) + gained), left)
+        return self._last[1]
 
     def go_on_from(self, before: Approach) -> None:
-        """Take over the way, and what swings, of one to another place."""
-        self._way, self._last = before._way, before._last
-        self._filters, self._filtered = before._filters, before._filtered
-
-    def applied(self, time: float, speed: float) -> None:
-        """Take note of a speed (m/s) that was applied at a simulated time (s)."""
-        self._way += self._last[1] * (time - self._last[0])
-        self._last = time, speed
+        """Take over the speed, and what swings, of one to another place."""
+        self._last, self._filters, self._filtered = before._last, before._filters, before._filtered
 
     def stalled(self, time: float, place: float) -> str:
         """Why it gets nowhere, in a line; nothing while it comes nearer."""
@@ -142,4 +147,4 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
     return target
 
 
-__all__ = ["PERIOD", "SETTLED", "STATIONS", "TOLERANCE", "Approach", "target_of"]
+__all__ = ["PERIOD", "STATIONS", "TOLERANCE", "Approach", "target_of"]

@@ -19,7 +19,7 @@ from typing import Any
 from cable_twin.commands import KINDS
 from cable_twin.records import AppliedCommand, Command, CommandError, Goal
 from cable_twin.ros.frame_statistics import FrameStatistics
-from cable_twin.ros.goals import SOURCE, Goals
+from cable_twin.ros.goals import ARRIVAL, SOURCE, Goals
 from cable_twin.ros.lateness import LatenessHistogram
 from cable_twin.ros.stepping import Stepping
 from cable_twin.ros.time_slice import wake_promptly
@@ -192,8 +192,8 @@ class FrameLoop:
                 if first or not self._paused:
                     self._on_run(first)
                 first = False
-            for command in self.goals.commands():
-                self._drive(command)
+            for command, source in self.goals.commands():
+                self._drive(command, source)
             snapshot = self._advance()
             if snapshot is not None:
                 frame = self._prepare(snapshot)
@@ -269,10 +269,10 @@ class FrameLoop:
         else:
             future.set_result(applied)
 
-    def _drive(self, command: Command) -> None:
+    def _drive(self, command: Command, source: str) -> None:
         """Give a speed towards a goal."""
         try:
-            self._apply(command, SOURCE)
+            self._apply(command, source)
         except CommandError as error:
             for name in command.values:
                 self.goals.give_up(name, str(error))
@@ -280,7 +280,7 @@ class FrameLoop:
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         self._before_command()
         applied = self._simulation.apply(command, source)
-        self.goals.note(applied.time, command, source)
+        self.goals.note(command, source)
         if KINDS[command.kind].drives:
             self._hold(command, source)
         elif KINDS[command.kind].halts:
@@ -300,7 +300,9 @@ class FrameLoop:
         """Let a drive command hold until the time-out; one towards a goal needs nobody who repeats it."""
         until = time.monotonic() + self.command_timeout
         for name, value in command.values.items():
-            if source != SOURCE and (value != 0.0 or command.kind == "force"):  # without force it rolls on
+            if source not in (SOURCE, ARRIVAL) and (
+                value != 0.0 or command.kind == "force"
+            ):  # without force it rolls on
                 self._deadlines[name] = until
             else:
                 self._deadlines.pop(name, None)

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from cable_twin.commands import KINDS
-from cable_twin.plotted_signals import driven, driven_names
+from cable_twin.plotted_signals import SIGNALS, driven, driven_names
 from cable_twin.records import Command, CommandError, Goal
 from cable_twin.ros.approach import PERIOD, Approach, target_of
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.command_checks import check_drive
 
-SOURCE = "goal"  # of the speeds, in the log
+SOURCE, ARRIVAL = "goal", "arrival"  # of the speeds on the way, and of that of 0 at its end, in the log
 GIVEN_UP = "goal given up: "
 
 
@@ -33,6 +33,7 @@ class Goals:
     def __init__(self, simulation: Simulation, tell: Callable[[str, bool], object]) -> None:
         self._simulation, self._tell = simulation, tell
         self._rows = {name: row for row, name in enumerate(driven_names(simulation.layout))}
+        self._commanded = {name: row for row, name in enumerate(simulation.layout.commanded)}
         self._under_way: dict[str, tuple[Approach, float]] = {}  # and since when, in s of simulated time
         self._next = 0.0  # s of simulated time
         self.texts: dict[str, str] = {}
@@ -64,37 +65,36 @@ class Goals:
             self.texts[name] = f"on its way to {approach.target:.2f} m"
         self._next = min(self._next, simulation.time)
 
-    def commands(self) -> Iterator[Command]:
-        """Speeds that are due at the present time, each to be applied before the next one is taken."""
+    def commands(self) -> Iterator[tuple[Command, str]]:
+        """Speeds that are due at the present time and their source, each to be applied before the next one is taken."""
         simulation = self._simulation
         if not self._under_way or simulation.time < self._next - 1e-9:
             return
         self._next = simulation.time + PERIOD
         snapshot = simulation.snapshot
         state = driven(snapshot.layout, snapshot.columns)
+        ways, speeds = (
+            SIGNALS[name].read(snapshot.layout, snapshot.columns) for name in ("reference_position", "reference_speed")
+        )
         for name, (approach, since) in list(self._under_way.items()):
-            place, speed = float(state.place[self._rows[name]]), float(state.speed[self._rows[name]])
-            value = approach.speed(snapshot.time, place, speed)
+            place, row = float(state.place[self._rows[name]]), self._commanded[name]
+            value = approach.speed(snapshot.time, place, float(ways[row]), float(speeds[row]))
             if fault := approach.stalled(snapshot.time, place):
                 self.give_up(name, fault)
-                yield Command("speed", {name: 0.0})
+                yield Command("speed", {name: 0.0}), SOURCE
             elif value is None:
                 del self._under_way[name]
                 away = f"{abs(approach.target - place):.2f} m from {approach.target:.2f} m"
                 self.texts[name] = f"arrived at {place:.2f} m, {away}"
                 self._tell(f"{name} has {self.texts[name]}, after {snapshot.time - since:.1f} s", False)
-                yield Command("speed", {name: 0.0})
+                yield Command("speed", {name: 0.0}), ARRIVAL
             else:
-                yield Command("speed", {name: value})
+                yield Command("speed", {name: value}), SOURCE
 
-    def note(self, time: float, command: Command, source: str) -> None:
-        """A command has taken effect at a simulated time (s): one of these, or one that takes over."""
+    def note(self, command: Command, source: str) -> None:
+        """A command has taken effect: one of these, or one that takes over."""
         kind = KINDS[command.kind]
-        if source == SOURCE:
-            for name, value in command.values.items():
-                if name in self._under_way:
-                    self._under_way[name][0].applied(time, value)
-        elif kind.drives or kind.halts:
+        if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
             for name in list(self._under_way):
                 if kind.halts or name in command.values:
                     self.give_up(name, f"{command.kind.replace('_', ' ')} by {source}")
@@ -106,4 +106,4 @@ class Goals:
         self._tell(f"{GIVEN_UP}{name}: {why}", True)
 
 
-__all__ = ["GIVEN_UP", "SOURCE", "Goals"]
+__all__ = ["ARRIVAL", "GIVEN_UP", "SOURCE", "Goals"]

@@ -34,8 +34,6 @@ class Trip(Driver):
         self._target = math.nan  # m
         self._given = False
         self._asked = 0.0  # m/s, by the twin
-        self._time = math.nan  # s, of the newest joint states
-        self._near_since: float | None = None
         self._arrived = False
         self._rope: Any = None  # the newest cable
         node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -66,17 +64,7 @@ class Trip(Driver):
 
     def _next(self, elapsed: float) -> float | None:
         """Speed (m/s) that the twin has given its drive; None when it has arrived."""
-        from cable_twin.ros.approach import SETTLED, TOLERANCE  # noqa: PLC0415 - is there by now
-
-        place, speed, _ = self._states[self._options.name]
-        if abs(self._target - place) > TOLERANCE or abs(speed) > TOLERANCE:
-            self._near_since = None
-        elif self._near_since is None:
-            self._near_since = self._time
-        elif self._time - self._near_since >= SETTLED:
-            self._arrived = True
-            return None
-        return self._asked
+        return None if self._arrived else self._asked
 
     def _send(self, value: float) -> None:
         if not self._given:
@@ -102,16 +90,13 @@ class Trip(Driver):
         away = f"{abs(self._target - place):.2f} m from {self._target:.2f} m"
         print(f"arrived: {self._options.name} at {place:.2f} m, {away}, after {elapsed:.1f} s", file=sys.stdout)
 
-    def _on_states(self, message: Any) -> None:
-        super()._on_states(message)
-        self._time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec  # but for a constant
-
     def _on_applied(self, data: bytes) -> None:
-        from cable_twin.ros.goals import SOURCE  # noqa: PLC0415 - is there by now
+        from cable_twin.ros.goals import ARRIVAL, SOURCE  # noqa: PLC0415 - is there by now
 
         applied = applied_command_from_message(data)
-        if applied.source == SOURCE and self._options.name in applied.command.values:
+        if applied.source in (SOURCE, ARRIVAL) and self._options.name in applied.command.values:
             self._note_answer()
+            self._arrived = self._given and applied.source == ARRIVAL
             self._asked = applied.command.values[self._options.name]
 
     def _on_rope(self, message: Any) -> None:

@@ -96,7 +96,7 @@ def test_it_goes_to_a_place_and_stops_there(twin, drive):
     assert 5.0 < max(speeds) <= 6.01  # up, along
     assert min(speeds) > -0.1  # and down to a stop, not to and fro
     assert " m to go" in process.output
-    assert {applied.source for applied in twin.applied} == {"goal"}  # the twin drove; nobody else had to
+    assert {applied.source for applied in twin.applied} == {"goal", "arrival"}  # the twin drove; nobody else had to
     process = drive("cabin", "--to", "5000")
     assert finish(twin, process) == 1
     assert re.search(
