@@ -15,6 +15,7 @@ from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
 from cable_twin.records import Command
+from cable_twin.ros.incoming import WARNING_PERIOD
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
 from cable_twin.scenario import load_scenario
 
@@ -217,12 +218,12 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
         twin.publish(**MOVING)
         twin.until(lambda: twin.speed == pytest.approx(2.0, abs=1e-6), what="commanded speed")
         twin.received["joint_states"].clear()
-        length = len(process.output)
+        length, begin = len(process.output), time.monotonic()
         for reason, fields in BAD_COMMANDS.items():
             twin.publish(**fields)
             twin.until(lambda reason=reason: reason in told(), what=reason)
             twin.spin(0.06)  # beyond the throttle
-        (warning,) = [line for line in process.output[length:].splitlines() if "command refused" in line]
+        warning = next(line for line in process.output[length:].splitlines() if "command refused" in line)
         assert warning.startswith("[WARN]")
         assert "/cable_twin/joint_commands: command refused, the last good one stays" in warning
         twin.publisher.publish(b"\x00\x01\x00\x00\xff\xff\xff\xff\xff\xff")
@@ -234,9 +235,10 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
             twin.publish(name=["cabin"], velocity=[math.nan])
         values = twin.next_diagnostics()[2]
         assert int(values["commands_refused"]) == refused + len(BAD_COMMANDS) + 1 + 20
-        assert process.output[length:].count("command refused") <= 2  # throttled to one in 5 s
+        most = 1 + (time.monotonic() - begin) / WARNING_PERIOD
+        assert process.output[length:].count("command refused") <= most
+        twin.until(lambda: len(twin.received["joint_states"]) > 100, what="a second of frames")
         speeds = [message.velocity[0] for message in twin.received["joint_states"]]
-    assert len(speeds) > 100
     assert speeds == pytest.approx([2.0] * len(speeds), abs=1e-6)
     assert "Traceback" not in process.output
 
@@ -311,9 +313,12 @@ def test_pause_and_step(twin):
     paused_at = stamps(twin.received["joint_states"])[-1]
     resumed = time.monotonic()
     assert twin.call("pause", SetBool, data=False).success
-    twin.spin(0.5)
-    simulated = (stamps(twin.received["joint_states"])[-1] - paused_at) * 1e-9
-    assert 0.1 < simulated <= time.monotonic() - resumed + 0.02  # does not run after the time that it was paused
+
+    def simulated():
+        return (stamps(twin.received["joint_states"])[-1] - paused_at) * 1e-9
+
+    twin.until(lambda: simulated() > 0.1, what="time that runs")
+    assert simulated() <= time.monotonic() - resumed + 0.02  # does not run after the time that it was paused
 
 
 def test_emergency_stop_refuses_commands_until_released(running, twin):
@@ -412,7 +417,7 @@ def test_many_frames_in_one_call(twin):
     set_step_count(twin, 2000)
     called = time.monotonic()
     last = twin.call("step", Trigger).message
-    assert time.monotonic() - called < 10.0
+    assert time.monotonic() - called < 19.0  # 20 s by the clock
     before, after = (float(re.search(r"to (.*) s of", answer).group(1)) for answer in (first, last))
     assert after - before == pytest.approx(20.0)
     set_step_count(twin, 1_000_000)
