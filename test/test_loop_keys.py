@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from cable_twin.recording.view_scene import gathered
+from cable_twin.recording.place_names import gathered
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.files import config_directory
@@ -187,7 +187,25 @@ def test_what_is_in_one_place_has_one_name():
         "tower_1_down": (40.0, 9.0),
     }
     rim = np.array([(798.0, -2.0, 1.0), (802.0, 2.0, 1.0)])
-    assert gathered(places, {"drive": rim}) == {"drive": places["up/end"], "tower_1": places["tower_1_up"]}
+    called = gathered(places, {"drive": rim}, ["up", "down"])
+    assert called == {"drive": places["up/end"], "tower_1": places["tower_1_up"]}
+
+
+def test_what_stands_closer_than_letters_has_one_name():
+    """Masts of two tracks beside each other, a bullwheel behind the ends of track ropes, towers of several strands."""
+    places = {
+        "track_1/start": (0.0, 4.5, 0.0),
+        "track_2/end": (0.0, -4.5, 0.0),
+        "haul_1/start": (-15.0, 4.5, -5.0),
+        "tower_1_track_1": (400.0, 4.5, 142.0),
+        "tower_1_track_2": (400.0, -4.5, 142.0),
+        "rollers_1_haul_1": (400.0, 4.5, 140.0),
+        "tower_2_track_1": (450.0, 4.5, 160.0),
+    }
+    rims = {"return": np.array([(-16.0, -4.5, -5.0), (-14.0, 4.5, -5.0)])}
+    ropes = ["track_1", "track_2", "haul_1"]
+    assert list(gathered(places, rims, ropes, near=20.0)) == ["return", "tower_1, rollers_1", "tower_2_track_1"]
+    assert len(gathered(places, rims, ropes)) == len(places)
 
 
 def test_places_that_begin_alike_keep_names_of_their_own():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +15,7 @@ COLOR_STOPS = (0x3B8BFFFF, 0x1FAFC8FF, 0x45BB66FF, 0xCCA40AFF, 0xF08324FF, 0xF03
 
 
 class TensionColors:
-    """The range of tensions that the colours span: it starts around the first rope and only ever widens."""
+    """The range of tensions that the colours of one rope span: it starts around the first ones and only ever widens."""
 
     def __init__(self) -> None:
         self.low = 0.0
@@ -29,6 +31,8 @@ class TensionColors:
 
     def widen(self, tensions: FloatArray) -> bool:
         """Widen the range where a batch leaves it, a few single samples aside; say whether it did."""
+        if tensions.min() >= self.low and tensions.max() <= self.high:
+            return False
         low, high = (float(value) for value in np.percentile(tensions, (2.0, 98.0)))
         if low >= self.low and high <= self.high:
             return False
@@ -36,18 +40,6 @@ class TensionColors:
         room = 0.25 * (max(high, self.high) - min(low, self.low))
         self._span(low - room if low < self.low else self.low, high + room if high > self.high else self.high)
         return True
-
-    def bins(self, tensions: FloatArray) -> NDArray[np.intp]:
-        """Return the colour of each stretch of rope between two samples, as index into the table of colours."""
-        middle = (tensions[:, 1:] + tensions[:, :-1]) / 2.0
-        scaled = (middle - self.low) * (COLOR_COUNT / (self.high - self.low))
-        # fmax takes the lowest colour for a tension that is not known
-        return np.fmin(np.fmax(scaled, 0.0), COLOR_COUNT - 1.0).astype(np.intp)
-
-    def rgba(self, tensions: FloatArray) -> FloatArray:
-        """Return the colour (n, 4) of each point of a rope with tensions (n,), each channel from 0 to 1."""
-        share = np.clip((np.nan_to_num(tensions, nan=self.low) - self.low) / (self.high - self.low), 0.0, 1.0)
-        return np.column_stack([np.interp(share, _PLACES, channel) for channel in _CHANNELS])
 
     def _span(self, low: float, high: float) -> None:
         """Set the range, rounded outwards to numbers that read well."""
@@ -58,6 +50,65 @@ class TensionColors:
         step *= next(factor for factor in (1.0, 2.0, 5.0, 10.0) if width / (step * factor) <= 8.0)
         self.low = float(step * np.floor(low / step))
         self.high = float(step * np.ceil(high / step))
+
+
+class RopeColors:
+    """Tension colours of several ropes: each spans the tensions that it carries itself.
+
+    Args:
+        ropes: Name -> its samples among those of all ropes.
+
+    Attributes:
+        scales: name -> range of the colours of this rope.
+    """
+
+    def __init__(self, ropes: Mapping[str, slice]) -> None:
+        self._parts = dict(ropes)
+        self._started: set[str] = set()
+        self.scales = {name: TensionColors() for name in ropes}
+
+    def widen(self, tensions: FloatArray) -> bool:
+        """Widen each range where tensions (samples,) or (frames, samples) leave it, NaN aside; say whether one did."""
+        changed = False
+        for name, part in self._parts.items():
+            own = tensions[..., part]
+            known = own[~np.isnan(own)]
+            if not known.size:
+                continue
+            if name not in self._started:
+                self._started.add(name)
+                self.scales[name].start(known[: own.shape[-1]])
+                changed = True
+            changed |= self.scales[name].widen(known)
+        return changed
+
+    def bins(self, tensions: FloatArray, ropes: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the colour of each stretch of rope between two points, as index into the table of colours.
+
+        Args:
+            tensions: (frames, n).
+            ropes: (frames, n - 1) number of the rope of each stretch.
+        """
+        low, width = (part[ropes] for part in self._ranges())
+        middle = (tensions[:, 1:] + tensions[:, :-1]) / 2.0
+        scaled = (middle - low) * (COLOR_COUNT / width)
+        # fmax takes the lowest colour for a tension that is not known
+        return np.fmin(np.fmax(scaled, 0.0), COLOR_COUNT - 1.0).astype(np.intp)
+
+    def rgba(self, tensions: FloatArray, ropes: NDArray[np.intp]) -> FloatArray:
+        """Return the colour (n, 4), channels from 0 to 1, of points with tensions (n,) of ropes (n,) by number."""
+        low, width = (part[ropes] for part in self._ranges())
+        share = np.fmin(np.fmax((tensions - low) / width, 0.0), 1.0)
+        return np.column_stack([np.interp(share, _PLACES, channel) for channel in _CHANNELS])
+
+    def captions(self, unit: str, scale: float = 1.0) -> list[str]:
+        """Return name and range of each rope in a unit, that of its tensions times `scale`."""
+        return [f"{name}: {one.low * scale:g} to {one.high * scale:g} {unit}" for name, one in self.scales.items()]
+
+    def _ranges(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest tension and width of the range of each rope (ropes,)."""
+        low, high = np.array([(one.low, one.high) for one in self.scales.values()]).T
+        return low, high - low
 
 
 _PLACES = np.linspace(0.0, 1.0, len(COLOR_STOPS))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cable_twin.records import FloatArray
 
 TIMELINE = "sim_time"
+QUIET = 0x747D8FFF  # readable on dark and on light ground
 DOWNWARDS = np.array([1.0, -1.0])
 
 

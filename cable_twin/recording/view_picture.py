@@ -76,8 +76,8 @@ class Picture:
         )
         low, high = extent(scene)
         width = float(max(high - low))
-        low = low - (0.0, draw_scene(stream, scene, width, look.wheels))
-        top = float(high[1] + 0.06 * width)
+        low = low - (0.0, draw_scene(stream, scene, width, look.wheels, self._layout.ropes))
+        top = float(high[1] + (0.06 + 0.03 * (len(self._layout.ropes) - 1)) * width)  # room for a line a rope
         self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
         self._vehicles.begin(stream, first, 0.045 * width)
         self._plots.begin(stream)

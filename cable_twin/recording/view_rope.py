@@ -12,8 +12,9 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
-from cable_twin.recording.tension_colors import COLOR_COUNT, COLOR_TABLE, TensionColors
+from cable_twin.recording.tension_colors import COLOR_COUNT, COLOR_TABLE, RopeColors
 from cable_twin.recording.view_geometry import (
+    QUIET,
     TIMELINE,
     pixels,
     planar,
@@ -44,7 +45,8 @@ class Rope:
         self._scale = scale
         self._unit = unit
         self._drawn = (IN_PLANE, IN_SPACE) if space else (IN_PLANE,)
-        self._colors: TensionColors | None = None  # until a tension is known
+        self._colors = RopeColors(layout.ropes)
+        self._known = False  # any tension so far
         self._legend_place = (0.0, 0.0, 1.0)
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
@@ -53,8 +55,8 @@ class Rope:
         stream.log(IN_PLANE.path, rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
         if IN_SPACE in self._drawn:
             stream.log(IN_SPACE.path, rr.LineStrips3D.from_fields(radii=pixels(2.5)), static=True)
-        if self._colors is not None:
-            self._log_legend(stream, time, self._colors)
+        if self._known:
+            self._log_legend(stream, time)
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
         """Send the rope of some frames of a batch, with its kinks at the joints."""
@@ -69,18 +71,14 @@ class Rope:
         points, tensions = with_joints(
             self._arc_lengths, c.rope_position[rows], tensions, places, c.joint_position[rows]
         )
-        known = tensions[~np.isnan(tensions)]
-        bins = np.zeros((len(points), points.shape[1] - 1), dtype=np.intp)
-        if known.size:
-            first = self._colors is None
-            if self._colors is None:
-                self._colors = TensionColors()
-                self._colors.start(known.reshape(-1)[: self._arc_lengths.size])
-            if self._colors.widen(known) or first:
-                self._log_legend(stream, float(times[0]), self._colors)
-            bins = self._colors.bins(tensions)
-        if self._starts.size:
+        if self._colors.widen(c.rope_tension[rows] * self._scale):
+            self._known = True
+            self._log_legend(stream, float(times[0]))
+        if not self._starts.size:
+            bins = self._colors.bins(tensions, np.zeros((len(points), points.shape[1] - 1), dtype=np.intp))
+        else:
             sorted_places = np.sort(self._placed(places), axis=1)
+            bins = self._colors.bins(tensions, np.searchsorted(self._starts, sorted_places[:, :-1], side="right"))
             for frame, ways in enumerate(sorted_places):
                 bins[frame, np.searchsorted(ways, self._starts) - 1] = NO_ROPE
         for form in self._drawn:
@@ -91,22 +89,23 @@ class Rope:
         """Arc lengths of samples and joints (frames, n), as `with_joints` orders them."""
         return np.hstack([np.broadcast_to(self._arc_lengths, (len(places), self._arc_lengths.size)), places])
 
-    def _log_legend(self, stream: rr.RecordingStream, time: float, colors: TensionColors) -> None:
-        """Draw the bar of tension colours with its ends in numbers, as valid from `time` (s) on."""
+    def _log_legend(self, stream: rr.RecordingStream, time: float) -> None:
+        """Draw the bar of tension colours with the range of each rope in numbers, as valid from `time` (s) on."""
         x, z, width = self._legend_place
         edges = x + np.linspace(0.0, 0.35 * width, COLOR_COUNT + 1)
         bar = [[(left, -z), (right, -z)] for left, right in pairwise(edges)]
+        if len(self._colors.scales) == 1:
+            (only,) = self._colors.scales.values()
+            labels = [f"{value:g} {self._unit}" for value in (only.low, only.high)]
+            places, colors = [(edges[0], -z), (edges[-1], -z)], [COLOR_TABLE[0], COLOR_TABLE[-1]]
+        else:  # one label with a line for each rope, whose distance is that of letters at any zoom
+            labels = ["\n".join(self._colors.captions(self._unit))]
+            places, colors = [((edges[0] + edges[-1]) / 2.0, -z)], [QUIET]
         stream.set_time(TIMELINE, duration=time)
         stream.log(
             "track/tension_colors",
             rr.LineStrips2D(bar, colors=COLOR_TABLE, radii=pixels(4.0)),
-            rr.Points2D(
-                [(edges[0], -z), (edges[-1], -z)],
-                colors=[COLOR_TABLE[0], COLOR_TABLE[-1]],
-                radii=pixels(4.0),
-                labels=[f"{value:g} {self._unit}" for value in (colors.low, colors.high)],
-                show_labels=True,
-            ),
+            rr.Points2D(places, colors=colors, radii=pixels(4.0), labels=labels, show_labels=True),
         )
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from os.path import commonprefix
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
 from cable_twin.geometry.ground_line import default_ground
-from cable_twin.recording.view_geometry import pixels, planar, plane
+from cable_twin.recording.place_names import NEAR, gathered
+from cable_twin.recording.view_geometry import QUIET, pixels, planar, plane
 from cable_twin.records import FloatArray
 
-QUIET = 0x747D8FFF  # readable on dark and on light ground
 WHEEL = 0x9A6EE0FF
 GROUND = 0x84735DFF
 LETTER, NAME_HEIGHT = 0.009, 0.035  # of a name, in widths of the scene
@@ -51,8 +50,10 @@ def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: Mapping[str, FloatArray]) -> float:
-    """Log ground, supports and their masts, rims (n, 3) m of bullwheels, and their names below.
+def draw_scene(
+    stream: rr.RecordingStream, scene: Scene, width: float, wheels: Mapping[str, FloatArray], ropes: Collection[str]
+) -> float:
+    """Log ground, supports and their masts, rims (n, 3) m of bullwheels, and their names below; `ropes` by name.
 
     Returns how far (m) those go below the ground.
     """
@@ -68,33 +69,14 @@ def draw_scene(stream: rr.RecordingStream, scene: Scene, width: float, wheels: M
     if wheels:
         rims = rr.LineStrips2D([plane(planar(rim)) for rim in wheels.values()], colors=[WHEEL], radii=pixels(2.5))
         stream.log("track/wheels", rims, static=True)
-    together = gathered({name: mast[1] for name, mast in zip(supports, masts, strict=True)}, wheels)
+    feet_by_name = {name: mast[1] for name, mast in zip(supports, masts, strict=True)}
+    together = gathered(feet_by_name, wheels, ropes, NEAR * width)
     feet = np.array(list(together.values())).reshape(-1, 2)
     depths = NAME_HEIGHT * width * (0.5 + name_rows(feet[:, 0] / width, list(together)))
     places = plane(feet - np.column_stack([np.zeros(len(feet)), depths]))
     names = rr.Points2D(places, colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True)
     stream.log("track/names", names, static=True)
     return float(depths.max(initial=0.0)) + NAME_HEIGHT * width
-
-
-def gathered(places: Mapping[str, Sequence[float]], wheels: Mapping[str, FloatArray]) -> dict[str, Sequence[float]]:
-    """Places by name, once each: of several names there the bullwheel between them, what they begin with, or all.
-
-    Args:
-        places: Name -> m, x first.
-        wheels: Name -> (n, 3) m, rims of bullwheels.
-    """
-    names: dict[tuple[float, ...], list[str]] = {}
-    for name, place in places.items():
-        names.setdefault(tuple(round(float(part), 3) for part in place), []).append(name)
-    called = []
-    for some in names.values():
-        x = places[some[0]][0]
-        near = [name for name, rim in wheels.items() if np.min(rim[:, 0]) <= x <= np.max(rim[:, 0])]
-        common = commonprefix(some).rstrip("_/")  # noqa: RUF071 - of letters
-        name = near[0] if near and len(some) > 1 else common or ", ".join(some)
-        called.append(", ".join(some) if name in called else name)
-    return {name: places[some[0]] for name, some in zip(called, names.values(), strict=True)}
 
 
 def name_rows(places: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -13,8 +13,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from cable_twin.geometry.solids import Solid
-from cable_twin.recording.view_geometry import entity_path, pixels, rows_without_gaps, time_column
-from cable_twin.recording.view_scene import GROUND, QUIET, WHEEL, gathered
+from cable_twin.recording.place_names import NEAR, gathered
+from cable_twin.recording.view_geometry import QUIET, entity_path, pixels, rows_without_gaps, time_column
+from cable_twin.recording.view_scene import GROUND, WHEEL
 from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
@@ -84,6 +85,7 @@ class Space:
             entity_path(CLOSE_UPS, name): row for row, name in enumerate(layout.vehicles) if name in followed
         }
         self._end_samples = layout.end_samples
+        self._ropes = list(layout.ropes)
         self._reach = 1.0  # m, of an arrow of the wind beside a vehicle
         self._span = 1.0  # m, of the track
         self._sky = np.zeros(3)  # m, where the arrow of the wind is
@@ -158,7 +160,7 @@ class Space:
             strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
             places[name] = [beside[0], beside[1], foot - 0.02 * self._span]
         stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
-        together = gathered(places, wheels)
+        together = gathered(places, wheels, self._ropes, NEAR * self._span)
         labels = rr.Points3D(
             list(together.values()), colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True
         )

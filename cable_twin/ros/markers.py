@@ -18,7 +18,8 @@ from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
-from cable_twin.recording.tension_colors import TensionColors
+from cable_twin.recording.place_names import NEAR, gathered
+from cable_twin.recording.tension_colors import RopeColors
 from cable_twin.records import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Columns, Layout
@@ -60,8 +61,8 @@ class Markers:
         self._span = max(float(np.ptp(columns.rope_position[:, axis])) for axis in range(3))
         rope = len(layout.arc_lengths) + len(layout.joints)
         self._rope, self._colors = np.empty((rope, 3)), np.empty((rope, 4))
-        self._tension_colors = TensionColors()
-        self._tension_colors.start(columns.rope_tension)
+        self._tension_colors = RopeColors(layout.ropes)
+        self._tension_colors.widen(columns.rope_tension)
         bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
         boxes = [body_box(body) for body in bodies]
         self._boxed = [row for row, box in enumerate(boxes) if box is not None]
@@ -69,6 +70,10 @@ class Markers:
         self._towers = [scenario.tower_places[name] for name in layout.towers]
         counts = [np.sum(layout.sample_ropes == n) + np.sum(layout.joints[:, 0] == n) for n in range(len(layout.ropes))]
         self._ropes = [slice(last - count, last) for count, last in zip(counts, np.cumsum(counts), strict=True)]
+        self._rope_of_points = np.repeat(np.arange(len(counts)), counts)
+        width = max(len(name.encode()) for name in layout.ropes) + 40
+        # a text keeps its length while its numbers change
+        self._captions = [f"tension colours {n}".ljust(width) for n in range(len(counts) if len(counts) > 1 else 0)]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
         self._scales = self._scales_of_forces()
         self._sources = [
@@ -86,6 +91,7 @@ class Markers:
                 for n, part in enumerate(self._ropes)
             ),
             *self._still(scenario),
+            *self._legend(),
             *(
                 self._marker("wheels", row, Marker.LINE_STRIP, (0.001 * self._span, 0, 0), WHEEL, points=rim)
                 for row, rim in enumerate(wheel_rims(scenario).values())
@@ -107,7 +113,10 @@ class Markers:
         self._arrows[:, 0] = self._points_of_action()
         self._arrows[:, 1] = self._arrows[:, 0] + self._scales[:, None] * np.vstack([c.contact_force, c.support_force])
         self._arrows[:, 1, 2] += LEAST * self._span
-        return self._template.fill(stamp_ns)
+        message = self._template.fill(stamp_ns)
+        for place, caption in zip(self._captions, self._tension_colors.captions("kN", 1e-3), strict=False):
+            message = message.replace(place.encode(), caption.encode().ljust(len(place))[: len(place)])
+        return message
 
     def _fill_rope(self, c: Columns) -> None:
         """The samples of the rope, and its kinks at the joints that are on it, in the order along it."""
@@ -123,7 +132,7 @@ class Markers:
         self._rope[:] = np.vstack([c.rope_position, joints])[order]
         self._tension_colors.widen(c.rope_tension)
         tensions = np.concatenate([c.rope_tension, np.interp(places, arc_lengths, c.rope_tension)])
-        self._colors[:] = self._tension_colors.rgba(tensions[order])
+        self._colors[:] = self._tension_colors.rgba(tensions[order], self._rope_of_points)
 
     def _points_of_action(self) -> FloatArray:
         """Where forces act (vehicles + supports, 3): on joints, on the ends of ropes, on towers."""
@@ -171,16 +180,30 @@ class Markers:
         ]
         points = np.array(corners).reshape(-1, 3)
         markers = [self._marker("ground", 0, Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), GROUND, points=points)]
+        places: dict[str, tuple[float, float, float]] = {}
         for row, (x, y, z) in enumerate(chain(ends, self._towers)):
             foot = float(np.interp(x, ground[:, 0], ground[:, 1]))
             top, wide = max(z, foot + mast), 3.0 * mast if row < len(ends) else mast
             box = (wide, 2.0 * wide, top - foot)
             markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, y, 0.5 * (top + foot))))
-            name = self._marker(
-                "names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=(x, y, top + 6.0 * mast)
-            )
-            name.text = names[row]
+            places[names[row]] = (x, y, top + 6.0 * mast)
+        together = gathered(places, wheel_rims(scenario), self._layout.ropes, NEAR * self._span)
+        for row, (text, place) in enumerate(together.items()):
+            name = self._marker("names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=place)
+            name.text = text
             markers.append(name)
+        return markers
+
+    def _legend(self) -> list[Marker]:
+        """What the colours of several ropes span, a text for each above where the track begins."""
+        x, y, _ = self._columns.rope_position.min(axis=0)
+        top, high = float(self._columns.rope_position[:, 2].max()), 0.012 * self._span
+        markers = []
+        for row, caption in enumerate(self._captions):
+            place = (x, y, top + high * (2.0 + 1.5 * row))
+            text = self._marker("tension_colors", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STILL, place=place)
+            text.text = caption
+            markers.append(text)
         return markers
 
     def _bodies(self, scenario: Scenario, boxes: Sequence[FloatArray], marked: Sequence[FloatArray]) -> list[Marker]:

@@ -18,8 +18,9 @@ from small_tramway import IN_SPACE, TRAMWAY
 from cable_twin.geometry.solids import body_solid
 from cable_twin.recording.log_formats import open_view
 from cable_twin.recording.tension_colors import COLOR_STOPS
+from cable_twin.recording.view_geometry import QUIET
 from cable_twin.recording.view_plots import PLOT_COLORS
-from cable_twin.recording.view_scene import GROUND, QUIET
+from cable_twin.recording.view_scene import GROUND
 from cable_twin.recording.view_space import WIND
 from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
 from cable_twin.records import Command
