@@ -151,6 +151,7 @@ def test_markers_are_the_same_things_in_each_message_and_end_with_the_twin(shown
     assert {name for name, _ in after} == {
         *("rope", "ground", "supports", "names", "bodies", "outlines", "vehicle_forces", "support_forces"),
         *(("wheels",) if shown[0].scenario.sheaves else ()),
+        *(("tension_colors",) if shown[0].scenario.ropes else ()),
     }
     for key, marker in after.items():
         assert marker.type == before[key].type
@@ -445,7 +446,7 @@ def test_the_layout_for_rviz_shows_topics_of_the_twin_with_a_quality_that_they_o
     assert {panel["Class"].partition("/")[0] for panel in layout["Panels"]} == {"rviz_common"}
     displays = {display["Name"]: display for display in manager["Displays"]}
     assert [name for name, display in displays.items() if display["Enabled"]] == ["Twin"]
-    assert set(displays["Twin"]["Namespaces"]) == {name for name, _ in markers_of(last)} | {"wheels"}
+    assert set(displays["Twin"]["Namespaces"]) == {name for name, _ in markers_of(last)} | {"wheels", "tension_colors"}
     for display in displays.values():
         message = MESSAGES[display["Class"]]
         if message is None:
