@@ -20,7 +20,9 @@ def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:
     simulation, figures = Simulation(scenario), KeyFigures(scenario)
     figures.update(simulation.snapshot)
     figures.command(simulation.command(target, speed=speed))
-    for frame in range(1, round(100.0 * until) + 1):  # frames of 0.01 s: extremes are of frames
+    for frame in range(
+        1, round(100.0 * until) + 1
+    ):  # frames of 0.01 s, of which the highest and lowest values are taken
         if frame == round(50.0 * until):
             figures.command(simulation.command(target, speed=0.0))
         figures.update(simulation.advance_to(0.01 * frame))

@@ -29,7 +29,7 @@ WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
         ),
         (
             {"sheaves__return__joins": ["down.start", "up.start"]},
-            "sheaves.return.joins.0: given 'down.start'; allowed: up.end, down.end, for rope runs",
+            "sheaves.return.joins.0: given 'down.start'; allowed: up.end, down.end, as rope runs",
         ),
         ({"sheaves__drive__joins": ["up.end"]}, "sheaves.drive.joins: given"),
         (
@@ -38,7 +38,7 @@ WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
         ),
         (
             {"ropes__down__mass_per_length": 7.0},
-            "ropes.down.mass_per_length: given 7.0 kg/m, joined by 'drive' to 'up' with 6.1; allowed: the same",
+            "ropes.down.mass_per_length: given 7.0 kg/m, joined by 'drive' to 'up' with 6.1; allowed: equal values",
         ),
         ({"ropes__down__start__support": "free"}, "ropes.down.start.support: given 'free' at a bullwheel"),
         ({"carriers__spacing": 60.0}, "carriers.count: given 28 every 60 m, 1680 m; allowed: at most the loop of"),

@@ -165,7 +165,7 @@ def test_two_clamps_at_one_place_are_a_fault():
     data["carriages"]["cabin_2"]["clamped_to"] = data["carriages"]["cabin_1"]["clamped_to"]
     (fault,) = faults_of(data)
     assert "carriages.cabin_2.clamped_to.haul: given" in fault
-    assert "as of 'cabin_1'; allowed: a place each" in fault
+    assert "the place of 'cabin_1' too; allowed: another place" in fault
 
 
 def test_clamp_beside_one_cable_is_a_fault():

@@ -107,7 +107,7 @@ def test_a_brake_is_not_applied_twice_and_lets_go():
         ("cabin", -1.0, "payload of 'cabin' is -1 kg; allowed are 0 to 400 kg"),
         ("cabin", 401.0, "payload of 'cabin' is 401 kg; allowed are 0 to 400 kg"),
         ("cabin", nan, "allowed are 0 to 400 kg"),
-        ("trolley", 10.0, "'trolley' carries no payload: the scenario gives it none"),
+        ("trolley", 10.0, "'trolley' has no payload in the scenario"),
         ("gondola", 10.0, "unknown carriage 'gondola'; known: cabin"),
     ],
 )
@@ -139,7 +139,7 @@ def test_winds_refused(wind):
     simulation = Simulation(scenario(), samples=5)
     with pytest.raises(CommandError, match=r"m/s; allowed are -100 to 100 m/s"):
         simulation.wind(*wind)
-    with pytest.raises(CommandError, match="wind with x; needed are x and z"):
+    with pytest.raises(CommandError, match="wind given with x; needed are x and z"):
         simulation.apply(Command("wind", {"x": 1.0}))
 
 

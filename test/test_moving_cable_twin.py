@@ -89,17 +89,17 @@ FAULTS = [
     (
         "carriages",
         {"car": {"arc_length": 5.0, "joint": "clamped", "drive": {"mode": "speed"}, "bodies": {"car": CHAIR}}},
-        "given 'speed'; allowed: free, what is clamped goes with the cable",
+        "given 'speed'; allowed: free, as a clamped vehicle moves with the cable",
     ),
     (
         "carriages",
         {"car": {"arc_length": 5.0, "joint": "clamped", "friction": {"rolling": 0.1}, "bodies": {"car": CHAIR}}},
-        "given 0.1; allowed: 0, what is clamped does not slide",
+        "given 0.1; allowed: 0, as a clamped vehicle does not slide",
     ),
     (
         "carriages",
         {"haul_rope": {"arc_length": 5.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
-        "given the name of a carriage; allowed: another one, for commands name both",
+        "given the name of a carriage; allowed: another one, as commands address both by name",
     ),
 ]
 

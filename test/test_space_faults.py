@@ -27,8 +27,12 @@ TENSOR = "carriages.cabin.bodies.cabin.inertia_tensor"
 TOWER = {"position": [30.0, 1.0, 3.0], "stiffness": 1e6}
 MOMENTS = "allowed: all above 0 and none more than the other two together, in kg m^2"
 FAULTS = [
-    ("cable.start.position", [0.0, 0.0], "given [0.0, 0.0] where others have three numbers; allowed: x, y, z in m"),
-    ("towers", {"one": {**TOWER, "position": [30.0, 3.0]}}, "given [30.0, 3.0] where others have three numbers"),
+    (
+        "cable.start.position",
+        [0.0, 0.0],
+        "given [0.0, 0.0] while other positions have three numbers; allowed: x, y, z in m",
+    ),
+    ("towers", {"one": {**TOWER, "position": [30.0, 3.0]}}, "given [30.0, 3.0] while other positions have three"),
     ("cable.start", {"position": [0.0, 0.0, 0.0], "support": "clamped", "direction": [1.0, 0.0]}, "allowed: x, y, z"),
     ("cable.start.position", [0.0, nan, 0.0], "given [0.0, nan, 0.0]; allowed: a list of 2 finite numbers, 3 in space"),
     ("cable.end.position", [60.0, inf, 10.0], "given [60.0, inf, 10.0]; allowed: a list of 2 finite numbers, 3 in"),
@@ -66,7 +70,7 @@ def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
         f"mapping: cable.start.position: given [0.0, 0.0, 0.0] {given} m, or space: 3 or positions x, y, z throughout",
         f"mapping: cable.end.position: given [60.0, 2.0, 10.0] {given} m, or space: 3 or positions x, y, z throughout",
         f"mapping (override): air.wind: given [3.0, 9.0, 0.0] {given} m/s, or space: 3 or positions x, y, z throughout",
-        f"mapping: {TENSOR}: given [90.0, 100.0, 60.0] in a plane; allowed: null, in a plane there is inertia alone",
+        f"mapping: {TENSOR}: given [90.0, 100.0, 60.0] in a plane; allowed: null, as in a plane a body has `inertia`",
     )
 
 

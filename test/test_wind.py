@@ -131,13 +131,13 @@ def test_gusts_that_are_refused():
         ({"x": 120.0, "z": 0.0}, "gust x is 120 m/s; allowed are -100 to 100 m/s"),
         ({"x": 1.0, "z": 0.0, "y": 2.0}, "gust y is 2 m/s; allowed is 0: the twin moves in the plane"),
         ({"x": 1.0, "z": 0.0, "duration": -1.0}, "gust duration is -1 s; allowed are more than 0 to 600 s"),
-        ({"x": 1.0}, "gust with x; needed are x and z, in m/s"),
+        ({"x": 1.0}, "gust given with x; needed are x and z, in m/s"),
     ):
         with pytest.raises(CommandError, match=said):
             simulation.apply(Command("gust", values))
     simulation.gust(5.0, duration=2.0)
     simulation.advance_to(0.5)
-    with pytest.raises(CommandError, match=r"gust while another one is under way; allowed: 1\.5 s later"):
+    with pytest.raises(CommandError, match=r"gust given while another one lasts; allowed: in 1\.5 s"):
         simulation.gust(5.0)
     simulation.advance_to(2.0)
     simulation.gust(5.0)

@@ -21,7 +21,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Layout, Snapshot
 
 SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
-BEYOND = "above 1 the rope slips on the wheel, how far says `slip of the rope` from 1 mm on"
+BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` says how far"
 RIM = "of the rim of its bullwheel"
 STILL = 1e-3  # m, of slip, below which there was none
 
@@ -90,7 +90,7 @@ class LoopFigures:
                 if rope in self._scenario.carriers.tracks:  # they hang from its track
                     continue
                 load = figure_of(self._memory.load, row, f"{rope}: load of carriers, highest", "kg")
-                found.append(replace(load, place="they and what is in them"))
+                found.append(replace(load, place="carriers and payload"))
         return [figure for figure in found if not isnan(figure.value)]
 
     def _of_drive(self, name: str) -> Iterator[KeyFigure]:

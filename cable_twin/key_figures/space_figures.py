@@ -14,7 +14,7 @@ from cable_twin.scenario import Scenario, masts
 from cable_twin.snapshot import DERAILED as HOW
 from cable_twin.snapshot import ENDS
 
-LOOKS = f"looks every {CLEARANCE_PERIOD:g} s"
+LOOKS = f"samples taken every {CLEARANCE_PERIOD:g} s"
 ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to 0.54 (Nadal)"
 IN_PLACE = "assumed: the rope stays on its towers"
 DERAILED = ": derailed"  # name of the figure of a tower that has lost its rope, behind that of the tower

@@ -168,7 +168,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 def export_fault(options: argparse.Namespace) -> str | None:
     """What is wrong with them, in a line."""
     if options.csv == options.json == STDOUT:
-        return "--csv - and --json - are given; the output has room for one"
+        return "--csv - and --json - are given; only one of them can go to standard output"
     for key, path in (("csv", options.csv), ("json", options.json)):
         if path not in (None, STDOUT) and Path(path).suffix.lower() in OTHERS - {f".{key}"}:
             return f"--{key} {path}: {key.upper()} is written; allowed: a name that ends in .{key}, or {STDOUT}"

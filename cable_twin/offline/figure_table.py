@@ -65,7 +65,9 @@ def print_figures(
             table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
     told = [f"({number}) {note}" for number, note in enumerate(notes, start=1)]
-    told += [f"extremes are of {usual} where no note of the unit says otherwise"] if usual else []
+    told += (
+        [f"highest and lowest values are those of {usual}, unless a note at the unit says otherwise"] if usual else []
+    )
     for line in told:
         below = " " * (6 if line.startswith("(") else 2)
         filled = fill(line, console.width, initial_indent="  ", subsequent_indent=below)

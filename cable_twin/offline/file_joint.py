@@ -63,7 +63,9 @@ def join(
         return Joint.GOES_ON  # of another version, or damaged, and not needed
     if not whole:
         result.end = full.time
-        result.restarts.append(f"{file.path.name}: what comes before {full.time:.2f} s is lost; goes on from its state")
+        result.restarts.append(
+            f"{file.path.name}: what comes before {full.time:.2f} s is lost; continued from the state at its start"
+        )
         return Joint.FROM_ITS_STATE
     if exactly:
         advance(full.time)

@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
     try:
-        with left_at_once("line"), console.status("the first time on a machine the solver is compiled: half a minute"):
+        with left_at_once("line"), console.status("compiling the solver, once on this machine: about half a minute"):
             line = plan_line(load_scenario(scenario, dict(options.set)), options.places, options.vehicle)
         with _progress(console, line.places.size) as on_place:
             calculate(line, on_place)

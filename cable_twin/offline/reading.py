@@ -73,7 +73,7 @@ class Reading:
             if isinstance(item, Snapshot):
                 return item
             self._early.append(item)
-        raise LogError(f"{self.log.path}: no frame of the twin in it")
+        raise LogError(f"{self.log.path}: it contains no frame of the twin")
 
     def values(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """Read the bag; yields time (s) and signals of each frame after taking it in."""

@@ -97,7 +97,9 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
 
     def advance(time: float) -> Snapshot:
         if time - simulation.time > LONGEST_GAP:
-            raise LogError(f"from {simulation.time:g} s to {time:g} s at once; allowed: {LONGEST_GAP:g} s")
+            raise LogError(
+                f"from {simulation.time:g} s to {time:g} s without a frame between them; allowed: {LONGEST_GAP:g} s"
+            )
         while waiting and waiting[0].time < time:
             simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
             simulation.apply(waiting.popleft().command, "replay")
@@ -289,7 +291,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             tell("replay", named)
         return CANNOT
     if not result.samples:
-        tell("replay", f"{log.path}: no frame of the twin in it")
+        tell("replay", f"{log.path}: it contains no frame of the twin")
         return CANNOT
     print_line(
         f"{log.path}: {log.condition}, cable_twin {log.metadata.get('package_version')}, "

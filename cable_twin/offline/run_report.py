@@ -42,9 +42,13 @@ def report(
     told += [f"refused: {line}" for line in outcome.refused[:5]]
     told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     told += [*faults]
-    told += [f"not given, at or after the end: {_count(outcome.left)}"] if outcome.left else []
+    told += [f"not carried out, as their time is at or after the end: {_count(outcome.left)}"] if outcome.left else []
     told += [f"not given: {line}" for line in outcome.not_reached]
-    told += [f"not given, before the snapshot: {_count(outcome.past)}"] if outcome.past else []
+    told += (
+        [f"not carried out, as their time is before that of the snapshot: {_count(outcome.past)}"]
+        if outcome.past
+        else []
+    )
     simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
     factor = simulated / max(outcome.wall_time, 1e-9)
     told += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
@@ -56,7 +60,7 @@ def report(
         + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
     if _idle(scenario, outcome):
-        print("nothing was driven: commands come from a file, --script FILE")
+        print("nothing was driven: give commands with --script FILE")
     if run is not None:
         print(f"log: {run.directory}\nlook at it: {typed('review')} {shlex.quote(str(run.directory))}")
     return bool(faults or outcome.refused)

@@ -48,5 +48,5 @@ def check_others(node: Node) -> None:
 def _line(node: Node) -> str:
     return (
         f"a twin named {node.get_fully_qualified_name()} runs already in ROS domain {node.context.get_domain_id()}: "
-        "give this one another name, as with --ros-args -r __ns:=/b, or let both have it with --allow-second"
+        "give this one another name, as with --ros-args -r __ns:=/b, or allow both with --allow-second"
     )

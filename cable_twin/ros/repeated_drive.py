@@ -71,7 +71,7 @@ class Driver:
                 return None
             if time.monotonic() > deadline:
                 if self._scenario is not None:
-                    return f"the twin on {self._topic} does not move on: is it paused, and ~/pause wants a false?"
+                    return f"the twin on {self._topic} stands still: if it is paused, --resume lets its time run"
                 return nobody_listens(self._node, self._topic, self._options.wait)
         return refusal(self._scenario, self._options.name, self._kind, self._value)
 

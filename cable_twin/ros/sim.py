@@ -165,7 +165,10 @@ def _next(node: TwinNode) -> TwinNode:
     except Exception as error:  # nothing that is loaded ends the twin that runs
         fault = printable_lines(error)
     gc.collect()  # what was made of the node lets go of its names
-    print(f"sim: '{printable(loading.source)}' does not run: {fault}; what ran before goes on", file=sys.stderr)
+    print(
+        f"sim: '{printable(loading.source)}' does not run: {fault}; the scenario before it keeps running",
+        file=sys.stderr,
+    )
     return TwinNode(node.simulation, inherited(node, loading.before, paused=loading.paused_before), node.emergency)
 
 

@@ -105,7 +105,7 @@ class Status:
         unit, scale = shown_unit("N", highest[name])
         if name not in limits:
             return f"{name} {rounded(highest[name] * scale)} {unit}", ""
-        text = f"{name} {rounded(highest[name] * scale)} of {rounded(limits[name] * scale)} {unit}"
+        text = f"{name} {rounded(highest[name] * scale)} {unit} (limit {rounded(limits[name] * scale)})"
         return text, "red" if highest[name] > limits[name] else ""
 
     def _recording(self) -> tuple[str, str]:

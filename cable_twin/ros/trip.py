@@ -53,7 +53,7 @@ class Trip(Driver):
             deadline = time.monotonic() + self._options.wait
             while self._rope is None and not self._ending.is_set():
                 if time.monotonic() > deadline:
-                    return f"the twin publishes no cable, on which tower '{self._options.to}' would be"
+                    return f"tower '{self._options.to}' cannot be found: the twin does not publish `cable`"
                 self._spin(0.05)
             towers = tower_places(scenario, points_of(self._rope))
         try:
@@ -108,7 +108,7 @@ class Trip(Driver):
 
         own = message.name == self._options.node.strip("/").replace("/", ".")
         if own and self._answered < math.inf and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
-            self._refusal = f"the twin goes there no longer: {message.msg.partition(': ')[2]}"
+            self._refusal = f"the twin has given up this trip: {message.msg.partition(': ')[2]}"
 
 
 def points_of(cloud: Any) -> Any:

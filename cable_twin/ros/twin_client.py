@@ -70,7 +70,7 @@ class TwinClient:
             TwinError: there is no twin, it does not answer, or there is no such scenario.
         """
         self._set("scenario", scenario)
-        return f"loads {scenario}, and begins anew with it"
+        return f"loads {scenario} and starts it from the beginning"
 
     def _set(self, name: str, value: int | str) -> None:
         from rcl_interfaces.srv import SetParameters  # noqa: PLC0415

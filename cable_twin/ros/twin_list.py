@@ -33,11 +33,7 @@ class _Twin:
             *(["paused"] if values.get("paused") == "true" else []),
         ]
         state = ", ".join(states) or "running"
-        when = (
-            f"{state} at {values.get('simulated_time_s')} s of simulated time"
-            if values
-            else "says nothing of its state"
-        )
+        when = f"{state} at {values.get('simulated_time_s')} s of simulated time" if values else "state unknown"
         several = f"; {count} nodes have this name" if count > 1 else ""
         line = f"{name}: {self.scenario.get('name', 'scenario unknown')}, {when}; {self._vehicles()}{several}"
         return printable(line, LONGEST_MESSAGE)

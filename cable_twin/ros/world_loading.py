@@ -75,7 +75,9 @@ class WorldLoading:
         except Exception as error:  # a fault of the program, which the caller is to hear of and the twin survives
             fault = f"fault of the program: {printable(repr(error), 400)}"
         if fault:
-            self._node.get_logger().error(f"'{scenario.name}' is not loaded: {fault}; what ran before goes on")
+            self._node.get_logger().error(
+                f"'{scenario.name}' is not loaded: {fault}; the scenario before it keeps running"
+            )
             self._busy = False
             self._loop.pause(self.paused_before)
         else:

@@ -26,7 +26,7 @@ def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
         sound = sound and not faults
         yield from faults
         if sheave.counterweight and sheave.hydraulics:
-            yield Fault((*path, "hydraulics"), "given beside a counterweight; allowed: either")
+            yield Fault((*path, "hydraulics"), "given beside a counterweight; allowed: only one of the two")
         for key in ("counterweight", "hydraulics"):
             device = getattr(sheave, key)
             if device is not None and not device.travel[0] < device.travel[1]:
@@ -52,7 +52,10 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
         where = (*path, "joins", number)
         if rope not in scenario.ropes or which != side:
             known = ", ".join(f"{name}.{side}" for name in scenario.ropes)
-            yield Fault(where, f"given {show(end)}; allowed: {known}, for rope runs from an end to a start")
+            yield Fault(
+                where,
+                f"given {show(end)}; allowed: {known}, as rope runs from an end to the start of the next one",
+            )
         elif end in joined:
             yield Fault(where, f"given {show(end)}, which {joined[end]!r} joins already; allowed: each end once")
         elif getattr(scenario.ropes[rope], side).support != "pinned":
@@ -89,8 +92,8 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
         if here != there:
             yield Fault(
                 ("ropes", second, key),
-                f"given {there!r} {unit}, joined by {path[1]!r} to {first!r} with {here!r}; allowed: the same, for it "
-                "is one rope",
+                f"given {there!r} {unit}, joined by {path[1]!r} to {first!r} with {here!r}; allowed: equal values, "
+                "as it is one rope",
             )
 
 
@@ -125,12 +128,13 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
             yield Fault((*path, "sheave"), f"given {show(drive.sheave)}; allowed: {known}")
         elif drive.sheave in turned:
             yield Fault(
-                (*path, "sheave"), f"given {show(drive.sheave)}, which {turned[drive.sheave]!r} turns; allowed: once"
+                (*path, "sheave"),
+                f"given {show(drive.sheave)}, which {turned[drive.sheave]!r} turns; allowed: one drive for each",
             )
         else:
             turned[drive.sheave] = name
         if name in scenario.carriages:
-            yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+            yield Fault(path, "given the name of a carriage; allowed: another one, as commands address both by name")
         yield from initial_speed(path, drive.speed, drive.limits.speed)
         if drive.travel is not None and not drive.travel[0] <= 0.0 <= drive.travel[1] != drive.travel[0]:
             yield Fault(
@@ -140,7 +144,7 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
         for key in ("force", "power", "deceleration"):
             given = getattr(drive.limits, key)
             if given is not None:
-                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null, for the drive of a bullwheel")
+                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null at the drive of a bullwheel")
 
 
 def _loops(scenario: Scenario) -> Iterator[Fault]:
@@ -162,7 +166,10 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
     used |= set(scenario.carriers.tracks.values()) if scenario.carriers else set()
     for rope in scenario.ropes:
         if rope not in used:
-            yield Fault(("ropes", rope), "given, but no vehicle can reach it and nothing joins it; allowed: none such")
+            yield Fault(
+                ("ropes", rope),
+                "given, but no vehicle can reach it and nothing joins it to another rope; allowed: leave it out",
+            )
 
 
 def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:

@@ -39,7 +39,8 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
     for path, given in places.items():
         if given is not None and len(given) == 2 < dim and scenario.space is None:
             yield Fault(
-                path, f"given {show(list(given))} where others have three numbers; allowed: x, y, z{_unit(path)}"
+                path,
+                f"given {show(list(given))} while other positions have three numbers; allowed: x, y, z{_unit(path)}",
             )
     places |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
     places[("air", "wind")] = scenario.air.wind

@@ -123,7 +123,10 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault((*path, "clamped_to", rope), f"given {rope!r}, on which it slides; allowed: another rope")
             other = taken.setdefault((rope, place), name)
             if other != name:
-                yield Fault((*path, "clamped_to", rope), f"given {place:g} m, as of {other!r}; allowed: a place each")
+                yield Fault(
+                    (*path, "clamped_to", rope),
+                    f"given {place:g} m, the place of {other!r} too; allowed: another place",
+                )
             if 0.0 < place < scenario.ropes[rope].unstrained_length:
                 on.append(rope)
         if clamped.keys() <= scenario.ropes.keys() and clamped and len(on) != 1:
@@ -151,7 +154,10 @@ def _pantographs(scenario: Scenario) -> Iterator[Fault]:
             )
         stages = {len(one.stages) for one in scenario.pantographs.values()}
         if len(stages) > 1:
-            yield Fault(("pantographs", name, "stages"), "given another number than others; allowed: as many in each")
+            yield Fault(
+                ("pantographs", name, "stages"),
+                "given a number of stages that differs from that of another pantograph; allowed: equal numbers",
+            )
 
 
 __all__ = ["rope_faults"]

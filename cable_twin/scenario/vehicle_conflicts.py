@@ -36,7 +36,9 @@ def _joint_names(scenario: Scenario) -> Iterator[Fault]:
             joint = f"{name}_{body}"
             if joint in taken:
                 path = ("carriages", name, "bodies", body)
-                yield Fault(path, f"given {body!r}; allowed: a name whose joint is not {joint!r}, as another one's")
+                yield Fault(
+                    path, f"given {body!r}; allowed: another name, as {joint!r} is the name of another body's joint"
+                )
             taken.add(joint)
 
 
@@ -98,7 +100,7 @@ def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
         return
     given = show(list(body.inertia_tensor))
     if scenario.dim == 2:
-        yield Fault(path, f"given {given} in a plane; allowed: null, in a plane there is inertia alone")
+        yield Fault(path, f"given {given} in a plane; allowed: null, as in a plane a body has `inertia`")
     elif len(body.inertia_tensor) not in (3, 6):
         yield Fault(path, f"given {given}; allowed: 3 or 6 finite numbers, in kg m^2")
     else:
@@ -126,11 +128,11 @@ def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Faul
     for key in ("rolling", "viscous"):
         if getattr(carriage.friction, key) > 0.0:
             given = getattr(carriage.friction, key)
-            yield Fault((*path, "friction", key), f"given {given!r}; allowed: 0, what is clamped does not slide")
+            yield Fault((*path, "friction", key), f"given {given!r}; allowed: 0, as a clamped vehicle does not slide")
     if carriage.drive.mode not in (None, "free"):
         yield Fault(
             (*path, "drive", "mode"),
-            f"given {carriage.drive.mode!r}; allowed: free, what is clamped goes with the cable",
+            f"given {carriage.drive.mode!r}; allowed: free, as a clamped vehicle moves with the cable",
         )
 
 
@@ -142,7 +144,7 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
         if name != next(iter(scenario.drives)):
             yield Fault(path, "given a second drive of the cable; allowed: one")
         if name in scenario.carriages:
-            yield Fault(path, "given the name of a carriage; allowed: another one, for commands name both")
+            yield Fault(path, "given the name of a carriage; allowed: another one, as commands address both by name")
         yield from initial_speed(path, drive.speed, drive.limits.speed)
         for key, why in (
             ("force", "a moving cable keeps its speed"),
@@ -205,8 +207,8 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
     if "drive" in means and sheave:
         yield Fault(
             (*path, "emergency_stop"),
-            f"given 'drive' and {sheave[0]!r}; allowed: either, for the drive decelerates at emergency_deceleration "
-            "with whatever force that takes",
+            f"given 'drive' and {sheave[0]!r}; allowed: only one of the two, as the drive decelerates at "
+            "emergency_deceleration with whatever force that takes",
         )
     if drive.haul_rope is not None and carriage.joint == "fixed":
         yield Fault((*path, "haul_rope"), "given for a carriage whose joint is fixed; allowed: only where it slides")
@@ -227,7 +229,7 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         if taken:
             yield Fault(("carriers", "name"), f"given {carriers.name!r}, which would name {taken[0]!r} twice")
     if carriers.spacing is None and strand is None:
-        yield Fault(("carriers", "spacing"), "not given; allowed: a length in m, for the loop is as long as they need")
+        yield Fault(("carriers", "spacing"), "not given; allowed: a number above 0, in m")
     elif strand is None and spacing > length:
         yield Fault(
             ("carriers", "spacing"),
@@ -266,7 +268,7 @@ def _kinds(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield Fault((*path, "payload"), "given beside kinds; allowed: a payload of each kind")
     for name in carriers.order:
         if name not in carriers.kinds:
-            known = ", ".join(carriers.kinds) or "none, for there are no kinds"
+            known = ", ".join(carriers.kinds) or "none, as there are no kinds"
             yield Fault((*path, "order"), f"given {show(name)}; allowed: {known}")
     for name in carriers.kinds:
         yield from name_faults(("carriers", "kinds", name))

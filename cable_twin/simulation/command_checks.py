@@ -57,7 +57,7 @@ def check_room(command: Command, scenario: Scenario) -> None:
         CommandError: unknown carriage, no room, beyond the capacity.
     """
     if not command.values:
-        raise CommandError("a payload without a carriage")
+        raise CommandError("a payload is given without the name of a carriage")
     for name, mass in command.values.items():
         if name not in scenario.carriages:
             known = ", ".join(key for key, one in scenario.carriages.items() if one.payload is not None)
@@ -67,7 +67,7 @@ def check_room(command: Command, scenario: Scenario) -> None:
             raise CommandError(f"{what}; known: {known or 'none in this scenario'}")
         room = scenario.carriages[name].payload
         if room is None:
-            raise CommandError(f"'{name}' carries no payload: the scenario gives it none")
+            raise CommandError(f"'{name}' has no payload in the scenario")
         if not 0.0 <= mass <= room.capacity:
             raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
 
@@ -108,7 +108,7 @@ def check_wind(command: Command, scenario: Scenario) -> None:
 def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) -> None:
     """Refuse speeds by axis that no wind has."""
     if not {"x", "z"} <= {*values} <= {"x", "y", "z"}:
-        raise CommandError(f"{kind} with {printable(', '.join(values)) or 'nothing'}; needed are x and z, in m/s")
+        raise CommandError(f"{kind} given with {printable(', '.join(values)) or 'no axis'}; needed are x and z, in m/s")
     for axis, speed in values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
@@ -148,7 +148,7 @@ def check_no_gust(command: Command, scenario: Scenario, system: System, state: S
     left = start + duration - float(state.wind_field.time[0])
     if duration > 0.0 and left > 0.5 * system.solver.step:
         kind = command.kind.replace("_", " ")
-        raise CommandError(f"{kind} while another one is under way; allowed: {left:.3g} s later, when that is over")
+        raise CommandError(f"{kind} given while another one lasts; allowed: in {left:.3g} s, when that one has ended")
 
 
 def _known(name: str, scenario: Scenario) -> Carriage:

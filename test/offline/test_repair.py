@@ -150,7 +150,7 @@ def test_a_replay_ends_where_a_command_may_be_lost(whole, tmp_path, finished, ca
         code = replay.main([str(directory)])
         printed = capsys.readouterr()
         if finished:  # from the start
-            assert (code, printed.err.endswith("no frame of the twin in it\n")) == (2, True)
+            assert (code, printed.err.endswith("it contains no frame of the twin\n")) == (2, True)
             continue
         assert code == 0
         assert "101 samples" in printed.out or "81 samples" in printed.out

@@ -185,7 +185,7 @@ def test_what_is_no_log_is_named_in_a_line(tmp_path, capsys, make, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda topic, _, data: data if topic == SCENARIO else None, "no frame of the twin in it"),
+        (lambda topic, _, data: data if topic == SCENARIO else None, "it contains no frame of the twin"),
         (lambda topic, _, data: None if topic == SCENARIO else data, "no scenario in it"),
         (lambda topic, _, data: None, "empty: no message was written"),
         (lambda topic, _, data: data[:-30] if topic == SCENARIO else data, "scenario is unreadable"),

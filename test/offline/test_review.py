@@ -352,7 +352,7 @@ def test_what_is_no_bag_is_named_in_a_line(runs, tmp_path, capsys, make, said):
 def test_bag_without_frames_is_named(runs, tmp_path, capsys):
     target = alter(bag(runs[0]), tmp_path / "none.mcap", lambda topic, _, data: data if topic == SCENARIO else None)
     assert main([str(target)]) == 2
-    assert capsys.readouterr().err == f"review: {target}: no frame of the twin in it\n"
+    assert capsys.readouterr().err == f"review: {target}: it contains no frame of the twin\n"
 
 
 def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):

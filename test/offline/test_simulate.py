@@ -99,7 +99,7 @@ def test_commands_of_a_bag_drive_another_scenario(scripted, tmp_path, capsys):
     log = read_log(the_run(tmp_path))
     assert log.scenario["carriages"]["cabin"]["drive"]["limits"]["emergency_deceleration"] == 0.6
     assert log.end == 6.0
-    assert "simulate: not given, at or after the end: 3 commands" in capsys.readouterr().err
+    assert "simulate: not carried out, as their time is at or after the end: 3 commands" in capsys.readouterr().err
     assert replay.main([str(log.path)]) == 0
     assert "from 2 script" in capsys.readouterr().out
 
@@ -279,7 +279,7 @@ def report_of(scenario, outcome, capsys):
 
 
 def test_a_run_in_which_nothing_was_driven_says_what_drives_it(capsys):
-    hint = "nothing was driven: commands come from a file, --script FILE\n"
+    hint = "nothing was driven: give commands with --script FILE\n"
     scenario = load_scenario(TRAMWAY)
     said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0), capsys)
     assert said.endswith(f" 5.0 times real time; 0 commands\n{hint}")

@@ -114,7 +114,7 @@ def test_commands_before_the_snapshot_are_not_asked_whether_they_would_do(runs, 
     stopped = _saved(runs / "quick.yaml", runs / "trip.yaml", tmp_path / "stopped.npz", 7.0)
     arguments = ["--snapshot", str(stopped), "--script", str(runs / "trip.yaml"), "--duration", "3.5"]
     assert main([*arguments, "--record", "bag", "--output", str(tmp_path / "logs")]) == 0
-    assert "not given, before the snapshot: 2 commands" in capsys.readouterr().err
+    assert "not carried out, as their time is before that of the snapshot: 2 commands" in capsys.readouterr().err
     assert frames(read_log(the_run(tmp_path / "logs"))) == frames(read_log(the_run(runs / "whole")), 7.0)
 
 
@@ -149,7 +149,7 @@ def test_bag_is_a_script_from_the_snapshot_on(runs, tmp_path, capsys):
     arguments = ["--snapshot", str(runs / "state.npz"), "--from-bag", str(whole), "--record", "bag"]
     assert main([*arguments, "--output", str(tmp_path)]) == 0
     said = capsys.readouterr()
-    assert "not given, before the snapshot: 1 command\n" in said.err
+    assert "not carried out, as their time is before that of the snapshot: 1 command\n" in said.err
     assert f"from {SAVED:.2f} s on" in said.out
     log = read_log(the_run(tmp_path))
     expected = frames(read_log(whole), SAVED)

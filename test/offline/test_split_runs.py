@@ -161,7 +161,7 @@ def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil
     spoil(files[1])
     assert replay.main([str(copy)]) == 0
     output = capsys.readouterr().out
-    assert f"{files[2].name}: what comes before 4.00 s is lost; goes on from its state" in output
+    assert f"{files[2].name}: what comes before 4.00 s is lost; continued from the state at its start" in output
     assert re.search(rf"^ +snapshot\.npz +{states} samples, +0 differ$", output, re.MULTILINE)
     assert "damaged, all else is read (" in output
     assert "every sample agrees to the last bit" in output

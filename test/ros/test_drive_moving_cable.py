@@ -70,7 +70,7 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
     participant.until(lambda: rope()[1] > 0.1, what="motion")
     assert participant.call("emergency_stop", SetBool, data=True).success
     participant.until(lambda: drive.process.poll() is not None, what=f"end of drive; {drive.output}")
-    assert "drive: the twin goes there no longer: haul_rope: emergency stop by service" in drive.output
+    assert "drive: the twin has given up this trip: haul_rope: emergency stop by service" in drive.output
     participant.until(lambda: "goal given up: haul_rope: emergency stop by service" in process.output, what="line")
     assert participant.call("emergency_stop", SetBool, data=False).success
 

@@ -117,7 +117,7 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     assert re.search(r"  cabin at 60\.0 m \+0\.00 m/s  ", first), first
     assert re.search(r"  from another terminal: \S+ cabin --speed", first), first
     if first.startswith("quick"):  # not so where the path of that command takes the room
-        assert re.search(r"  tension [\d.]+ of [\d.]+ kN  recording  ", first), first
+        assert re.search(r"  tension [\d.]+ kN \(limit [\d.]+\)  recording  ", first), first
     assert all(len(row) < COLUMNS for row in sim.rows)
 
     participant = participants(domain)
@@ -194,7 +194,7 @@ def test_on_eighty_columns_it_says_how_to_drive_and_then_the_tension():
     assert whole.endswith(f"  not recorded  from another terminal: {status.hint}")
     assert status.hint not in status.text(len(status.hint)).plain  # half of it would be of no use
     driven = status_of(scenario, commands_applied=1).text(79).plain
-    assert re.search(r"cabin at [\d.]+ m \+0\.00 m/s  tension [\d.]+ of [\d.]+ kN", driven), driven
+    assert re.search(r"cabin at [\d.]+ m \+0\.00 m/s  tension [\d.]+ kN \(limit [\d.]+\)", driven), driven
 
 
 def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
@@ -209,7 +209,7 @@ def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
         for name, rope in scenario.ropes.items()
     }
     assert highest["haul"] / limits["haul"] > highest["track"] / limits["track"]
-    shown = f"haul {highest['haul'] * 1e-3:.4g} of {limits['haul'] * 1e-3:.4g} kN"
+    shown = f"haul {highest['haul'] * 1e-3:.4g} kN (limit {limits['haul'] * 1e-3:.4g})"
     whole = status.text(150).plain
     assert whole.endswith(f"  {shown}  not recorded"), whole
     unnamed = status.text(len(whole) - 1).plain  # what has no room is left out whole, and the name first

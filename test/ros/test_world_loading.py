@@ -57,7 +57,7 @@ def test_it_begins_anew_with_logs_of_its_own(processes, participants, tmp_path):
 
     told = processes("--load", SCENARIO, module="ros.drive", domain=sim.domain)
     participant.until(lambda: told.process.poll() is not None, what="the end of drive")
-    assert told.output.strip() == f"/cable_twin: loads {tmp_path / SCENARIO}, and begins anew with it"
+    assert told.output.strip() == f"/cable_twin: loads {tmp_path / SCENARIO} and starts it from the beginning"
     participant.until(lambda: len(participant.received["scenario"]) == 2, COMPILING, "the other scenario")
     assert json.loads(participant.received["scenario"][1].data)["cable"]["elements"] == 10
     assert parameter("scenario") == str(tmp_path / SCENARIO)
