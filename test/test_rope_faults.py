@@ -115,3 +115,10 @@ def test_several_ropes_go_through_yaml_and_back():
 def test_a_connector_that_cannot_reach_is_named_before_it_bends_the_ropes(changes, said):
     with pytest.raises(EquilibriumError, match=f"^{re.escape(said)}$"):
         Simulation(load_scenario(two_ropes(**changes)), samples=2)
+
+
+@pytest.mark.parametrize("changes", [{}, {"space": 3}])
+def test_a_weight_that_no_tension_holds_is_told(changes):
+    """Of strands over towers, in a plane and in space; the search for their tension had ended in a traceback."""
+    with pytest.raises(EquilibriumError, match=r"^no tension up to 6.2e\+08 N, .* its weight is 4.993e\+13 N$"):
+        Simulation(load_scenario("chairlift", {"gravity": 1e10, **changes}))

@@ -299,6 +299,11 @@ def _first_guess(
     tension = given
     if tension == 0.0:
         least, most = 1e-9 * stiffness, 10.0 * stiffness
+        if taken(most).sum() > length:
+            raise EquilibriumError(
+                f"no tension up to {most:.4g} N, ten times its axial stiffness, holds the rope of {length:.6g} m on "
+                f"its supports; its weight is {weight * length:.4g} N"
+            )
         tension = scipy.optimize.brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
         tension = float(np.exp(tension))
     lengths = taken(tension)
