@@ -10,6 +10,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
 from cable_twin.mechanics.solution.bundle.bullwheels import (
+    ESTIMATED,
     correct_bullwheels,
     end_bullwheels,
     move_bullwheels,
@@ -72,7 +73,6 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
     mass_factor, rate_factor = factors(c, h)
     memory = record_at(bundle.records[0, STATE], state).newton_curvature
-    scratch.wheel_increment[:] = 0.0
     scratch.wheel_stiffness[:] = 0.0
     increment, before = 0.0, 0.0
     curvature = REFRESH * memory[0] if memory[0] > 0.0 else inf
@@ -91,6 +91,8 @@ def integrate_bundle(bundle, moving, scratch, system, state, work, h):
         turned = 0.0
         if looped:
             feel_ends(bundle, moving.sheaves, system, state)
+            if iteration <= ESTIMATED:
+                scratch.wheel_increment[:] = 0.0
             turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h)
             carry_on(bundle, moving.sheaves, system, state)
             follow_clamps(bundle, moving, system, state)
