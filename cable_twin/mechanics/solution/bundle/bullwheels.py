@@ -22,7 +22,6 @@ from cable_twin.mechanics.solution.generalized_alpha import factors
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
 ESTIMATED = 3  # iterations of a step that go by the estimated stiffness, which most steps need no more than
 OVERSHOT = 0.5  # share of the last increment by which one goes back, from which on the stiffness is measured
-STIFFEST = 4.0  # of the estimate; a slipping rope in a storm has 3, and what is more came of something else
 GONE_OVER, TRAVEL = range(2)  # BundleWork.wheel_stiffness
 NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
@@ -203,11 +202,10 @@ def measured_increment(last, measured, sheave, kind, force, stiffness):
         force: N.
         stiffness: N/m, estimated.
     """
-    most, before = STIFFEST * stiffness, last[sheave, kind]
-    stiffness = max(stiffness, measured[sheave, kind])
+    stiffness, before = max(stiffness, measured[sheave, kind]), last[sheave, kind]
     delta = force / stiffness
     if delta * before < 0.0 and abs(delta) > OVERSHOT * abs(before):
-        stiffness = min(stiffness - force / before, most)  # the increment before has left this force of it
+        stiffness -= force / before  # of which the increment before has left this force
         measured[sheave, kind] = stiffness
         delta = force / stiffness
     last[sheave, kind] = delta
