@@ -30,6 +30,7 @@ from cable_twin.records import AppliedCommand, Command, FloatArray
 from cable_twin.snapshot import Layout, Snapshot
 
 BATCH = 500  # frames
+LIVE_WINDOW = 30.0  # s
 WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
 
 
@@ -52,7 +53,7 @@ class RerunView:
         support_positions: Mapping[str, ArrayLike] | None = None,
         ground: ArrayLike | None = None,
         force_unit: str | None = None,
-        plot_window: float | None = None,
+        plot_window: float | None = LIVE_WINDOW,
         carriers: Collection[str] = (),
         geometry_rate: float = 20.0,
         rope_rate: float = 10.0,
@@ -73,7 +74,8 @@ class RerunView:
             support_positions: Name -> (2,) m, for supports between the ends; the ends are taken from the cable.
             ground: (n, 2) m, the profile of the ground; by default a line that follows the chord of the track.
             force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
-            plot_window: s, how much time before and after the cursor the plots show; None shows the whole run.
+            plot_window: s, how much time up to the cursor the plots show while the run goes on; None shows the whole
+                run. By default 30 s where the picture is served. A file that is finished shows the whole run.
             carriers: Carriages that are drawn and plotted together, so that their number costs little.
             geometry_rate: Hz, at which carriages are drawn.
             rope_rate: Hz, at which the rope is drawn. At 20 Hz files have a quarter more bytes than at 10 Hz, where
@@ -105,7 +107,7 @@ class RerunView:
             },
             ground=None if ground is None else np.asarray(ground, dtype=np.float64),
             force_unit=force_unit,
-            plot_window=plot_window,
+            plot_window=plot_window if live else None,
             carriers=tuple(carriers),
             geometry_rate=geometry_rate,
             rope_rate=rope_rate,

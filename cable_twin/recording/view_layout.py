@@ -18,6 +18,7 @@ from cable_twin.records import FloatArray
 LEGEND_LINES = 9  # of a plot, up to which it has a legend
 TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
 EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
+AHEAD = 0.04  # of the time that a plot shows up to the cursor, behind it: room for its last number
 IN_A_ROW = 3  # plots and close-ups, of about one height and width; in space there are more of them
 IN_SPACE_IN_A_ROW = 5
 
@@ -44,7 +45,7 @@ def lay_out(
         boxes: Entities that stand for vehicles where the whole track is shown.
         plots: All plots.
         unit: Of forces.
-        window: s, how much time before and after the cursor the plots show; None shows the whole run.
+        window: s, how much time up to the cursor the plots show; None shows the whole run.
         spans: Signal -> lowest and highest value of its plot, where they are known.
         eyes: From where the whole is seen in space, and each entity that has a close-up there; None in a plane.
     """
@@ -152,16 +153,18 @@ def frame(contents: rrb.Container) -> rrb.Blueprint:
 def _plot_view(
     path: str, title: str, rows: Sequence[int], window: float | None, span: tuple[float, float] | None
 ) -> rrb.View | rrb.Container:
-    """Return one plot, with its legend of so many names in each row below it; all of them share their time axis."""
+    """Return one plot, with its legend of so many names in each row below it; all show the same time."""
     lines = sum(rows)
-    shown = None
+    shown, time_axis = None, rrb.TimeAxis(link="LinkToGlobal")
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative
-        shown = rr.VisibleTimeRange(TIMELINE, start=boundary(seconds=-window), end=boundary(seconds=window))
+        first, last = boundary(seconds=-window), boundary(seconds=AHEAD * window)
+        shown = rr.VisibleTimeRange(TIMELINE, start=first, end=last)
+        time_axis = rrb.TimeAxis(view_range=rr.TimeRange(first, last))
     plot = rrb.TimeSeriesView(
         name=title,
         origin=path,
-        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+        axis_x=time_axis,
         axis_y=None if span is None else rrb.ScalarAxis(range=with_ticks(*span)),
         plot_legend=rrb.PlotLegend(visible=False),
         time_ranges=shown,

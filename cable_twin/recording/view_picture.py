@@ -85,16 +85,16 @@ class Picture:
             self._space.begin(stream, first, scene.ground, look.wheels)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
         self._corners = low, high, top
-        self._lay_out(stream)
+        self._lay_out(stream, look.plot_window)
         for times in (self._rope_times, self._pose_times, self._readout_times):
             times.restart()
 
     def end(self, stream: rr.RecordingStream) -> None:
-        """Lay a file out again, now that it is known how far its plots reach."""
-        self._lay_out(stream)
+        """Lay a file out again with all of its time, now that it is known how far its plots reach."""
+        self._lay_out(stream, None)
 
-    def _lay_out(self, stream: rr.RecordingStream) -> None:
-        vehicles, plots, window = self._vehicles, self._plots, self._look.plot_window
+    def _lay_out(self, stream: rr.RecordingStream, window: float | None) -> None:
+        vehicles, plots = self._vehicles, self._plots
         shown = vehicles.close_ups, vehicles.boxes
         eyes = (self._space.overview, self._space.close_ups) if self._space else None
         stream.send_blueprint(lay_out(*self._corners, *shown, plots, self._unit, window, plots.spans, eyes))

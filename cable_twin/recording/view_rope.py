@@ -25,6 +25,8 @@ from cable_twin.recording.view_geometry import (
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
+LEGEND_PERIOD = 5.0  # s, after which the legend is sent again, for viewers who come late
+LEGEND_INDENT = 0.06  # of the scene, so that half the number at its left end has room
 NO_ROPE = -1  # colour of the way from one rope to the next, which is no line
 
 
@@ -48,6 +50,7 @@ class Rope:
         self._colors = RopeColors(layout.ropes)
         self._known = False  # any tension so far
         self._legend_place = (0.0, 0.0, 1.0)
+        self._legend_time = -np.inf  # s, when it was sent last
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
         """Log what does not change; the legend is at x, z and so wide (m), and valid from `time` (s) on."""
@@ -71,8 +74,9 @@ class Rope:
         points, tensions = with_joints(
             self._arc_lengths, c.rope_position[rows], tensions, places, c.joint_position[rows]
         )
-        if self._colors.widen(c.rope_tension[rows] * self._scale):
-            self._known = True
+        wider = self._colors.widen(c.rope_tension[rows] * self._scale)
+        self._known |= wider
+        if wider or (self._known and abs(times[-1] - self._legend_time) >= LEGEND_PERIOD):
             self._log_legend(stream, float(times[0]))
         if not self._starts.size:
             bins = self._colors.bins(tensions, np.zeros((len(points), points.shape[1] - 1), dtype=np.intp))
@@ -92,7 +96,8 @@ class Rope:
     def _log_legend(self, stream: rr.RecordingStream, time: float) -> None:
         """Draw the bar of tension colours with the range of each rope in numbers, as valid from `time` (s) on."""
         x, z, width = self._legend_place
-        edges = x + np.linspace(0.0, 0.35 * width, COLOR_COUNT + 1)
+        self._legend_time = time
+        edges = x + np.linspace(LEGEND_INDENT * width, 0.4 * width, COLOR_COUNT + 1)
         bar = [[(left, -z), (right, -z)] for left, right in pairwise(edges)]
         if len(self._colors.scales) == 1:
             (only,) = self._colors.scales.values()

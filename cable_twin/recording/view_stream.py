@@ -19,7 +19,9 @@ from cable_twin.recording.web_view import LIVE_ADDRESS, LIVE_PORT, live_url
 
 APPLICATION = "cable_twin"
 FLUSH_TIMEOUT = 5.0  # s
-LIVE_MEMORY = "256MiB"  # what a late viewer can still be sent
+# What a late viewer is sent first: a quarter to one minute. A viewer takes data in for 10 ms between two pictures only,
+# and stays minutes behind one who has many of them where it draws without a GPU.
+LIVE_MEMORY = "4MiB"
 
 
 class _Stream(rr.RecordingStream):
