@@ -69,6 +69,7 @@ class LiveTwin:
         self._executor.add_node(self.node)
         self.received: dict[str, int] = dict.fromkeys(subscribed, 0)
         self._unfinite = ""
+        self._clients: dict[str, Any] = {}
         for topic in subscribed:
             self.node.create_subscription(
                 JointState, f"{NODE}/{topic}", lambda message, topic=topic: self._take(topic, message), 100
@@ -78,13 +79,12 @@ class LiveTwin:
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
         """Call a service below the node; returns its answer."""
-        client = self.node.create_client(kind, f"{NODE}/{service}")
-        try:
-            self.until(client.service_is_ready, service)
-            future = client.call_async(kind.Request(**fields))
-            return self.until(lambda: future.done() and future.result(), service)
-        finally:
-            self.node.destroy_client(client)
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, f"{NODE}/{service}")
+        client = self._clients[service]
+        self.until(client.service_is_ready, service)
+        future = client.call_async(kind.Request(**fields))
+        return self.until(lambda: future.done() and future.result(), service)
 
     def release(self) -> None:
         """Call the emergency stop to release it, and wait for the answer."""

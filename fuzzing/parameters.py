@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
@@ -106,7 +107,8 @@ def _parameters(draw: Callable[..., Any]) -> list[Any]:
 def twin() -> LiveTwin:
     """What takes them; beside it are the files that are named."""
     made = Path.cwd() / "scenarios"
-    made.mkdir(exist_ok=True)
+    shutil.rmtree(made, ignore_errors=True)  # of a process before
+    made.mkdir()
     os.mkfifo(made / "pipe.yaml")
     (made / "link.yaml").symlink_to("/etc/passwd")
     arguments = [SCENARIO, "--rerun", "none", "--keep-size", "100", "--scenario-directories", str(made)]
