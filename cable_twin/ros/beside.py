@@ -8,9 +8,11 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+NICE = 10
 MEMORY = 4 * 2**30  # bytes of addresses
 PACKAGE_PARENT = Path(__file__).resolve().parents[2]
 
@@ -40,6 +42,8 @@ def ask_beside(module: str, request: Any, seconds: float) -> Any:
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # Ctrl-C is for the twin
     )
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, NICE)  # the twin goes before it
     try:
         output, _ = process.communicate(json.dumps(request).encode(), timeout=seconds)
     except subprocess.TimeoutExpired:

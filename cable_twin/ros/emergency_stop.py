@@ -115,7 +115,7 @@ class EmergencyStop:
         command = Command(kind.name, {})
         with self._lock:
             loop = self._loop
-            idle = not request.data and loop is not None and not loop.emergency_stopped
+            idle = not request.data and loop is not None and not loop.emergency_stopped and not loop.urgent
             future = loop.submit(command, "service", urgent=True) if loop is not None else None
         if future is not None:
             await done(future, turn=TURN, within=ANSWER)

@@ -98,6 +98,11 @@ class FrameLoop:
         return self._simulation.emergency_stopped
 
     @property
+    def urgent(self) -> bool:
+        """Whether urgent commands wait for the next frame boundary."""
+        return bool(self._urgent)
+
+    @property
     def simulated_time(self) -> float:
         """Simulated time (s) of the newest computed frame."""
         return self._simulation.snapshot.time
