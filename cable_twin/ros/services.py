@@ -25,7 +25,7 @@ from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s
 TITLE = "snapshot_"  # with which names of saved states begin
-WRITING_TIMEOUT = 0.2  # s that an answer waits for the disk, and commands with it
+WRITING_TIMEOUT = 2.0  # s that an answer waits for the disk; commands are served meanwhile
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 
 
@@ -113,7 +113,7 @@ class Services:
         frames = "one frame" if count == 1 else f"{count} frames"
         return True, f"{frames}, to {self._loop.simulated_time:.3f} s of simulated time"
 
-    def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    async def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Copy the state between two frames and write it where neither frames nor commands wait for the disk."""
         try:
             full = self._loop.capture().result(SERVICE_TIMEOUT)
@@ -122,7 +122,8 @@ class Services:
             return response
         writing = self._writer.submit(self._write, full)
         try:
-            path = writing.result(min(WRITING_TIMEOUT, 0.5 * self._loop.command_timeout))
+            await done(writing, within=WRITING_TIMEOUT)  # others are served meanwhile
+            path = writing.result(0.0)
         except FutureTimeoutError:
             writing.add_done_callback(self._tell_written)
             response.success = False

@@ -62,6 +62,7 @@ def test_kernels_are_compiled_once_and_called_from_both_sides(tmp_path, disabled
     program = tmp_path / "program.py"
     program.write_text(CODE.replace("outer.py_func", "outer") if disabled == "1" else CODE)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # whose files know the second of a source alone
     outputs = [
         subprocess.run(
             [sys.executable, str(program)],
