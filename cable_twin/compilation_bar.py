@@ -34,13 +34,13 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
     )
     began, told = time.monotonic(), -1
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("the rope settles", total=None, kernel="")
+        task = progress.add_task("starting", total=None, kernel="")
 
         def show(moment: Moment) -> None:
             nonlocal told
-            left = "" if moment.remaining is None else f"some {moment.remaining:.0f} s left"
+            left = "" if moment.remaining is None else f"about {moment.remaining:.0f} s left"
             if console.is_terminal:
-                what = f"{left}, {moment.kernel}" if left else moment.kernel
+                what = ", ".join(filter(None, (left, moment.kernel)))
                 progress.update(task, description="compiling, once", total=1.0, completed=moment.share, kernel=what)
             elif told < 0:
                 line(BEGIN)

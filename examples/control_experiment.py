@@ -125,7 +125,7 @@ class Link:
             if now - self._answered > SILENCE:
                 raise ExperimentError(
                     f"the twin has applied no command for {SILENCE:g} s: is its emergency stop in force? "
-                    "It names every refusal in its own terminal"
+                    "Its terminal shows the reason of each refusal"
                 )
         return self._over
 

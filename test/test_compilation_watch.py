@@ -80,7 +80,7 @@ def test_a_bar_is_for_terminals_and_lines_for_the_rest(monkeypatch, terminal):
     if terminal:
         assert len(lines) == 1
         assert "condense_chain" in output.getvalue()
-        assert "some 5 s left" in output.getvalue()
+        assert "about 5 s left" in output.getvalue()
     else:
-        assert lines[:-1] == [BEGIN, "compiling: 50 %, some 10 s left", "compiling: 75 %, some 5 s left"]
+        assert lines[:-1] == [BEGIN, "compiling: 50 %, about 10 s left", "compiling: 75 %, about 5 s left"]
         assert output.getvalue() == ""

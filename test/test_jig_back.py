@@ -168,7 +168,7 @@ def test_a_place_of_the_drive_is_rope_gone_by(place, metres):
 
 @pytest.mark.parametrize("place", ["-1", "1012.5", "nan", "upper_station"])
 def test_a_place_beyond_the_travel_of_the_drive_is_refused(place):
-    with pytest.raises(ValueError, match=r"allowed: 0 to 1012 m of cable gone by, or start, end"):
+    with pytest.raises(ValueError, match=r"allowed: 0 to 1012 m of cable travel, or start, end"):
         target_of(load_scenario("jig_back"), "haul_rope", place)
 
 

@@ -20,8 +20,10 @@ from prescribed_frames import (
     supported,
     writable,
 )
+from strands import one_strand
 
-from cable_twin.key_figures import KeyFigures
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures.limits import limited
 from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -82,7 +84,7 @@ def test_acceleration_of_the_last_body_on_a_circle():
     # means over 0.2 s of means over 0.2 s leave the square of a sinc of it
     assert found.value == pytest.approx(radius * rate**2 * np.sinc(0.2 * rate / (2.0 * math.pi)) ** 2, rel=1e-6)
     assert found.kept is False
-    assert "means over 0.2 s of means over 0.2 s" in found.band
+    assert "smoothed twice with a moving average over 0.2 s" in found.band
 
 
 @pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
@@ -95,7 +97,7 @@ def test_an_acceleration_does_not_depend_on_how_often_one_looks(period):
         figures.update(snapshot(moment, body=np.array([0.5 * max(moment - 1.0, 0.0) ** 2 + shock, 0.0])))
     found = gathered(figures)
     assert found["cabin: vehicle acceleration"].value == pytest.approx(1.045, rel=0.01)
-    assert found["rope tension, highest"].band == f"frames of {period:g} s"
+    assert found["rope tension, highest"].band == f"samples taken every {period:g} s"
 
 
 def test_shocks_are_those_of_the_mesh():
@@ -138,6 +140,18 @@ def test_stopping_distance_counts_from_the_command_also_between_frames():
     stop = gathered(figures)["cabin: stopping distance"]
     assert stop.value == pytest.approx(15.0)
     assert stop.time == 5.0 + 0.4 * PERIOD
+
+
+def test_a_command_to_stop_what_only_swings_is_no_stop():
+    """A controller sends 0 m/s again and again; a vehicle on its haul rope swings with some cm/s meanwhile."""
+    figures = KeyFigures(scenario())
+    drive(figures, lambda _: 6.0, 5.0)
+    figures.command(AppliedCommand(5.0, Command("speed", {"cabin": 0.0}), "test"))
+    drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 6.0, start=130.0, begin=5.0)
+    drive(figures, lambda _: 0.05, 1.0, start=145.0, begin=11.5)
+    figures.command(AppliedCommand(12.5, Command("speed", {"cabin": 0.0}), "test"))
+    drive(figures, lambda _: 0.0, 1.0, start=145.05, begin=12.51)
+    assert gathered(figures)["cabin: stopping distance"].place == "stop from 6.00 m/s at 130.0 m"
 
 
 def test_a_stop_that_is_taken_back_does_not_count():
@@ -285,3 +299,38 @@ def test_a_payload_does_not_end_a_stop():
     figures.command(AppliedCommand(0.5, Command("payload", {"cabin": 10.0}), "test"))
     figures.update(snapshot(1.0, place=101.0))
     assert gathered(figures)["cabin: stopping distance"].value == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "ratio", "factor"),
+    [
+        ({}, None, 4.5),
+        ({"limits.tension_per_transverse_load": 10.0, "limits.rope_safety_factor": 3.15}, 10.0, 3.15),
+        ({"limits.tension_per_transverse_load": 0, "limits.rope_safety_factor": 0}, None, None),
+    ],
+)
+@pytest.mark.parametrize("lift", ["one strand", "both strands", "in space"])
+def test_limits_that_a_lift_gives_hold_also_where_they_equal_those_of_track_ropes(lift, changes, ratio, factor):
+    """Clamped chairs have no usual ratio and a moving rope has another usual factor; what is written is judged."""
+    given = {"limits.rope_safety_factor": None, **changes} | ({"space": 3} if lift == "in space" else {})
+    found = load_scenario(one_strand("chairlift") if lift == "one strand" else "chairlift", given)
+    held = {
+        key: limited(found, KeyFigure(key, 20.0, "-", 0.0), key, "at least", clamped=True)
+        for key in ("tension_per_transverse_load", "rope_safety_factor")
+    }
+    assert [figure.limit for figure in held.values()] == [ratio, factor]
+    assert held["tension_per_transverse_load"].source == (
+        "scenario: limits.tension_per_transverse_load" if ratio else ""
+    )
+    rope_parts = held["rope_safety_factor"].source
+    assert rope_parts.startswith("scenario" if factor == 3.15 else "EN 12927") or factor is None
+
+
+def test_chairs_are_judged_by_a_ratio_that_their_scenario_gives():
+    for given, judged, factor in (({}, None, 4.5), ({"tension_per_transverse_load": 10.0}, True, 3.15)):
+        limits = {"rope_safety_factor": factor, **given}
+        found = load_scenario("chairlift", {f"limits.{key}": limit for key, limit in limits.items()})
+        figures = KeyFigures(found)
+        figures.update(Simulation(found).snapshot)
+        assert gathered(figures)["chair: tension over transverse load"].kept is judged
+        assert gathered(figures)["up: rope safety factor"].limit == factor

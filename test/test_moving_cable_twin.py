@@ -148,7 +148,7 @@ def test_a_drive_takes_speeds_and_its_carriers_nothing():
         ({"name": "haul_rope", "force": 10.0}, "'haul_rope' moves the cable and takes no force; give it a speed"),
         ({"name": "haul_rope", "speed": 5.5}, "speed of 'haul_rope' is 5.5 m/s; allowed are -5 to 5 m/s"),
         ({"name": "haul_rope", "speed": nan}, "speed of 'haul_rope' is nan m/s; a finite number is needed"),
-        ({"name": "chair_1", "speed": 1.0}, "'chair_1' goes with the cable and takes no command; drive: haul_rope"),
+        ({"name": "chair_1", "speed": 1.0}, "'chair_1' moves with the cable and takes no command; drive: haul_rope"),
         ({"name": "chair_9", "speed": 1.0}, "unknown carriage or drive 'chair_9'; known: haul_rope"),
     ]
     for command, text in refusals:

@@ -124,6 +124,6 @@ def names_in(folder):
 def test_the_page_of_logs_names_the_formats_that_are_written():
     text = " ".join((ROOT / "docs" / "logs.md").read_text(encoding="utf-8").split())
     assert (
-        f'`format_version`; "{FORMAT_VERSION}" is the present one, and a snapshot file (`.npz`) says {SNAPSHOT_VERSION}'
+        f'`format_version`, at present "{FORMAT_VERSION}"; a snapshot file (`.npz`) has format {SNAPSHOT_VERSION}'
         in text
     )

@@ -49,7 +49,7 @@ class BufferFigures:
         for row, (time, touch) in sorted(self._hardest.items()):
             place = f"met at {touch.speed:.3g} m/s at {touch.time:.2f} s, arc length {touch.place:.1f} m"
             name = f"{touch.vehicle} and {touch.other}{BUFFER_FORCE}"
-            yield KeyFigure(name, float(self._highest[row]), "N", time, place, band="solver steps")
+            yield KeyFigure(name, float(self._highest[row]), "N", time, place, band="sampled at every solver step")
 
 
 __all__ = ["BUFFER_FORCE", "BufferFigures"]

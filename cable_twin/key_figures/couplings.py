@@ -10,7 +10,7 @@ from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Snapshot
 
-UNFILTERED = "each frame, unfiltered: EN 50318 takes it through 20 Hz"
+UNFILTERED = "sampled at every frame, unfiltered; EN 50318 filters it with a low-pass of 20 Hz"
 
 
 class CouplingFigures:

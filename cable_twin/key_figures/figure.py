@@ -82,7 +82,7 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
 def figure_of(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
     """The figure without a limit; NaN where there never was a value."""
     place = extremes.places[index]
-    found = ["" if math.isnan(place) else f"{at} {place:.1f} m", wind_at(extremes, index)]
+    found = ["" if math.isnan(place) else f"{at} {round(place, 1) + 0.0:.1f} m", wind_at(extremes, index)]
     return KeyFigure(name, extremes.value(index), unit, float(extremes.times[index]), ", ".join(filter(None, found)))
 
 

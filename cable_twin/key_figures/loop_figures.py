@@ -97,7 +97,7 @@ class LoopFigures:
         drive = self._scenario.drives[name]
         source = f"scenario: drives.{name}.limits"
         yield from drive_figures(
-            self._memory.drives, name, self._drives.index(name), drive.limits, source, "rope gone by"
+            self._memory.drives, name, self._drives.index(name), drive.limits, source, "rope travel"
         )
         yield from self._stops.figures(name, lambda figure, key: limited(self._scenario, figure, key))
 
@@ -115,9 +115,9 @@ class LoopFigures:
         if slip.value > STILL:
             yield slip
         if sheave.rollback is not None:
-            figure = figure_of(memory.rolled_back, row, f"{name}: rolled back, and stopped for it", "-")
+            figure = figure_of(memory.rolled_back, row, f"{name}: rollback device triggered", "-")
             source = f"scenario: sheaves.{name}.rollback of {sheave.rollback:g} m"
-            yield with_limit(replace(figure, place="1 if it was"), 0.0, source)
+            yield with_limit(replace(figure, place="1 stands for yes, 0 for no"), 0.0, source)
         if name in self._rows:
             yield figure_of(memory.torque, row, f"{name}: drive torque, highest", "N m")
         if sheave.tensioning is not None:

@@ -13,7 +13,7 @@ from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.extremes import Extremes
 from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
-from cable_twin.key_figures.limits import is_given, limited
+from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.rope_measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space_figures import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import StopsOf
@@ -23,10 +23,10 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.drives import Limits
 from cable_twin.snapshot import ENDS, Layout, Snapshot
 
-# assumed: ropeway standards name no band; shorter than 0.2 s nobody takes for an acceleration
+# assumed: ropeway standards specify no filter; anything shorter than 0.2 s is felt as a shock
 MEANS = (
-    f"means over {MEAN:g} s of means over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz), "
-    "assumed: no ropeway standard names a band"
+    f"smoothed twice with a moving average over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz); assumed, as no ropeway "
+    "standard specifies a filter"
 )
 
 
@@ -104,7 +104,7 @@ class FiguresOfRope:
             *(figure for name, members in self._groups() for figure in self._of_vehicles(name, members)),
             *self.buffers.figures(),
         ]
-        frames = "" if math.isnan(self._period) else f"frames of {self._period:.4g} s"
+        frames = "" if math.isnan(self._period) else f"samples taken every {self._period:.4g} s"
         found = [figure if figure.band else replace(figure, band=frames) for figure in found]
         return [figure for figure in found if not math.isnan(figure.value)]
 
@@ -148,12 +148,12 @@ class FiguresOfRope:
             margin = figure_of(memory.margin, number, f"{name}: deropement margin, load over that at rest", "-")
             if margin.value == 0.0 and load.value == 0.0:
                 margin = replace(margin, place="does not touch")
-            yield replace(self._limited(margin, "deropement_margin", "at least"), band="solver steps")
+            yield replace(self._limited(margin, "deropement_margin", "at least"), band="sampled at every solver step")
             roller = figure_of(memory.roller_load, number, f"{name}: load of a roller, lowest", "N")
             count = int(memory.rollers[number])
             touches = f"mean of {count} rollers" if count > 1 else "one roller"
             roller = replace(roller, place="does not touch" if load.value == 0.0 else touches)
-            yield replace(self._limited(roller, "roller_load", "at least"), band="solver steps")
+            yield replace(self._limited(roller, "roller_load", "at least"), band="sampled at every solver step")
             if self._space is not None and name not in ENDS:
                 yield from self._space.of_tower(name, number)
             low, high = None, None
@@ -170,7 +170,7 @@ class FiguresOfRope:
         limits = self._scenario.drives[name].limits
         index = self._drives.index(name)
         yield from drive_figures(
-            self._memory.drives, name, index, limits, f"scenario: drives.{name}.limits", "rope gone by"
+            self._memory.drives, name, index, limits, f"scenario: drives.{name}.limits", "rope travel"
         )
         yield from self._stops.figures(name, self._limited)
 
@@ -202,8 +202,7 @@ class FiguresOfRope:
         yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
         clamped = self._scenario.vehicles[self._vehicles[members[0]]].joint == "clamped"
-        judged = not clamped or is_given(self._scenario, "tension_per_transverse_load")
-        yield ratio if not judged else self._limited(ratio, "tension_per_transverse_load", "at least")
+        yield limited(self._scenario, ratio, "tension_per_transverse_load", "at least", clamped=clamped)
         height = worst(kept.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
         yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
         yield from self._stops.figures(name, self._limited)

@@ -47,13 +47,18 @@ class SpaceFigures:
         ratio = figure_of(memory.lateral_ratio, row, f"{name}: lateral over normal force", "-")
         own = tower.derailment_ratio != type(tower).model_fields["derailment_ratio"].default
         source = f"scenario: towers.{name}.derailment_ratio" if own else ASSUMED_RATIO
-        yield replace(with_limit(ratio, tower.derailment_ratio, source), band="solver steps")
+        yield replace(with_limit(ratio, tower.derailment_ratio, source), band="sampled at every solver step")
         how = memory.derailed.value(row)
         if how > 0.0:
             x, y, z = self._scenario.vector(tower.position)
             place = f"x {x:.1f}, y {y:.1f}, z {z:.1f} m, {HOW[int(how)]}, {wind_at(memory.derailed, row)}"
             one = KeyFigure(
-                f"{name}{DERAILED}", 1.0, "-", float(memory.derailed.times[row]), place, band="solver steps"
+                f"{name}{DERAILED}",
+                1.0,
+                "-",
+                float(memory.derailed.times[row]),
+                place,
+                band="sampled at every solver step",
             )
             yield with_limit(one, 0.0, IN_PLACE)
 

@@ -14,6 +14,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.snapshot import Columns, Snapshot
 
 STANDSTILL = 1e-3  # m/s
+SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle on a haul rope swings so after one
 
 
 @dataclass(slots=True)
@@ -37,7 +38,7 @@ class Stops:
 
     def begin(self, kind: str, time: float, place: float, speed: float) -> None:
         """A command to stop: the emergency stop goes before a stop that is under way."""
-        if not abs(speed) > STANDSTILL:
+        if not abs(speed) > SLOWEST:
             return
         if self._braking is None or (kind == "emergency stop" and self._braking.kind != kind):
             self._braking = Stop(kind, time, place, speed)
@@ -187,7 +188,7 @@ class CarriedStops:
 
     def _begin(self, kind: str, time: float) -> None:
         under_way = self._begun is not None and (kind == "stop" or self._begun[0] == kind)
-        if under_way or not np.any(np.abs(self._speed) > STANDSTILL):
+        if under_way or not np.any(np.abs(self._speed) > SLOWEST):
             return
         self._begun, self._start = (kind, time), self._speed.copy()
         self._way = -np.abs(self._start) * (time - self._time)  # gone since the last frame, before the command

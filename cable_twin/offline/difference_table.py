@@ -43,7 +43,7 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
         console.print(table)
         if carriers is not None:
             name = carriers.name
-            print(f"of {name}_1 to {name}_{carriers.count} the one that differs most is shown\n")
+            print(f"of {name}_1 to {name}_{carriers.count}, only the one with the largest difference is shown\n")
     for run, names in zip(("a", label), comparison.only_in, strict=True):
         if names:
             print(f"only in {run}: {', '.join(sorted(names))}")

@@ -17,6 +17,7 @@ from cable_twin.units import rounded, shown_unit
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
+NEGLIGIBLE = 1e-5  # of a value: an uncertainty that no digit of it shows
 NOISE = 1e-6  # of the unit that is shown; what is less is rounding
 
 
@@ -64,19 +65,22 @@ def print_figures(
             below = ", ".join(filter(None, (limit, *where)))
             table.add_row(f"{name}\n  [dim]{below}[/]" if below else name, *values, unit, _verdict(found, scale))
     console.print(table)
-    told = [f"({number}) {note}" for number, note in enumerate(notes, start=1)]
-    told += (
-        [f"highest and lowest values are those of {usual}, unless a note at the unit says otherwise"] if usual else []
-    )
-    for line in told:
-        below = " " * (6 if line.startswith("(") else 2)
-        filled = fill(line, console.width, initial_indent="  ", subsequent_indent=below)
-        console.print(filled, markup=False, soft_wrap=True)
+    usually = f"highest and lowest values are those of {usual}, unless a note beside the unit says otherwise"
+    print_notes(console, notes, usually if usual else "")
     console.print()
     for line in verdict_lines(figures, at, unit_at):
         style = "bold red" if line.endswith(" not kept:") else None
         wrapped = fill(line, console.width, subsequent_indent="    ")
         console.print(wrapped, markup=False, soft_wrap=True, style=style)
+
+
+def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
+    """Print the numbered notes of a table below it, and a last one without a number."""
+    told = [f"({number}) {note}" for number, note in enumerate(notes, start=1)] + ([last] if last else [])
+    for line in told:
+        below = " " * (6 if line.startswith("(") else 2)
+        filled = fill(line, console.width, initial_indent="  ", subsequent_indent=below)
+        console.print(filled, markup=False, soft_wrap=True)
 
 
 def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
@@ -114,6 +118,13 @@ def shown(value: float, scale: float) -> str:
     return "0" if abs(value * scale) < NOISE else rounded(value * scale)
 
 
+def _uncertainty(figure: KeyFigure, scale: float) -> str:
+    """Uncertainty of a figure with two digits; 0 where it is too small to change the value that is shown."""
+    assert figure.uncertainty is not None
+    small = figure.uncertainty < max(NEGLIGIBLE * abs(figure.value), NOISE / scale)
+    return "0" if small else rounded(figure.uncertainty * scale, 2)
+
+
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
     """Limit of a figure with the number of its source."""
     if figure.limit is None:
@@ -127,7 +138,7 @@ def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
         word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict
-        return ", ".join(filter(None, (word, f"± {shown(lone.uncertainty, scale)}")))
+        return ", ".join(filter(None, (word, f"± {_uncertainty(lone, scale)}")))
     kept = [figure.kept if figure is not None else None for figure in figures]
     if False not in kept:
         return "kept" if True in kept else ""

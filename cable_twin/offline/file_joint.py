@@ -56,7 +56,10 @@ def join(
             simulation.restore(full)
     except SnapshotError as error:
         if not whole:
-            result.restarts.append(f"{file.path.name}: left out: what comes before it is lost, and so is {error}")
+            result.restarts.append(
+                f"{file.path.name}: left out, because the data before it is lost and "
+                f"its own state cannot be used: {error}"
+            )
             return Joint.LEFT_OUT
         if exactly:
             result.restarts.append(f"{error}; its state is not compared")
@@ -64,7 +67,8 @@ def join(
     if not whole:
         result.end = full.time
         result.restarts.append(
-            f"{file.path.name}: what comes before {full.time:.2f} s is lost; continued from the state at its start"
+            f"{file.path.name}: data before {full.time:.2f} s is lost; the replay continues from the state "
+            "at the start of this file"
         )
         return Joint.FROM_ITS_STATE
     if exactly:

@@ -32,12 +32,12 @@ PATIENCE = 2.0  # s, after which there is a bar
 STDOUT = "-"
 DRAWN = (".png", ".pdf", ".svg")
 EPILOG = """\
-The vehicle stands at N places from one end of its track to the other; carriers of a moving cable go by one spacing, and
-vehicles that a haul rope pulls go together, by the travel of its drive. At
-each the whole line is brought to rest with its loads, wind and ice. The table has the extremes, the place of the
-vehicle where each comes, and the limits of the scenario; loads are those of the cable on a support, as a vector.
+The static equilibrium of the whole line, with its loads, wind and ice, is calculated for N places of the vehicle, from
+one end of its track to the other. The carriers of a moving cable are advanced over one spacing; vehicles on a common
+haul rope are moved together, over the travel of its drive. The table gives the highest and lowest values with the place
+of the vehicle and the limits of the scenario. Loads of supports are forces of the cable on the support, by component.
 
-exit codes: 0 done, 1 there is no rest at a place or a file cannot be written, 2 wrong scenario or option
+exit codes: 0 done, 1 no equilibrium at a place or a file cannot be written, 2 wrong scenario or option
 
 examples:
   line aerial_tramway

@@ -231,7 +231,7 @@ def _towers(axes: Axes, line: Line) -> None:
 def _where(line: Line) -> str:
     carriers = line.scenario.carriers
     if line.moved in line.scenario.drives or (carriers is not None and line.moved == carriers.name):
-        return "rope gone by [m]"
+        return "rope travel [m]"
     return f"arc length of {line.moved} [m]"
 
 

@@ -98,7 +98,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     def advance(time: float) -> Snapshot:
         if time - simulation.time > LONGEST_GAP:
             raise LogError(
-                f"from {simulation.time:g} s to {time:g} s without a frame between them; allowed: {LONGEST_GAP:g} s"
+                f"no frame from {simulation.time:g} s to {time:g} s; allowed: a gap of at most {LONGEST_GAP:g} s"
             )
         while waiting and waiting[0].time < time:
             simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
@@ -302,13 +302,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     for topic, count in sorted(result.samples.items()):
         print_line(f"  {topic:40} {count:8} samples, {result.differing[topic]:8} differ")
     if result.first is not None:
-        print(f"they part {result.first}")
-        print(f"greatest difference found: {result.largest:.3g}; the tolerance is {tolerance:g}")
+        print(f"first difference {result.first}")
+        print(f"largest difference: {result.largest:.3g}; the tolerance is {tolerance:g}")
         return DIFFER
     if tolerance == 0.0:
         print("every sample agrees to the last bit")
     else:
-        print(f"every sample agrees to {tolerance:g}; greatest difference found: {result.largest:.3g}")
+        print(f"every sample agrees within the tolerance of {tolerance:g}; largest difference: {result.largest:.3g}")
     return AGREE
 
 

@@ -24,8 +24,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cable_twin.offline.figure_table import shown
 from cable_twin.plotted_signals import SIGNALS
 from cable_twin.snapshot import Snapshot
+from cable_twin.units import rounded
 
 HELD = 2.0  # s
 SMALLEST = 1e-3  # m/s, of a step
@@ -191,25 +193,34 @@ def print_responses(
     """Print the steps and the efforts of a run, each as a table; nothing where there are none."""
     which = f" of {label}" if label else ""
     if steps:
-        titles = ("step of the speed" + which, "at [s]", "from [m/s]", "to [m/s]", "rise [s]", "settling [s]")
-        shown = map(escape, (*titles, "overshoot [%]", "steady error [m/s]"))
-        table = Table(*shown, box=box.SIMPLE_HEAD, pad_edge=False)
+        titles = ("at\n[s]", "from\n[m/s]", "to\n[m/s]", "rise\ntime [s]", "settling\ntime [s]")
+        table = _table(
+            f"response to steps of the commanded speed{which}", (*titles, "over-\nshoot [%]", "steady\nerror [m/s]")
+        )
         for step in steps[:SHOWN]:
             times = (("not reached", step.rise), ("not settled", step.settling))
             told = [without if time is None else f"{time:.2f}" for without, time in times]
-            numbers = f"{step.time:.2f}", f"{step.before:.4g}", f"{step.command:.4g}"
-            table.add_row(step.name, *numbers, *told, f"{100.0 * step.overshoot:.2f}", f"{step.steady_error:.2g}")
+            numbers = f"{step.time:.2f}", shown(step.before, 1.0), shown(step.command, 1.0)
+            table.add_row(step.name, *numbers, *told, f"{100.0 * step.overshoot:.2f}", rounded(step.steady_error, 2))
         console.print(table)
         if len(steps) > SHOWN:
-            console.print(f"  {len(steps) - SHOWN} more steps; --json has all")
+            console.print(f"  {len(steps) - SHOWN} more steps; --json contains all")
     if moved := [effort for effort in efforts if effort.driving or effort.braking]:
-        columns = ("effort of the run" + which, "force, rms [kN]", "driving [kJ]", "braking [kJ]")
-        errors = "tracking error, rms [m/s]", "largest [m/s]"
-        table = Table(*map(escape, (*columns, *errors)), box=box.SIMPLE_HEAD, pad_edge=False)
+        columns = ("force,\nrms [kN]", "driving\nwork [kJ]", "braking\nwork [kJ]")
+        errors = "tracking error,\nrms [m/s]", "tracking error,\nlargest [m/s]"
+        table = _table(f"control effort and tracking error{which}", (*columns, *errors))
         for effort in moved:
             sizes = effort.rms_force / 1e3, effort.driving / 1e3, effort.braking / 1e3
-            table.add_row(effort.name, *(f"{size:.4g}" for size in (*sizes, effort.rms_error, effort.largest_error)))
+            table.add_row(effort.name, *map(rounded, (*sizes, effort.rms_error, effort.largest_error)))
         console.print(table)
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    """An empty table with a row for each drive."""
+    table = Table("drive", box=box.SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left", title_style="bold")
+    for column in columns:
+        table.add_column(escape(column), justify="right")
+    return table
 
 
 __all__ = ["Effort", "Responses", "StepResponse", "print_responses"]

@@ -42,10 +42,14 @@ def report(
     told += [f"refused: {line}" for line in outcome.refused[:5]]
     told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     told += [*faults]
-    told += [f"not carried out, as their time is at or after the end: {_count(outcome.left)}"] if outcome.left else []
-    told += [f"not given: {line}" for line in outcome.not_reached]
     told += (
-        [f"not carried out, as their time is before that of the snapshot: {_count(outcome.past)}"]
+        [f"not carried out, because their time is at or after the end of the run: {_count(outcome.left)}"]
+        if outcome.left
+        else []
+    )
+    told += [f"not carried out: {line}" for line in outcome.not_reached]
+    told += (
+        [f"not carried out, because their time is before that of the snapshot: {_count(outcome.past)}"]
         if outcome.past
         else []
     )
@@ -60,9 +64,9 @@ def report(
         + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
     if _idle(scenario, outcome):
-        print("nothing was driven: give commands with --script FILE")
+        print("no drive was commanded: give commands with --script FILE")
     if run is not None:
-        print(f"log: {run.directory}\nlook at it: {typed('review')} {shlex.quote(str(run.directory))}")
+        print(f"log: {run.directory}\nto view it: {typed('review')} {shlex.quote(str(run.directory))}")
     return bool(faults or outcome.refused)
 
 

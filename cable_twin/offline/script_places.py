@@ -72,7 +72,7 @@ class PlaceWatch:
     def left(self) -> list[str]:
         """A line for each that has not come to its place."""
         waiting = [*(item for item, _ in self._waiting), *self._later]
-        return [f"{one.place}: '{one.at.name}' has not come by {one.at.position:g} m" for one in waiting if one.at]
+        return [f"{one.place}: '{one.at.name}' has not passed {one.at.position:g} m" for one in waiting if one.at]
 
     def reached(self, simulation: Simulation) -> list[ScriptedCommand]:
         """Those whose place has been reached since the last call, which are then done with."""

@@ -20,8 +20,8 @@ SAMPLES = 20  # commands in the shortest period of a chirp
 HIGHEST = 10.0  # Hz
 MOST = 100_000  # commands of one chirp
 ALLOWED = (
-    "allowed beside name with speed or force: step and duration (s), or chirp, duration, from and to (Hz); "
-    "both in the unit of that"
+    "allowed with a time, a name and a speed or force: step and duration (s), or chirp, duration (s), from and to "
+    "(Hz); step and chirp have the unit of the speed or force"
 )
 
 
@@ -43,7 +43,7 @@ def signal_values(
     given = {key for key in KEYS if key in row}
     if "at" in row or len(shapes) != 1 or given != ({"step", "duration"} if "step" in row else {*KEYS} - {"step"}):
         what = ", ".join(f"{key} {row[key]!r}" for key in ("at", *KEYS) if key in row)
-        raise ValueError(f"{what} given; {ALLOWED}, from a time on")
+        raise ValueError(f"{what} given; {ALLOWED}")
     height, duration = finite(row[shapes[0]], shapes[0], unit), finite(row["duration"], "duration", "s")
     if duration <= 0.0:
         raise ValueError(f"duration {duration:g} s given; allowed: more than 0 s")

@@ -132,7 +132,7 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
         raise OptionError("\n".join(faults))
     log = read_log(options.from_bag) if options.from_bag is not None else None
     if options.check and (options.snapshot is not None or (log is not None and log.snapshot is not None)):
-        raise OptionError("--check with a snapshot, which is of one mesh; allowed: a run from the start")
+        raise OptionError("--check with a snapshot, whose mesh cannot be refined; allowed: a run from the start")
     scenario = _scenario(options, log)
     script = read_script(options.script, scenario) if options.script is not None else []
     if log is not None:
@@ -211,7 +211,9 @@ def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
     """
     changed = options.scenario is not None or bool(options.set)
     if changed and options.snapshot is not None:
-        raise SnapshotError(f"{options.snapshot}: a snapshot has its scenario: neither SCENARIO nor --set is allowed")
+        raise SnapshotError(
+            f"{options.snapshot}: a snapshot contains its scenario: neither SCENARIO nor --set is allowed"
+        )
     if changed and log is not None and log.snapshot is not None:
         raise SnapshotError(f"{log.path}: started from a snapshot: neither SCENARIO nor --set is allowed")
     if options.snapshot is not None or (log is not None and not changed):

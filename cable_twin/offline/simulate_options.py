@@ -48,10 +48,11 @@ A script is YAML or CSV, times in seconds of simulated time:
   - {time: 51, name: cabin, force: 30000}    50,,,,,release
   - {time: 90, name: cabin, payload: 3200}   51,cabin,,30000,,
 
-Names are carriages, or the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed m/s, force N,
-payload kg, of carriages that stand in a station; wind m/s along the track until the next one, wind_z upwards, wind_y
-to the left in space; gust or operating_gust with _z, _y and _duration (s) alike; events: emergency_stop, release,
-reset. With a place, where it is given, a time says from when on, 0 without one:
+Names are those of carriages, or of the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed in
+m/s, force in N, payload in kg (only while the carriage stands in a station), wind in m/s along the track, wind_z
+upwards, wind_y to the left (in space); a wind lasts until the next one. gust and operating_gust have _z, _y and
+_duration (s). Events: emergency_stop, release, reset. A command can be given at a place instead of a time; its time,
+by default 0, is then the earliest at which it can take effect:
 
   - {at: {name: cabin, position: 1200}, event: emergency_stop}
     in CSV in columns at_name,at_position
@@ -62,13 +63,13 @@ exit codes: 0 done, 1 the run failed, could not be recorded or refused a command
 examples:
   simulate aerial_tramway --script trip.yaml --duration 300
   simulate --from-bag cable_twin_logs/2026-01-31_09-30-00 \\
-           --set carriages.cabin.drive.limits.emergency_deceleration=0.6    what if the brake were softer?
-  simulate --snapshot snapshot_60.000_s.npz --duration 30                  go on from there
+           --set carriages.cabin.drive.limits.emergency_deceleration=0.6    with a softer brake
+  simulate --snapshot snapshot_60.000_s.npz --duration 30                  continue a run
   simulate chairlift --duration 30 --record off --json - \\
            | jq '.runs[0].key_figures[] | select(.kept == false)'
-  simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   up to which side wind may it run?
+  simulate gondola --set space=3 --sweep wind.y=0:30:2.5 --plot wind.png   limit of side wind
   simulate --list                                                          the scenarios, a line each
-  simulate --explain cable.damping_time                                    what is that?
+  simulate --explain cable.damping_time                                    meaning of a key
 """
 
 
@@ -76,7 +77,7 @@ def parser() -> OneLineParser:
     """Options of `simulate`."""
     result = OneLineParser(
         "simulate",
-        "Run a scenario without ROS, as fast as it goes, and log it as `sim` does.",
+        "Run a scenario without ROS, as fast as possible, and log it as `sim` does.",
         EPILOG,
         failure=UNUSABLE,
     )

@@ -25,7 +25,7 @@ def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = 
         return Simulation(load_scenario(log.scenario), samples=samples, meanwhile=meanwhile)
     if not log.snapshot:
         raise SnapshotError(
-            f"{log.path}: the run started from a snapshot, and {SNAPSHOT_NAME} is not attached any more: "
+            f"{log.path}: the run started from a snapshot, and {SNAPSHOT_NAME} is no longer attached: "
             "its messages can be read, and nothing replayed"
         )
     try:

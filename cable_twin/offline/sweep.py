@@ -72,7 +72,7 @@ def plot_fault(options: argparse.Namespace) -> str:
     if options.plot is None:
         return ""
     if options.sweep is None:
-        return f"--plot {options.plot} without --sweep, of which it is; of one run: review LOG --plots DIR"
+        return f"--plot {options.plot} without --sweep; plots of a single run are made by: review LOG --plots DIR"
     if options.plot.suffix.lower() not in DRAWN:
         return f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}"
     return plots_fault("--plot")

@@ -17,7 +17,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.offline.export import STDOUT, figure_columns
-from cable_twin.offline.figure_table import shown
+from cable_twin.offline.figure_table import print_notes, shown
 from cable_twin.offline.sweep_limits import Edge, SweptFigure, Window, keeps_all
 from cable_twin.offline.sweep_runs import SweptRun
 from cable_twin.units import rounded, shown_unit
@@ -33,7 +33,7 @@ def print_sweep(
     """Print a row for each of these values with the figures whose limits are passed first, and where each limit is."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown_figures = figures[:room]
-    table = Table(escape(title), box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(escape(_on_lines(title)), box=box.SIMPLE_HEAD, pad_edge=False)
     scales = []
     for figure in shown_figures:
         unit, scale = _unit_of(figure)
@@ -46,29 +46,36 @@ def print_sweep(
             table.add_row(rounded(run.value, DIGITS), *cells)
     console.print(table)
     passed = [figure for figure in figures if figure.passed_at is not None]
-    lines = ["* the limit is not kept"] if passed else []
+    lines = ["* limit exceeded"] if passed else []
     if len(figures) > room:
-        lines.append(f"{len(figures) - room} more figures have limits: --csv and --json have all")
+        lines.append(f"{len(figures) - room} more figures have limits; --csv and --json contain all")
     if lines:
         console.print("\n".join(f"  {line}" for line in lines), markup=False)
     if not passed:
         return
-    below = Table("passes its limit", escape(title), "limit", box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("worst", "at", "source"):
-        below.add_column(head, justify="left" if head == "source" else "right")
+    below = Table("limit exceeded", escape(_on_lines(title)), "limit", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("worst", "at"):
+        below.add_column(head, justify="right")
+    sources = list(dict.fromkeys(figure.source for figure in passed if figure.source))
     for figure in passed:
         unit, scale = _unit_of(figure)
         where, worst = figure.worst
-        limit = f"{_bound(figure, scale)} {'' if unit == '-' else unit}".strip()
-        below.add_row(
-            figure.name,
-            "; ".join(map(_stretch, figure.passed())),
-            limit,
-            shown(worst.value, scale),
-            rounded(where),
-            figure.source,
-        )
+        note = f"({sources.index(figure.source) + 1})" if figure.source else ""
+        limit = " ".join(filter(None, (_bound(figure, scale), "" if unit == "-" else unit, note)))
+        stretches = "; ".join(map(_stretch, figure.passed()))
+        below.add_row(figure.name, stretches, limit, shown(worst.value, scale), rounded(where))
     console.print(below)
+    print_notes(console, sources)
+
+
+def _on_lines(title: str) -> str:
+    """The dotted key and unit of a sweep on lines that fit a column."""
+    lines = [""]
+    for part in title.replace(".", ".\n").replace(" [", "\n [").split("\n"):
+        if len(lines[-1] + part) > COLUMN and lines[-1]:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(line.strip() for line in lines)
 
 
 def _stretch(stretch: tuple[float, float]) -> str:

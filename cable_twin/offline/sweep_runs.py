@@ -67,7 +67,7 @@ def sweep_of(text: str) -> Sweep:
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} given, {error} is no finite number; {FORM}") from None
     if step == 0.0 or (stop - start) * step < 0.0:
-        way = "0, which leads nowhere" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
+        way = "0" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
         raise argparse.ArgumentTypeError(f"{text!r} given with a step of {way}; allowed: one from START towards STOP")
     count = math.floor((stop - start) / step + 1e-9) + 1
     if count > MOST:

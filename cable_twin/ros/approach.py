@@ -41,7 +41,7 @@ class Approach:
         limits = drive.limits if drive is not None else scenario.carriages[name].drive.limits
         fastest = at_most or limits.speed
         if not fastest:
-            raise ValueError(f"the drive of '{name}' has no limit of speed: give one for the way, in m/s")
+            raise ValueError(f"the drive of '{name}' has no speed limit: give the highest speed of the trip, in m/s")
         self.name, self.target, self.fastest = name, target, fastest
         slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
         self._gaining = SHARE * limits.acceleration
@@ -96,7 +96,7 @@ class Approach:
             return ""
         return (
             f"'{self.name}' has come no nearer than {self._nearest[0]:.2f} m to {self.target:.2f} m "
-            f"for {STALLED:g} s of simulated time: is it held, or is there not enough force?"
+            f"for {STALLED:g} s of simulated time: it may be held, or its drive too weak"
         )
 
     def _filter(self, time: float, beside: float) -> float:
@@ -131,7 +131,7 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
         metres = {"start": low, "end": high}.get(place, metres)
         if math.isfinite(metres) and low <= metres <= high:
             return metres
-        way = f"{low:g} to {high:g} m of cable gone by, or start, end" if math.isfinite(low) else "cable gone by, in m"
+        way = f"{low:g} to {high:g} m of cable travel, or start, end" if math.isfinite(low) else "cable travel, in m"
         raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: {way}")
     rope = scenario.carriages[name].rope
     cable = scenario.cable if rope is None else scenario.ropes[rope]

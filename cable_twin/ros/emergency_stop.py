@@ -125,7 +125,7 @@ class EmergencyStop:
         elif future is None or future.cancelled():
             with self._lock:
                 self._waiting = command
-            response.message = f"{kind.done}: no scenario runs at this moment, it holds for the one that begins"
+            response.message = f"{kind.done}: no scenario is running at this moment; the stop holds for the next one"
         elif not future.done():
             response.message = f"{kind.done}, from the next frame boundary on"
         elif idle and loop is not None:

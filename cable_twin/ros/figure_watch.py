@@ -52,7 +52,7 @@ class FigureWatch:
         for figure in figures:
             if figure.kept is False and figure.name not in self._passed:
                 self._passed[figure.name] = figure
-                self._news.append(f"limit passed: {figure.name}: {describe(figure)}")
+                self._news.append(f"limit exceeded: {figure.name}: {describe(figure)}")
         return figure_statuses(figures)
 
     def take_news(self) -> list[str]:
@@ -63,4 +63,4 @@ class FigureWatch:
     def judged(self) -> tuple[int, str, dict[str, str]]:
         """Level, message and figures about all limits: a warning that names those which were passed."""
         values = {figure.name: describe(figure) for figure in self._passed.values()}
-        return (WARNING, f"limits passed: {', '.join(values)}", values) if values else (OK, "all limits kept", {})
+        return (WARNING, f"limits exceeded: {', '.join(values)}", values) if values else (OK, "all limits kept", {})

@@ -16,7 +16,7 @@ from cable_twin.simulation import Simulation
 from cable_twin.simulation.command_checks import check_drive
 
 SOURCE, ARRIVAL = "goal", "arrival"  # of the speeds on the way, and of that of 0 at its end, in the log
-GIVEN_UP = "goal given up: "
+GIVEN_UP = "goal abandoned: "
 
 
 class Goals:
@@ -97,12 +97,12 @@ class Goals:
         if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
             for name in list(self._under_way):
                 if kind.halts or name in command.values:
-                    self.give_up(name, f"{command.kind.replace('_', ' ')} by {source}")
+                    self.give_up(name, f"{command.kind.replace('_', ' ')} from {source} took over")
 
     def give_up(self, name: str, why: str) -> None:
         """Let a goal be."""
         del self._under_way[name]
-        self.texts[name] = f"given up: {why}"
+        self.texts[name] = f"abandoned: {why}"
         self._tell(f"{GIVEN_UP}{name}: {why}", True)
 
 

@@ -75,7 +75,7 @@ class Incoming:
         """A message of a topic of `INPUTS`."""
         try:
             if len(data) > self._limits.size:
-                raise CommandError(f"a message of {len(data)} bytes; allowed are up to {self._limits.size} bytes")
+                raise CommandError(f"a message of {len(data)} bytes; allowed: up to {self._limits.size} bytes")
             command = command_from_message(topic, data, self._limits.names)
             self._check_age(stamp_in(data))
             self._count()
@@ -90,8 +90,8 @@ class Incoming:
         if most > 0.0 and stamp_ns != 0 and abs(age) > most:
             when = "older" if age > 0.0 else "later"
             raise CommandError(
-                f"stamp {abs(age):.6g} s {when} than the newest frame; allowed are up to {most:g} s by "
-                "command_max_age, or a stamp of 0"
+                f"stamp {abs(age):.6g} s {when} than the newest frame; allowed: up to {most:g} s (command_max_age), or "
+                "a stamp of 0"
             )
 
     def _count(self) -> None:
@@ -122,7 +122,8 @@ class Incoming:
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self._logger.warning(
-                f"{self._full_name(topic)}: command refused, the last good one stays: {reason} ({count} refused so far)"
+                f"{self._full_name(topic)}: command refused, the previous one stays in force: {reason} "
+                f"({count} refused so far)"
             )
 
 

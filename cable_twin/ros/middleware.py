@@ -62,9 +62,15 @@ def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
                 if not _remove(port, identity):
                     continue
             except PermissionError:
-                lines.append(f"{port}: a process was killed while it made it; its owner may remove it if all wait")
+                lines.append(
+                    f"{port}: left by a process that was killed while creating it; "
+                    "if ROS 2 processes hang, its owner has to remove it"
+                )
             else:
-                lines.append(f"removed {port}: a process was killed while it made it, and others would wait for it")
+                lines.append(
+                    f"removed {port}: left by a process that was killed while creating it; "
+                    "every ROS 2 process would wait for it"
+                )
     return lines
 
 

@@ -137,6 +137,7 @@ class TwinNode(Node):
             on_goal=self._tell_goal,
             paused=self._settings["start_paused"],
         )
+        self._stopped = self._loop.emergency_stopped  # before the last command
         real_time = self._settings["real_time_factor"] == 1.0
         self._diagnostics = Diagnostics(
             self, self.simulation, self._loop, self._output, self._run_clock, real_time=real_time
@@ -208,8 +209,8 @@ class TwinNode(Node):
         self._loop.start()
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
-            pace = f"{factor:g} times real time" if factor > 0.0 else "as fast as possible"
-            self.get_logger().info(f"time runs {pace}, and so do stamps: they leave the clock of this machine")
+            pace = f"at {factor:g} times real time" if factor > 0.0 else "as fast as possible"
+            self.get_logger().info(f"simulated time runs {pace}, so time stamps differ from the clock of this machine")
         scenario = self.simulation.scenario
         names = list(scenario.carriages)
         if scenario.carriers is not None:
@@ -322,7 +323,9 @@ class TwinNode(Node):
     def _tell_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
         self._output.apply(applied)
-        if done := KINDS[applied.command.kind].done:  # by whomever: its caller has the answer, all others this line
+        stopped, self._stopped = self._stopped, self._loop.emergency_stopped
+        done = KINDS[applied.command.kind].done
+        if done and (stopped or applied.command.kind != "release"):  # its caller has the answer, all others this line
             self.get_logger().warning(f"{done} at {applied.time:.3f} s of simulated time")
         if applied.source == "command_timeout":
             names = ", ".join(applied.command.values)

@@ -30,8 +30,8 @@ class PaceWatch:
         behind = self._clock.behind(simulated_time)
         if self._real_time and behind > MUCH:
             self._logger.info(
-                f"runs on at {simulated_time:.3f} s of simulated time; it stood still, so stamps are {behind:.3f} s "
-                "behind the clock from now on"
+                f"simulated time continues at {simulated_time:.3f} s after a pause; from now on time stamps are "
+                f"{behind:.3f} s behind the clock"
             )
 
     def look(self) -> dict[str, str]:
@@ -40,13 +40,13 @@ class PaceWatch:
         behind = self._clock.behind(self._loop.simulated_time)
         if moved is not None:
             self._logger.warning(
-                f"the clock of this machine was set by {moved:+.3f} s; stamps go on steadily and are now "
+                f"the clock of this machine was set by {moved:+.3f} s; time stamps continue without a jump and are now "
                 f"{abs(behind):.3f} s {'behind' if behind > 0.0 else 'ahead of'} it"
             )
         late = self._loop.behind
         if not self._behind and late > LATE:
             self._behind = True
-            self._logger.warning(f"falls behind the clock: {late:.1f} s late; no frame is left out")
+            self._logger.warning(f"falls behind the clock: {late:.1f} s late; no frame is skipped")
         elif self._behind and late < ON_TIME:
             self._behind = False
             self._logger.info("has caught up with the clock")

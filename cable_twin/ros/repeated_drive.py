@@ -22,8 +22,8 @@ from cable_twin.ros.twin_list import published_scenario
 RATE = 20.0  # Hz, well inside the node's command time-out
 REFUSING = 0.5  # s without a command that is applied, from which on a refusal is one of ours
 UNANSWERED = (
-    f"the twin has applied no command for {ANSWER:g} s: is it still there, or is its emergency stop in force? It names "
-    "every refusal in its own terminal"
+    f"the twin has applied no command for {ANSWER:g} s: it may have ended, or its emergency stop is in force; its "
+    "terminal shows the reason of each refusal"
 )
 TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
 
@@ -71,7 +71,7 @@ class Driver:
                 return None
             if time.monotonic() > deadline:
                 if self._scenario is not None:
-                    return f"the twin on {self._topic} stands still: if it is paused, --resume lets its time run"
+                    return f"the twin on {self._topic} does not advance: if it is paused, `drive --resume` continues it"
                 return nobody_listens(self._node, self._topic, self._options.wait)
         return refusal(self._scenario, self._options.name, self._kind, self._value)
 

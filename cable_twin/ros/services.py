@@ -107,7 +107,7 @@ class Services:
         stepping = self._loop.step(count, on_frame)
         await done(stepping)
         if stepping.cancelled():
-            return False, "the twin ends"
+            return False, "the twin is shutting down"
         if stepping.result() < count:
             return False, self._loop.fault or f"paused after {stepping.result()} of {count} frames"
         frames = "one frame" if count == 1 else f"{count} frames"

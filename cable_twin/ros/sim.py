@@ -25,11 +25,11 @@ examples:
   sim seed_example                       the example of the paper; as sim --scenario seed_example
   sim windy_tramway --set wind.y=15      with other values than the file has, by dotted key
   sim --list                             the scenarios, a line each
-  sim --snapshot snapshot_60.000_s.npz   go on from what the service ~/save_snapshot wrote
+  sim --snapshot snapshot_60.000_s.npz   continue from a state that ~/save_snapshot wrote
   sim --rerun web                        watch it in a browser; it prints the link
   sim --rerun live                       watch it: rerun --bind 127.0.0.1 --connect
   sim --ros-args -r __ns:=/b             a second twin in this domain, under a name of its own
-  drive cabin --speed 5                  in another terminal: let the cabin go
+  drive cabin --speed 5                  in another terminal: drive the cabin
 """
 
 LINGER = 0.5  # s in which whoever asked for another scenario gets the answer, before the node begins anew
@@ -166,7 +166,7 @@ def _next(node: TwinNode) -> TwinNode:
         fault = printable_lines(error)
     gc.collect()  # what was made of the node lets go of its names
     print(
-        f"sim: '{printable(loading.source)}' does not run: {fault}; the scenario before it keeps running",
+        f"sim: '{printable(loading.source)}' does not run: {fault}; the previous scenario keeps running",
         file=sys.stderr,
     )
     return TwinNode(node.simulation, inherited(node, loading.before, paused=loading.paused_before), node.emergency)

@@ -110,7 +110,7 @@ class SimulationServices:
         if wanted not in (STOPPED, PLAYING, PAUSED):
             return told(response, UNSUPPORTED, f"state {wanted} given; allowed: 0 stopped, 1 playing, 2 paused")
         if wanted == self._state:
-            return told(response, ALREADY_IN_TARGET_STATE, "it is in this state")
+            return told(response, ALREADY_IN_TARGET_STATE, "it is already in this state")
         if wanted == PLAYING and self._loop.fault:
             return told(response, FAILED, f"{self._loop.fault}; reset it first")
         if wanted == PAUSED and self._state == STOPPED:

@@ -108,7 +108,7 @@ class Trip(Driver):
 
         own = message.name == self._options.node.strip("/").replace("/", ".")
         if own and self._answered < math.inf and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
-            self._refusal = f"the twin has given up this trip: {message.msg.partition(': ')[2]}"
+            self._refusal = f"the twin has abandoned this trip: {message.msg.partition(': ')[2]}"
 
 
 def points_of(cloud: Any) -> Any:

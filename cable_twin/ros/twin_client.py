@@ -137,7 +137,7 @@ class TwinClient:
         self._until(
             lambda: applied or refusals,
             ANSWER,
-            f"the twin has not applied it within {ANSWER:g} s: it names every refusal in its own terminal",
+            f"the twin has not applied it within {ANSWER:g} s: its terminal shows the reason of each refusal",
         )
         if not applied:
             raise TwinError(refusals[0])

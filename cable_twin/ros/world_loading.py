@@ -76,7 +76,7 @@ class WorldLoading:
             fault = f"fault of the program: {printable(repr(error), 400)}"
         if fault:
             self._node.get_logger().error(
-                f"'{scenario.name}' is not loaded: {fault}; the scenario before it keeps running"
+                f"'{scenario.name}' is not loaded: {fault}; the previous scenario keeps running"
             )
             self._busy = False
             self._loop.pause(self.paused_before)

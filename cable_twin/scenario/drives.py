@@ -69,7 +69,7 @@ class DriveOfRope(Section):
     speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; its force is held by friction")
     travel: Vector | None = quantity(
-        "m", "rope gone by since the start, least and most, before which the drive of a bullwheel stops", None
+        "m", "least and greatest rope travel since the start, before which the drive of a bullwheel stops", None
     )
 
 

@@ -59,15 +59,18 @@ class Solver(Section):
 
 
 class KeyFigureLimits(Section):
-    """What key figures are held against; null where there is no limit. `key_figures` names the source of each."""
+    """Limits of key figures; null is no limit unless the key says otherwise. `key_figures` names the source of each."""
 
-    rope_safety_factor: float | None = quantity("-", "lowest breaking force over tension", 3.15, gt=0)
+    rope_safety_factor: float | None = quantity(
+        "-", "lowest breaking force over tension; null: 3.15, and 4.5 for a rope that moves; 0: no limit", None, ge=0
+    )
     haul_rope_safety_factor: float | None = quantity("-", "the same of haul ropes beside others", 4.5, gt=0)
     tension_per_transverse_load: float | None = quantity(
         "-",
-        "lowest tension over load across the rope; the default is for carriages that roll on it, not for clamped ones",
-        10.0,
-        gt=0,
+        "lowest tension over load across the rope; null: 10 for carriages that roll on it, no limit for clamped ones; "
+        "0: no limit",
+        None,
+        ge=0,
     )
     swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
     lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
@@ -88,7 +91,7 @@ class KeyFigureLimits(Section):
         "N", "least load of a roller of a tower, mean of those of the tower", 500.0, ge=0
     )
     energy_lost: float | None = quantity(
-        "-", "largest share of energy that moves which the solver may lose", 0.005, gt=0
+        "-", "largest energy lost by the solver in 5 s over the kinetic energy exchanged", 0.005, gt=0
     )
 
 

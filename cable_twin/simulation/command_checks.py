@@ -43,7 +43,7 @@ def _not_commanded(name: str, scenario: Scenario) -> str:
     """Reason why something takes no commands of speed and force."""
     carriage = _known(name, scenario)
     if carriage.joint == "clamped":
-        return f"'{name}' goes with the cable and takes no command; drive: {next(iter(scenario.drives))}"
+        return f"'{name}' moves with the cable and takes no command; drive: {next(iter(scenario.drives))}"
     if carriage.clamped_to:
         drives = ", ".join(scenario.drives) or "none in this scenario"
         return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"

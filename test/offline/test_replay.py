@@ -119,7 +119,9 @@ def test_altered_command_is_found_with_time_and_topic(recorded, tmp_path, capsys
     alter(bag(recorded), target, lambda topic, _, data: replacement if data == original else data)
     assert main([str(target)]) == 1
     output = capsys.readouterr().out
-    match = re.search(r"^they part at ([\d.]+) s on (\S+), (.+): logged (\S+), replayed (\S+)$", output, re.MULTILINE)
+    match = re.search(
+        r"^first difference at ([\d.]+) s on (\S+), (.+): logged (\S+), replayed (\S+)$", output, re.MULTILINE
+    )
     assert match, output
     assert applied.time < float(match[1]) < applied.time + 0.1
     assert match[2] in ("joint_states", "cable") or match[2].startswith("carriages/cabin/")
@@ -132,7 +134,7 @@ def test_left_out_command_is_found(recorded, tmp_path, capsys):
     first = applied_command_message(read_log(recorded).commands[0], EPOCH)
     alter(bag(recorded), target, lambda topic, _, data: None if data == first else data)
     assert main([str(target)]) == 1
-    assert "they part at" in capsys.readouterr().out
+    assert "first difference at" in capsys.readouterr().out
 
 
 def test_single_altered_sample_is_found_to_the_last_bit(recorded, tmp_path, capsys):
@@ -149,10 +151,10 @@ def test_single_altered_sample_is_found_to_the_last_bit(recorded, tmp_path, caps
     alter(bag(recorded), target, change)
     assert main([str(target)]) == 1
     output = capsys.readouterr().out
-    assert "they part at 12.340000 s on joint_states, position[0]: logged " in output
+    assert "first difference at 12.340000 s on joint_states, position[0]: logged " in output
     assert re.search(r"joint_states +1401 samples, +1 differ", output)
     assert main([str(target), "--tolerance", "1e-9"]) == 0
-    assert "every sample agrees to 1e-09; greatest difference found: " in capsys.readouterr().out
+    assert "every sample agrees within the tolerance of 1e-09; largest difference: " in capsys.readouterr().out
 
 
 def test_unaltered_copy_agrees(recorded, tmp_path):
@@ -245,7 +247,7 @@ def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tm
     output = capsys.readouterr().out
     assert "CPU elsewhere" in output
     assert re.search(r"here: +numpy [\d.]+, CPU \w+$", output, re.MULTILINE)
-    assert "every sample agrees to 1e-06; greatest difference found: 1" in output
+    assert "every sample agrees within the tolerance of 1e-06; largest difference: 1" in output
     assert main([str(near), "--tolerance", "0"]) == 1
     assert "the tolerance is 0" in capsys.readouterr().out
     far = alter(bag(recorded), tmp_path / "far.mcap", nudge(1e-5), metadata=other)

@@ -93,9 +93,10 @@ def test_review_shows_them_and_names_runs_as_output_did(tmp_path, capsys, monkey
     arguments = ["--no-viewer", "--plots", str(tmp_path / "plots"), "--json", str(tmp_path / "runs.json")]
     assert review.main([*runs, *arguments]) == 0
     said = capsys.readouterr().out
-    assert said.count("step of the speed of ") == said.count("effort of the run of ") == 2
+    assert said.count("response to steps of the commanded speed of ") == 2
+    assert said.count("control effort and tracking error of ") == 2
     assert labels == ["hard", "soft"]
-    assert "settling [s]" in said
+    assert "settling" in said
     hard, soft = json.loads((tmp_path / "runs.json").read_text())["runs"]
     (first, back), slow = hard["step_responses"], soft["step_responses"][0]
     assert (first["time"], first["before"], first["command"]) == (1.0, pytest.approx(0.0, abs=1e-3), 3.0)

@@ -147,7 +147,7 @@ def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path, c
     output = capsys.readouterr().out
     (row,) = [line for line in output.splitlines() if line.strip().startswith("swing/chair_")]
     assert row.split()[-5] == "deg"
-    assert "of chair_1 to chair_6 the one that differs most is shown" in output
+    assert "of chair_1 to chair_6, only the one with the largest difference is shown" in output
     assert "speed/haul_rope" in output
 
 

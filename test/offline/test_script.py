@@ -168,7 +168,7 @@ def test_a_step_and_a_chirp_are_commands(tmp_path):
 @pytest.mark.parametrize(
     ("signal", "said"),
     [
-        ("step: 1", "step 1 given; allowed beside name with speed or force: step and duration (s), or chirp,"),
+        ("step: 1", "step 1 given; allowed with a time, a name and a speed or force: step and duration (s), or chirp,"),
         ("step: 1, duration: 0", "duration 0 s given; allowed: more than 0 s"),
         ("step: .nan, duration: 1", "step nan given; allowed: a finite number, in m/s"),
         ("chirp: 1, duration: 9, from: 0.1", "chirp 1, duration 9, from 0.1 given; allowed"),
@@ -268,7 +268,7 @@ def test_commands_are_given_where_a_vehicle_comes_by(tmp_path, name, text):
         outcome = simulate(simulation, script, duration=45.0, frame_steps=frame_steps, epoch_ns=0, on_frame=look)
         assert outcome.refused == []
         assert outcome.not_reached == [
-            f"{tmp_path / name}:{6 if name == 'trip.yaml' else 7}: 'cabin' has not come by 900 m"
+            f"{tmp_path / name}:{6 if name == 'trip.yaml' else 7}: 'cabin' has not passed 900 m"
         ]
         applied.append([(command.kind, *command.values.values()) for command in given])
     assert applied[0] == applied[1]

@@ -56,7 +56,7 @@ def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     assert re.fullmatch(r"quick: 10\.00 s in [\d.]+ s, [\d.]+ times real time; 5 commands", first)
     run = the_run(directory / "cable_twin_logs")
     assert log == f"log: cable_twin_logs/{run.name}"
-    assert re.fullmatch(rf"look at it: \S*review cable_twin_logs/{run.name}", hint)
+    assert re.fullmatch(rf"to view it: \S*review cable_twin_logs/{run.name}", hint)
     assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}_0.rrd", "metadata.yaml"}
 
 
@@ -99,7 +99,10 @@ def test_commands_of_a_bag_drive_another_scenario(scripted, tmp_path, capsys):
     log = read_log(the_run(tmp_path))
     assert log.scenario["carriages"]["cabin"]["drive"]["limits"]["emergency_deceleration"] == 0.6
     assert log.end == 6.0
-    assert "simulate: not carried out, as their time is at or after the end: 3 commands" in capsys.readouterr().err
+    assert (
+        "simulate: not carried out, because their time is at or after the end of the run: 3 commands"
+        in capsys.readouterr().err
+    )
     assert replay.main([str(log.path)]) == 0
     assert "from 2 script" in capsys.readouterr().out
 
@@ -279,7 +282,7 @@ def report_of(scenario, outcome, capsys):
 
 
 def test_a_run_in_which_nothing_was_driven_says_what_drives_it(capsys):
-    hint = "nothing was driven: give commands with --script FILE\n"
+    hint = "no drive was commanded: give commands with --script FILE\n"
     scenario = load_scenario(TRAMWAY)
     said, _ = report_of(scenario, Outcome(time=5.0, wall_time=1.0), capsys)
     assert said.endswith(f" 5.0 times real time; 0 commands\n{hint}")

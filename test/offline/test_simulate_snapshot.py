@@ -114,7 +114,7 @@ def test_commands_before_the_snapshot_are_not_asked_whether_they_would_do(runs, 
     stopped = _saved(runs / "quick.yaml", runs / "trip.yaml", tmp_path / "stopped.npz", 7.0)
     arguments = ["--snapshot", str(stopped), "--script", str(runs / "trip.yaml"), "--duration", "3.5"]
     assert main([*arguments, "--record", "bag", "--output", str(tmp_path / "logs")]) == 0
-    assert "not carried out, as their time is before that of the snapshot: 2 commands" in capsys.readouterr().err
+    assert "not carried out, because their time is before that of the snapshot: 2 commands" in capsys.readouterr().err
     assert frames(read_log(the_run(tmp_path / "logs"))) == frames(read_log(the_run(runs / "whole")), 7.0)
 
 
@@ -141,7 +141,7 @@ def test_log_that_lost_its_snapshot_is_read_and_not_replayed(runs, tmp_path, cap
     assert frames(read_log(lost)) == frames(read_log(the_run(runs / "rest")))
     assert replay.main([str(lost)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "lost.mcap: the run started from a snapshot, and snapshot.npz is not attached any more" in line
+    assert "lost.mcap: the run started from a snapshot, and snapshot.npz is no longer attached" in line
 
 
 def test_bag_is_a_script_from_the_snapshot_on(runs, tmp_path, capsys):
@@ -149,7 +149,7 @@ def test_bag_is_a_script_from_the_snapshot_on(runs, tmp_path, capsys):
     arguments = ["--snapshot", str(runs / "state.npz"), "--from-bag", str(whole), "--record", "bag"]
     assert main([*arguments, "--output", str(tmp_path)]) == 0
     said = capsys.readouterr()
-    assert "not carried out, as their time is before that of the snapshot: 1 command\n" in said.err
+    assert "not carried out, because their time is before that of the snapshot: 1 command\n" in said.err
     assert f"from {SAVED:.2f} s on" in said.out
     log = read_log(the_run(tmp_path))
     expected = frames(read_log(whole), SAVED)
@@ -169,8 +169,8 @@ def test_bag_of_the_rest_is_simulated_from_its_own_snapshot(runs, tmp_path):
     [
         (["--snapshot", "{}/none.npz"], "{}/none.npz: no such file"),
         (["--snapshot", "{}/trip.yaml"], "{}/trip.yaml: not a snapshot of cable_twin"),
-        (["seed_example", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot has its scenario"),
-        (["--set", "gravity=9", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot has its scenario"),
+        (["seed_example", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot contains its scenario"),
+        (["--set", "gravity=9", "--snapshot", "{}/state.npz"], "{}/state.npz: a snapshot contains its scenario"),
     ],
 )
 def test_what_cannot_be_is_one_line(runs, capsys, arguments, said):

@@ -28,4 +28,7 @@ def test_a_file_that_is_gone_is_lost_all_the_same(tmp_path, capsys):
     run = record_split(tmp_path, DURATION, Splitting(split_duration=2.0), rates=SELDOM)
     bags(run)[1].unlink()
     assert replay.main([str(run)]) == 0
-    assert "what comes before 4.00 s is lost; continued from the state at its start" in capsys.readouterr().out
+    assert (
+        "data before 4.00 s is lost; the replay continues from the state at the start of this file"
+        in capsys.readouterr().out
+    )

@@ -161,7 +161,10 @@ def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil
     spoil(files[1])
     assert replay.main([str(copy)]) == 0
     output = capsys.readouterr().out
-    assert f"{files[2].name}: what comes before 4.00 s is lost; continued from the state at its start" in output
+    assert (
+        f"{files[2].name}: data before 4.00 s is lost; the replay continues from the state at the start of this file"
+        in output
+    )
     assert re.search(rf"^ +snapshot\.npz +{states} samples, +0 differ$", output, re.MULTILINE)
     assert "damaged, all else is read (" in output
     assert "every sample agrees to the last bit" in output
@@ -171,7 +174,7 @@ def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil
     copied = copy.with_name(f"{copy.name}_repaired")
     capsys.readouterr()
     assert replay.main([str(copied)]) == 0
-    assert "what comes before 4.00 s is lost" in capsys.readouterr().out
+    assert "data before 4.00 s is lost" in capsys.readouterr().out
 
 
 def test_a_damaged_state_is_said_and_the_replay_goes_on(copy, capsys):
@@ -205,7 +208,8 @@ def test_a_damaged_state_that_is_needed_costs_its_file(copy, capsys):
     assert replay.main([str(copy)]) == 0
     output = capsys.readouterr().out
     assert (
-        f"  {files[3].name}: left out: what comes before it is lost, and so is {files[3].name}: snapshot.npz" in output
+        f"  {files[3].name}: left out, because the data before it is lost and "
+        f"its own state cannot be used: {files[3].name}: snapshot.npz" in output
     )
 
 
@@ -261,7 +265,7 @@ def test_attached_state_of_another_run_is_found(copy, capsys):
     directory, _ = repair(replace(read, files=tuple(files)))
     assert replay.main([str(directory)]) == 1
     output = capsys.readouterr().out
-    assert "they part at 4.000000 s on snapshot.npz, state/joints.position[0]: logged " in output
+    assert "first difference at 4.000000 s on snapshot.npz, state/joints.position[0]: logged " in output
     assert re.search(r"^ +snapshot\.npz +3 samples, +1 differ$", output, re.MULTILINE)
 
 

@@ -189,7 +189,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
     )
     assert waiting.wait() == 1
     assert waiting.output.strip() == (
-        "drive: the twin on /cable_twin/joint_commands stands still: if it is paused, --resume lets its time run"
+        "drive: the twin on /cable_twin/joint_commands does not advance: if it is paused, `drive --resume` continues it"
     )
     given_up = processes("gondola", "--force", "1", module="ros.drive", domain=paused.domain)
     participant.until(lambda: participant.node.count_publishers("/cable_twin/joint_commands"), what="drive")

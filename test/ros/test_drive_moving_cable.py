@@ -65,13 +65,15 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
     participant.until(lambda: rope()[1] == 0.0, what="stop")
     assert rope()[0] == pytest.approx(target, abs=0.1)
 
-    # a trip that is given up after one that has arrived
+    # a trip that is abandoned after one that has arrived
     drive = processes("haul_rope", "--to", f"{target + 50.0:.3f}", *WAIT, module="ros.drive", domain=process.domain)
     participant.until(lambda: rope()[1] > 0.1, what="motion")
     assert participant.call("emergency_stop", SetBool, data=True).success
     participant.until(lambda: drive.process.poll() is not None, what=f"end of drive; {drive.output}")
-    assert "drive: the twin has given up this trip: haul_rope: emergency stop by service" in drive.output
-    participant.until(lambda: "goal given up: haul_rope: emergency stop by service" in process.output, what="line")
+    assert "drive: the twin has abandoned this trip: haul_rope: emergency stop from service took over" in drive.output
+    participant.until(
+        lambda: "goal abandoned: haul_rope: emergency stop from service took over" in process.output, what="line"
+    )
     assert participant.call("emergency_stop", SetBool, data=False).success
 
 

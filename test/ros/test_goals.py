@@ -93,16 +93,16 @@ def test_a_short_way_takes_little_more_than_its_ramps_though_the_vehicle_swings(
 def test_what_else_is_commanded_takes_over(driven):
     goal = Goal({"cabin": 50.0}, {})
     for command, why in (
-        (Command("speed", {"cabin": 1.0}), "speed by joint_commands"),
-        (Command("emergency_stop", {}), "emergency stop by joint_commands"),
+        (Command("speed", {"cabin": 1.0}), "speed from joint_commands took over"),
+        (Command("emergency_stop", {}), "emergency stop from joint_commands took over"),
     ):
         driven.goals.take(goal)
         driven.run(1.0)
         driven.apply(Command("wind", {"x": 1.0, "z": 0.0}), "wind")
-        assert not driven.told or driven.told[-1][0] == "goal given up: cabin: speed by joint_commands"
+        assert not driven.told or driven.told[-1][0] == "goal abandoned: cabin: speed from joint_commands took over"
         driven.apply(command, "joint_commands")
-        assert driven.told[-1] == (f"goal given up: cabin: {why}", True)
-        assert driven.goals.texts["cabin"] == f"given up: {why}"
+        assert driven.told[-1] == (f"goal abandoned: cabin: {why}", True)
+        assert driven.goals.texts["cabin"] == f"abandoned: {why}"
         assert not list(driven.goals.commands())
     with pytest.raises(CommandError, match="the emergency stop is in force"):
         driven.goals.take(goal)

@@ -97,7 +97,7 @@ def test_twin_starts_where_a_killed_process_left_a_port_half_made(processes, dom
     Path(f"{port}_el").unlink(missing_ok=True)  # of a twin before, by which Fast DDS would know that it is dead
     twin = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", domain=domain)
     twin.wait_for("runs at")
-    assert f"sim: removed {port}: a process was killed while it made it" in twin.output
+    assert f"sim: removed {port}: left by a process that was killed while creating it" in twin.output
 
 
 @pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")

@@ -225,7 +225,7 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
             twin.spin(0.06)  # beyond the throttle
         warning = next(line for line in process.output[length:].splitlines() if "command refused" in line)
         assert warning.startswith("[WARN]")
-        assert "/cable_twin/joint_commands: command refused, the last good one stays" in warning
+        assert "/cable_twin/joint_commands: command refused, the previous one stays in force" in warning
         twin.publisher.publish(b"\x00\x01\x00\x00\xff\xff\xff\xff\xff\xff")
         twin.until(lambda: "not a JointState" in told())
         assert {status.name for message in twin.received["refused_commands"] for status in message.status} == {

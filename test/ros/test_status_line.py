@@ -125,6 +125,7 @@ def test_it_says_how_the_twin_is_and_events_are_lines_of_the_log(terminals, part
     with participant.stream(name=["cabin"], velocity=[2.0]):
         participant.until(lambda: "+2.00 m/s" in sim.rows[-1])
     assert "from another terminal" not in sim.rows[-1]
+    participant.call("emergency_stop", SetBool, data=False)  # none is in force, and no news
     participant.call("emergency_stop", SetBool, data=True)
     participant.until(lambda: "EMERGENCY STOP" in sim.rows[-1])
     participant.call("emergency_stop", SetBool, data=False)
