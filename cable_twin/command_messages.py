@@ -108,13 +108,13 @@ def _check_counts(message_type: str, data: bytes, most_names: int | None) -> Non
     order = "<" if data[1] & 1 else ">"  # bytes 0 to 3: the encapsulation; 4 to 11: the stamp
     length = struct.unpack_from(f"{order}I", data, 12)[0]  # of the frame and a zero
     if length > LONGEST_FRAME_ID + 1:
-        raise CommandError(f"a frame_id of {length - 1} bytes; allowed are up to {LONGEST_FRAME_ID}")
+        raise CommandError(f"a frame_id of {length - 1} bytes; allowed: up to {LONGEST_FRAME_ID}")
     if message_type == VECTOR or most_names is None:
         return
     place = 16 + length
     count = struct.unpack_from(f"{order}I", data, place + -place % 4)[0]
     if count > most_names:
-        raise CommandError(f"{count} names given; allowed are up to {most_names}, as many as there are joints")
+        raise CommandError(f"{count} names given; allowed: up to {most_names}, as many as there are joints")
 
 
 def command_from_joint_state(

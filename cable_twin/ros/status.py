@@ -125,17 +125,17 @@ def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
     return line
 
 
-SEEN = "the last two minutes before it is opened, and what follows; the recording contains everything"
+SEEN = "from at most two minutes before it is opened; the recording contains everything"
 
 
 def live_hint(run: Run) -> str:
     """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
     if run.web is not None:
-        return f"; live view, for a browser: {run.web.link} - it shows {SEEN}"
+        return f"; live view, for a browser: {run.web.link} ({SEEN})"
     if not run.live_url:
         return ""
     shown = "" if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") else "; no display here: --rerun web"
-    return f"; live view: {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}{shown} - it shows {SEEN}"
+    return f"; live view ({SEEN}): {typed('rerun')} --bind 127.0.0.1 --connect {run.live_url}{shown}"
 
 
 def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:

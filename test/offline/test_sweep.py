@@ -100,6 +100,18 @@ def test_a_counterweight_of_a_lift_has_a_window(tmp_path):
     assert names == ["chair: tension over transverse load", "up: rope safety factor"]
 
 
+@pytest.mark.long
+def test_the_limit_of_a_lift_in_space_is_found_between_two_runs(tmp_path):
+    """The swing of a chair at rest in side wind goes with its square: a straight line from 0 to 7.5 m/s has 4.03 m/s."""
+    path = tmp_path / "sweep.json"
+    changes = {"space": 3, "limits.lateral_swing": 0.014245}
+    arguments = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
+    assert main(["chairlift", *arguments, "--sweep", "wind.y=0:15:7.5", "--duration", "0.1", "--json", str(path)]) == 0
+    found = json.loads(path.read_text())["operating_limit"]
+    assert found["key_figure"] == "chair: swing across the track"
+    assert found["value"] == pytest.approx(5.5, rel=2e-3)
+
+
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, capsys):
     """A cable on one pin, which without gravity is at rest in any direction."""
