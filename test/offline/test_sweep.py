@@ -102,7 +102,7 @@ def test_a_counterweight_of_a_lift_has_a_window(tmp_path):
 
 @pytest.mark.long
 def test_the_limit_of_a_lift_in_space_is_found_between_two_runs(tmp_path):
-    """Swing of a chair at rest goes with the square of side wind; on a straight line to 7.5 m/s the limit is at 4.03."""
+    """Swing at rest goes with the square of side wind; on a straight line from 0 to 7.5 m/s the limit is at 4.03."""
     path = tmp_path / "sweep.json"
     changes = {"space": 3, "limits.lateral_swing": 0.014245}
     arguments = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
