@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from cable_twin.simulation.compilation_watch import Moment, watching_compilation
-from cable_twin.simulation.engines import RelaxationMoment, watching_relaxation
+from cable_twin.simulation.engine import RelaxationMoment, watching_relaxation
 
 BEGIN = "compiling the solver's kernels, once on this machine"
 LARGE = 5000  # elements, from which on a line says how long the rope takes to settle at most, where there is no bar

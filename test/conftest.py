@@ -10,7 +10,7 @@ import pytest
 from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
 
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.solution.equilibrium import relax
+from cable_twin.mechanics.solution.relaxation import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -170,7 +170,7 @@ def test_mechanics_is_a_house_with_floors():
 
 def test_kernels_call_what_their_cache_knows():
     """A kernel is compiled anew when a source of the mechanics or of its own folder has changed, and not otherwise."""
-    kernels = {"kernel", "inlined_kernel", "kernel_part"}
+    kernels = {"kernel", "brief_kernel", "inlined_kernel"}
     for name, path in modules().items():
         defined = {decorator.id for decorator in decorators(path) if isinstance(decorator, ast.Name)}
         if not is_within(name, "mechanics") and defined & kernels:

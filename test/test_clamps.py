@@ -8,8 +8,8 @@ from test_scenario_faults import faults_of
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.parameters import MovingCable
-from cable_twin.mechanics.solution.bundle.equations import solve_increments
 from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.ropes import MASS, clamp_place, clamped, slope_of
@@ -107,7 +107,7 @@ def test_tangent_of_a_clamp_is_whole():
         first.state.joints.position[:] += size * random.normal(size=2)
         for _ in range(2):
             solved, largest, _ = solve_increments(
-                engine.bundle, engine.moving, engine._scratch, first.system, first.state, work, 0.0, 0.0, 1.0
+                engine.bundle, engine.moving, engine._ropes.scratch, first.system, first.state, work, 0.0, 0.0, 1.0
             )
             assert solved
             for part, scratch in zip(engine.parts, engine._works, strict=True):

@@ -14,7 +14,7 @@ from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON,
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, compilation_watch
 from cable_twin.simulation.compilation_watch import Moment, watching_compilation, work_ahead
-from cable_twin.simulation.engines import engine_of
+from cable_twin.simulation.engine import Engine
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -38,7 +38,7 @@ def test_all_that_a_first_start_compiles_is_counted(name, kernels):
     """Once the scenario has started, what was ahead is done: the bar ends where the start ends."""
     scenario = load_scenario(name)
     Simulation(scenario).advance_to(0.02)
-    ahead, kept = work_ahead(engine_of(scenario)), kept_kernels(0.0)
+    ahead, kept = work_ahead(Engine(scenario)), kept_kernels(0.0)
     assert len(ahead) > kernels
     assert sum(size for name, size in ahead.items() if name in kept) > 0.97 * sum(ahead.values())
     assert {(FROM_PYTHON, "generalized_alpha.advance"), (FROM_KERNELS, "element.add_cable")} <= set(ahead)
@@ -62,7 +62,7 @@ def test_what_is_left_follows_from_the_speed_so_far():
     assert Moment(0.25, "chain", 10.0).remaining == pytest.approx(30.0)
     assert Moment(0.01, "chain", 10.0).remaining is None  # a guess
     assert Moment(0.99, "integrate", 60.0).remaining is None  # not 1 s or 0 s: what links them takes some seconds
-    assert Moment(1.0, "integrate_bundle", 10.0).remaining is None  # what else there is was not known
+    assert Moment(1.0, "integrate", 10.0).remaining is None  # what else there is was not known
 
 
 @pytest.mark.parametrize("terminal", [False, True])

@@ -26,11 +26,11 @@ from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.known import PutKnown
 from cable_twin.simulation.first_compilation import parts_of
 from cable_twin.mechanics.solution.bundle.bullwheels import move_bullwheels
-from cable_twin.mechanics.solution.bundle.generalized_alpha import begin_rope, step_bundle
+from cable_twin.mechanics.solution.generalized_alpha import begin_rope, step
 from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld
-from cable_twin.mechanics.solution.generalized_alpha import Coefficients, predict_all
+from cable_twin.mechanics.solution.newmark import Coefficients, predict_rope
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation.engines import engine_of
+from cable_twin.simulation.engine import Engine
 
 class Typed(Exception):
     pass
@@ -58,18 +58,18 @@ class TypesAlone(CompilerBase):
 def types(arguments):
     return tuple(map(numba.typeof, arguments))
 
-engine = engine_of(load_scenario(sys.argv[1]))
+engine = Engine(load_scenario(sys.argv[1]))
 chosen = {kernel: kinds for kernel, (kinds, _) in parts_of(engine).items()}
 callers = {engine.integrator: types(map(pack, engine.arguments(0)))}
 known = engine.typical()
 callers |= {assemble_unheld: types(known[name] for name in ("system", "state", *3 * ("h",), "work"))}
 factors = Coefficients(0.1, 0.4, 0.3, 0.6)
-callers |= {predict_all: types((factors, *(known[name] for name in ("h", "system", "state", "work"))))}
-if "bundle" in known:
-    rope = [known[name] for name in ("system", "state", "work")]
-    bundle, moving, scratch = (known[name] for name in ("bundle", "moving", "scratch"))
-    callers |= {step_bundle: types((bundle, moving, moving, scratch, *rope, 0, 1.0))}
-    callers |= {begin_rope: types((factors, 1.0, *rope))}
+callers |= {predict_rope: types((factors, *(known[name] for name in ("h", "system", "state", "work"))))}
+rope = [known[name] for name in ("system", "state", "work")]
+bundle, moving, scratch = (known[name] for name in ("bundle", "moving", "scratch"))
+callers |= {step: types((bundle, moving, moving, scratch, *rope, 0, 1.0))}
+callers |= {begin_rope: types((factors, 1.0, *rope))}
+if bundle.coupled is True:
     callers |= {move_bullwheels: types((known["sheaves"], known["motion"], factors, 1.0))}
 for caller, kinds in (callers | chosen).items():
     try:
@@ -82,7 +82,7 @@ for kernel, kinds in chosen.items():
 """
 
 
-ONE, SEVERAL = "solve", "solve_bundle"  # one rope, several
+ONE, SEVERAL = "solve_block_tridiagonal", "solve_bundle"  # one rope, several
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from cable_twin.mechanics.solution import relaxation
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, advance
-from cable_twin.simulation.engines import watching_relaxation
+from cable_twin.simulation.engine import watching_relaxation
 
 HEARD = 1.0  # s within which Ctrl-C is, and what a busy machine adds
 BUSY = 2.0  # s

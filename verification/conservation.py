@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.solution.generalized_alpha import coefficients
+from cable_twin.mechanics.solution.newmark import coefficients
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import GRAVITY, beam, changing, observed_order, seed, start_moving

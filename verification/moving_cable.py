@@ -13,7 +13,7 @@ from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble
 from cable_twin.mechanics.solution.equilibrium import catenary, settled
-from cable_twin.mechanics.state import allocate_workspace, clone_state
+from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import chairlift, changing, for_kernels, moving
@@ -35,7 +35,7 @@ def settle_moving(simulation: Simulation) -> FloatArray:
     system = simulation.system
     length = system.cable.unstrained_length
     with changing(simulation) as state:
-        settled(system, state, clone_state(state), allocate_workspace(system), 1e-11 * length)
+        settled(system, state, allocate_workspace(system), 1e-11 * length)
         return np.array([end_force(system, state, end) for end in range(2)])
 
 

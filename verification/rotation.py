@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipk
 
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equilibrium import settle
 from cable_twin.mechanics.solution.integrator_by_name import integrator_named
-from cable_twin.mechanics.state import allocate_workspace, clone_state
+from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
@@ -75,9 +76,9 @@ def tumble(integrator: str, steps: int, duration: float, parts: int = 1, radius:
     state.bodies.velocity[0, 3:] = start.apply(SPIN)
     turning = -np.cross(SPIN, np.multiply(INERTIA, SPIN)) / INERTIA
     state.bodies.acceleration[0, 3:] = state.bodies.algorithmic[0, 3:] = start.apply(turning)
-    work, rooms, found = allocate_workspace(system), (clone_state(state), clone_state(state)), []
+    alone, found = Assembly([Rope(system, state, allocate_workspace(system))]), []
     for _ in range(parts):
-        assert integrator_named(integrator)(system, state, *rooms, work, steps // parts)[0]
+        assert integrator_named(integrator)(*alone.arguments, steps // parts)[0]
         found.append(np.concatenate([state.bodies.position[0, 3:], state.bodies.velocity[0, 3:]]))
     return found
 

@@ -17,7 +17,7 @@ from cable_twin.mechanics.solution.modes import natural_modes
 from cable_twin.mechanics.state import State, allocate_state, allocate_workspace
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.engines import leave_out_absent
+from cable_twin.simulation.engine import leave_out_absent
 from verification import Result, case
 from verification.models import GRAVITY, changing, for_kernels, observed_order
 from verification.rope_frequencies import RATIOS, STRING, flat_cable, irvine_frequencies

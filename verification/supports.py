@@ -12,7 +12,7 @@ from scipy.optimize import root
 from cable_twin.mechanics.on_rope.tower import settle_towers
 from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.solution.equilibrium import settled
-from cable_twin.mechanics.state import allocate_workspace, clone_state
+from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
@@ -183,7 +183,7 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
         for pull in pulls:
             weights = system.counterweights._replace(force=np.array([0.0, pull]))
             system = system._replace(counterweights=weights)
-            used, _ = settled(system, state, clone_state(state), work, 1e-9)
+            used, _ = settled(system, state, work, 1e-9)
             assert used < 5000
             settle_towers(system.cable, system.towers, state)
         start, end = (float(np.hypot(*end_force(system, state, end))) for end in range(2))

@@ -28,7 +28,7 @@ from cable_twin.scenario.vehicles import Carriage
 
 def build_ropes(scenario: Scenario) -> dict[str, System]:
     """The constants of each rope with what is on it, by name; its mesh has a node at each connector."""
-    marks: dict[str, list[float]] = {name: [] for name in scenario.ropes}
+    marks: dict[str, list[float]] = {name: [] for name in scenario.cables}
     for rod in scenario.connectors.values():
         for rope, place in rod.ends:
             marks[rope].append(place)

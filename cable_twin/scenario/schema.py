@@ -23,6 +23,7 @@ from cable_twin.scenario.vehicles import Carriage, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
 
+CABLE = "cable"  # name of the rope of a scenario that has one cable and no `ropes`
 ACROSS = 1e-9  # of its length: a track that goes less than that along x goes along y
 
 
@@ -148,8 +149,15 @@ class Scenario(Section):
             return {**data, "cable": next(iter(ropes.values()))}
         return data
 
+    @property
+    def cables(self) -> dict[str, Cable]:
+        """All ropes by name; a cable by itself is called `cable`."""
+        return self.ropes or {CABLE: self.cable}
+
     def of_rope(self, name: str) -> Scenario:
         """The same of one rope alone, with what is on it: a scenario with a cable."""
+        if not self.ropes:
+            return self
         first, riding = next(iter(self.ropes)), self._riding(name)
         strand = self.strands.get(name)
         cable = self.ropes[name]
@@ -288,7 +296,7 @@ class Scenario(Section):
     @property
     def dim(self) -> int:
         """How many dimensions it has: 2 in a plane, 3 in space."""
-        cables = self.ropes.values() or [self.cable]
+        cables = self.cables.values()
         places = [place for cable in cables for place in (cable.start.position, cable.end.position)]
         places += [tower.position for tower in self.towers.values()]
         return self.space or max(map(len, places))

@@ -13,7 +13,7 @@ from numba.core import event
 
 from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, Kernel, kept_kernels, title_of
 from cable_twin.mechanics.readout.columns import observe
-from cable_twin.simulation.engines import Engine
+from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.first_compilation import called_at_start, kernels_below
 
 NAMELESS = "impl"
@@ -40,7 +40,7 @@ def work_ahead(engine: Engine) -> dict[tuple[str, str], float]:
     """What a first start compiles, by kind and name of the kernel, in bytes of Python's code."""
     ahead: dict[tuple[str, str], float] = {}
     for caller in called_at_start(engine):
-        kernels = [kernel for kernel in kernels_below(engine, caller) if not kernel.is_inlined]
+        kernels = kernels_below(engine, caller)
         sizes = {(FROM_KERNELS, kernel.title): OVERHEAD + len(kernel.py_func.__code__.co_code) for kernel in kernels}
         ahead |= sizes
         ahead[FROM_PYTHON, caller.title] = LAST * sum(sizes.values())

@@ -22,7 +22,7 @@ from cable_twin.simulation.command_checks import (
     check_wind,
 )
 from cable_twin.simulation.driving import drive, drive_mode
-from cable_twin.simulation.engines import Engine, RopeBundle
+from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
 
@@ -36,7 +36,7 @@ class Effect(NamedTuple):
     change: Callable[[Ropeway, Command], None]  # on each rope
     check: Callable[[Command, Scenario], None] | None = None  # refuses what no motion makes possible
     check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # what the present one forbids
-    between: Callable[[RopeBundle, Command], None] | None = None  # on no rope alone, as on the bullwheels of a loop
+    between: Callable[[Engine, Command], None] | None = None  # on no rope alone, as on the bullwheels of a loop
 
 
 def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
@@ -72,7 +72,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
             effect.check_motion(share, part.scenario, part.system, part.state)
     for part, share in shares:
         effect.change(part, share)
-    if effect.between is not None and isinstance(engine, RopeBundle):
+    if effect.between is not None:
         effect.between(engine, command)
 
 
@@ -134,14 +134,14 @@ def _reset(ropeway: Ropeway, _: Command) -> None:
 
 
 EFFECTS: Mapping[str, Effect] = {
-    "speed": Effect(_drive, check_drive, between=RopeBundle.drive),
-    "force": Effect(_drive, check_drive, between=RopeBundle.drive),
+    "speed": Effect(_drive, check_drive, between=Engine.drive),
+    "force": Effect(_drive, check_drive, between=Engine.drive),
     "payload": Effect(_load, check_room, check_station),
     "wind": Effect(_blow, check_wind),
     **dict.fromkeys(GUST_SHAPES, Effect(_gust, check_gust, check_no_gust)),
-    "emergency_stop": Effect(_stop, between=RopeBundle.stop),
-    "release": Effect(_release, between=RopeBundle.release),
-    "reset": Effect(_reset, between=RopeBundle.go_back),
+    "emergency_stop": Effect(_stop, between=Engine.stop),
+    "release": Effect(_release, between=Engine.release),
+    "reset": Effect(_reset, between=Engine.go_back),
 }
 assert EFFECTS.keys() == KINDS.keys(), "a kind without an effect, or an effect without a kind"
 

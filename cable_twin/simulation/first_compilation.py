@@ -27,7 +27,7 @@ from cable_twin.mechanics.language.compilation import Kernel, keeps_kernels
 from cable_twin.mechanics.language.known import known_fields, names_left
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.scenario import Scenario, parse_scenario
-from cable_twin.simulation.engines import Engine, engine_of
+from cable_twin.simulation.engine import Engine
 
 PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
@@ -131,7 +131,7 @@ def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel
     parts = {}
     for kernel in order:
         names = list(inspect.signature(kernel.py_func).parameters)
-        if not kernel.is_inlined and known.keys() >= set(names):
+        if known.keys() >= set(names):
             parts[kernel] = tuple(numba.typeof(known[name]) for name in names)
     return {kernel: (types, tuple(one for one in order[kernel] if one in parts)) for kernel, types in parts.items()}
 
@@ -180,7 +180,7 @@ def main() -> None:
     parent, scenario, board = sys.argv[1:]
     _end_with_parent(int(parent), Path(board).parent)
     gc.disable()
-    engine = engine_of(parse_scenario(Path(scenario).read_text(encoding="utf-8")))
+    engine = Engine(parse_scenario(Path(scenario).read_text(encoding="utf-8")))
     compile_parts(engine, Path(board))
     engine.integrator(*engine.arguments(0))
 

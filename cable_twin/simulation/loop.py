@@ -38,10 +38,12 @@ class Loop:
     """
 
     def __init__(self, scenario: Scenario, bundle: Bundle, motion: BullwheelMotion, parts: list[Ropeway]) -> None:
-        self._bundle, self._parts, self.motion = bundle, dict(zip(scenario.ropes, parts, strict=True)), motion
+        self._bundle, self._parts, self.motion = bundle, dict(zip(scenario.cables, parts, strict=True)), motion
         self._names, self._strands = list(scenario.sheaves), scenario.strands
-        self._drives = {name: self._names.index(str(drive.sheave)) for name, drive in scenario.drives.items()}
+        on_wheels = {name: drive.sheave for name, drive in scenario.drives.items() if drive.sheave is not None}
+        self._drives = {name: self._names.index(sheave) for name, sheave in on_wheels.items()}
         self._drive_rows = list(self._drives.values())
+        self._numbers = [number for number, name in enumerate(scenario.drives) if name in self._drives]
         self._scenario = scenario
         motion.mode[self._drive_rows] = SPEED
 
@@ -159,8 +161,8 @@ class Loop:
     def set_in_motion(self) -> dict[str, Command]:
         """Give the rope the speed it starts with; returns the commands that keep it, by drive."""
         held = {}
-        for name, drive in self._scenario.drives.items():
-            if drive.speed != 0.0:
+        for name in self._drives:
+            if (drive := self._scenario.drives[name]).speed != 0.0:
                 held[name] = Command("speed", {name: drive.speed})
                 self.motion.target[self._drives[name]] = drive.speed
                 self.motion.rim.velocity[:] = self.motion.rope.velocity[:] = drive.speed
@@ -206,7 +208,7 @@ class Loop:
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of bullwheels and their drives."""
-        motion, sheaves, rows = self.motion, self._bundle.sheaves, self._drive_rows
+        motion, sheaves, rows, at = self.motion, self._bundle.sheaves, self._drive_rows, self._numbers
         force = motion.traction + sheaves.inertia * motion.rim.acceleration
         force += sheaves.resistance * np.sign(motion.rim.velocity)
         braked = (motion.braking != 0) & (sheaves.brake_force > 0.0)
@@ -218,13 +220,11 @@ class Loop:
         columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)
         columns.sheave_slip[:] = motion.rim.position - motion.rope.position
         columns.sheave_rolled_back[:] = motion.rolled_back
-        columns.drive_position[:], columns.drive_speed[:] = motion.rim.position[rows], motion.rim.velocity[rows]
-        columns.moving_cable_force[:] = force[rows]
-        columns.drive_reference_position[:], columns.drive_reference_speed[:] = (
-            columns.drive_position,
-            columns.drive_speed,
-        )
-        for number, row in enumerate(rows):
+        columns.drive_position[at], columns.drive_speed[at] = motion.rim.position[rows], motion.rim.velocity[rows]
+        columns.moving_cable_force[at] = force[rows]
+        columns.drive_reference_position[at] = columns.drive_position[at]
+        columns.drive_reference_speed[at] = columns.drive_speed[at]
+        for number, row in zip(at, rows, strict=True):
             mode = int(motion.mode[row])
             columns.drive_command_kind[number] = STOPPING if motion.braking[row] else mode
             columns.drive_commanded_speed[number] = motion.target[row] if mode == SPEED else 0.0

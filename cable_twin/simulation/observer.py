@@ -10,7 +10,7 @@ from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.engines import Engine
+from cable_twin.simulation.engine import Engine
 from cable_twin.snapshot import Layout, Snapshot
 
 

@@ -15,7 +15,7 @@ from cable_twin.mechanics.readout.samples import sample_positions, sample_shape
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
-from cable_twin.simulation.engines import Engine
+from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.snapshot import Snapshot

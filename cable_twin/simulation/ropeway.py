@@ -21,7 +21,7 @@ from cable_twin.mechanics.rope.element import element_tensions
 from cable_twin.mechanics.rope.rounding import rounding, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
-from cable_twin.mechanics.solution.generalized_alpha import Coefficients
+from cable_twin.mechanics.solution.newmark import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads
@@ -95,8 +95,13 @@ class Ropeway:
             check_rest(self.system, tuple(self.scenario.towers), loaded=loaded or self._is_loaded)
             lay_cable(self.system, self.state)
 
-    def lay(self, work: Workspace, ends: FloatArray | None = None) -> None:
+    def lay(self, work: Workspace, ends: FloatArray | None, *, coupled: bool) -> None:
         """Bring the cable to where it starts, with its ends at `ends` (2, dim) in m where those are not its own.
+
+        Args:
+            work: scratch space.
+            ends: places (2, dim) in m of its ends, None where they are those of the scenario.
+            coupled: whether ropes of the scenario are coupled.
 
         Raises:
             EquilibriumError: when it finds no rest with its carriages on it.
@@ -107,7 +112,7 @@ class Ropeway:
             lay_straight(self.system, self.state, ends[0], ends[1])
         else:
             moved = self.system.cable if ends is None else self.system.cable._replace(end_position=ends)
-            settle(self.system._replace(cable=moved), self.state, work)
+            settle(self.system._replace(cable=moved), self.state, work, coupled=coupled)
 
     def sharpen(self, key: str = "cable") -> bool:
         """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all.

@@ -23,7 +23,7 @@ from cable_twin.simulation.advance import in_parts, meeting_found, report_of, un
 from cable_twin.simulation.compilation_watch import expect_kernels
 from cable_twin.simulation.effects import take_effect
 from cable_twin.simulation.element_crossing import warn_of_crossing
-from cable_twin.simulation.engines import engine_of
+from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.first_compilation import compiling_ahead
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.observer import Observer, read_only
@@ -69,7 +69,7 @@ class Simulation(Readings):
         meanwhile: Meanwhile | None = None,
     ) -> None:
         self.scenario = scenario
-        self._engine = engine_of(scenario)
+        self._engine = Engine(scenario)
         self._parts = self._engine.parts
         self._ropeway, self._meetings = self._parts[0], [Meeting(part.scenario) for part in self._parts]
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
@@ -136,7 +136,7 @@ class Simulation(Readings):
     @property
     def parts(self) -> Mapping[str, Ropeway]:
         """Parameters and present state of each rope with what is on it, by name; of one cable as "cable"."""
-        return dict(zip([*self.scenario.ropes] or ["cable"], self._parts, strict=True))
+        return dict(zip(self.scenario.cables, self._parts, strict=True))
 
     @property
     def time(self) -> float:

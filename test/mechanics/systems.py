@@ -19,7 +19,7 @@ from cable_twin.mechanics.parameters import (
     mesh_fields,
 )
 from cable_twin.mechanics.state import RECORDS, allocate_state, allocate_workspace, fields_of, state_of
-from cable_twin.simulation.engines import leave_out_absent
+from cable_twin.simulation.engine import leave_out_absent
 
 
 def make_cable(dim=2, **changes):

@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 from systems import dense_matrix, difference, disturbed_state, make_system
 
-from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.order import order_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
-    Bullwheels,
-    Bundle,
     Clamps,
     Connectors,
-    Pantographs,
-    Wires,
     allocate_bundle_state,
     allocate_bundle_work,
 )
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state
+from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -32,28 +28,12 @@ NODES = np.array([[2, 1], [4, 1], [3, 4], [5, 6]])
 LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
 
 
-def no_bullwheels(dim):
-    """No bullwheel."""
-    whole = {"rope": (0, 2), "driven": (0,), "tensioning": (0,)}
-    real = {"direction": (0, dim), "travel": (0, 2)}
-    return Bullwheels(
-        **{
-            name: np.zeros(whole[name], np.int64) if name in whole else np.zeros(real.get(name, (0,)))
-            for name in Bullwheels._fields
-        }
-    )
-
-
 def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
     """Three ropes with four rods between them; what keeps the records alive comes along."""
     systems = [make_system(dim, cable={"element_count": count}) for count in ELEMENTS]
     states, works = [allocate_state(s) for s in systems], [allocate_workspace(s) for s in systems]
-    rows = [(s, t, w, clone_state(t), clone_state(t)) for s, t, w in zip(systems, states, works, strict=True)]
-    addresses = Addresses(rows)
     count = len(ROPES)
-    bundle = Bundle(
-        records=addresses.table,
-        up=np.eye(dim)[-1].copy(),
+    couplings = no_couplings(len(ELEMENTS), dim)._replace(
         connectors=Connectors(
             rope=ROPES,
             node=NODES,
@@ -62,7 +42,6 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
             compression=np.full(count, compression),
             damping=np.full(count, 3.0),
         ),
-        pantographs=Pantographs(np.zeros(0, np.int64), *(np.zeros((0, 1)) for _ in range(3)), np.zeros(0), np.zeros(0)),
         clamps=Clamps(
             rope=CLAMPED[:clamps, 0].copy(),
             carriage=np.zeros(clamps, np.int64),
@@ -72,11 +51,9 @@ def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
             place=np.zeros(clamps),
             loop_length=np.zeros(clamps),
         ),
-        wires=Wires(np.zeros(3), np.zeros(3), np.zeros(3), False),
-        order=order_of([s.cable.element_count + 1 for s in systems], ROPES, NODES),
-        sheaves=no_bullwheels(dim),
     )
-    return bundle, systems, states, works, addresses
+    ropes = Assembly([Rope(*parts) for parts in zip(systems, states, works, strict=True)], couplings)
+    return ropes.bundle, systems, states, works, ropes
 
 
 def as_matrix(block):

@@ -8,14 +8,16 @@ from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution import equilibrium, relaxation
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
-from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, hang_carriages, lay_straight, settle
+from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import advance
+from cable_twin.mechanics.solution.relaxation import hang_carriages
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, fields_of
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
-from cable_twin.simulation.engines import leave_out_absent
+from cable_twin.simulation.engine import leave_out_absent
 from verification.models import changing
 from verification.statics import CANTILEVER, LEVEL_SPAN, hung
 
@@ -204,15 +206,15 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
     """
     system, state, work = prepare(loaded_span(elements=6))
     settle(system, state, work)
-    good, before = clone_state(state), clone_state(state)
-    assert Outcome(*advance(system, state, good, before, work, 2)).converged
+    alone = Assembly([Rope(system, state, work)])
+    assert Outcome(*advance(*alone.arguments, 2)).converged
     array = fields_of(state)[field]
     if field.startswith("nodes"):
         array[4, 0, 1] = np.nan
     else:
         array.ravel()[0] = np.nan
     at_call = clone_state(state)
-    outcome = Outcome(*advance(system, state, good, before, work, 5))
+    outcome = Outcome(*advance(*alone.arguments, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == system.solver.max_halvings + 1

@@ -1,13 +1,10 @@
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.solution.generalized_alpha import (
-    advance,
-    coefficients,
-    correct,
-    predict,
-)
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
+from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.newmark import coefficients, correct, predict
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import Motion, allocate_workspace, clone_state, fields_of
 from cable_twin.scenario import load_scenario
@@ -121,8 +118,8 @@ def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     simulation = seed(**{"solver.max_iterations": 1, "solver.max_halvings": 1, "solver.tolerance": 1e-9})
     state = simulation.capture().state
     before = clone_state(state)
-    scratch = clone_state(state), clone_state(state), allocate_workspace(simulation.system)
-    outcome = Outcome(*advance(simulation.system, state, *scratch, 5))
+    alone = Assembly([Rope(simulation.system, state, allocate_workspace(simulation.system))])
+    outcome = Outcome(*advance(*alone.arguments, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == 2
@@ -147,6 +144,6 @@ def test_a_state_that_is_no_number_ends_in_a_failed_step():
     simulation = seed()
     state = simulation.capture().state
     state.nodes.velocity[2, 0, 0] = np.nan
-    scratch = clone_state(state), clone_state(state), allocate_workspace(simulation.system)
-    outcome = Outcome(*advance(simulation.system, state, *scratch, 1))
+    alone = Assembly([Rope(simulation.system, state, allocate_workspace(simulation.system))])
+    outcome = Outcome(*advance(*alone.arguments, 1))
     assert not outcome.converged

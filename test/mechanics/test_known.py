@@ -8,11 +8,11 @@ import numba
 import pytest
 
 from cable_twin.mechanics.language.by_reference import Known, by_reference, pack
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.known import known_fields, names_left
 from cable_twin.mechanics.parameters import CONTINUUM
 from cable_twin.scenario import build_system, load_scenario
-from cable_twin.simulation.engines import leave_out_absent
+from cable_twin.simulation.engine import leave_out_absent
 from cable_twin.simulation.meeting import with_buffers
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -49,9 +49,9 @@ def heavier(whole):
     return 2.0 * whole.weight
 
 
-@kernel_part
+@kernel
 def by_model(whole):
-    """In one that is typed with its caller."""
+    """In one of its own."""
     if whole.model == 1:
         return cannot_be_compiled(whole)
     return heavier(whole)

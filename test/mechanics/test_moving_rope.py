@@ -18,10 +18,11 @@ from cable_twin.mechanics.rope.shape_functions import (
     shape_functions_x,
     shape_functions_xx,
 )
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
+from cable_twin.mechanics.state import allocate_workspace, fields_of
 
 MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
@@ -262,10 +263,10 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
     """Five on a loop of 5 m, eight seconds at 1 m/s: places to 1e-9 m, no halved step, off and on again each."""
     places = [0.5, 1.5, 2.5, 3.5, 4.5]
     system, state, work = loop(places, speed=direction, mass=np.full(5, 0.3))
-    good, before = clone_state(state), clone_state(state)
+    alone = Assembly([Rope(system, state, work)])
     seen = set()
     for _ in range(80):
-        outcome = Outcome(*advance(system, state, good, before, work, 100))
+        outcome = Outcome(*advance(*alone.arguments, 100))
         assert outcome.converged
         assert outcome.halvings == 0
         assert outcome.gap < 1e-9
@@ -285,11 +286,11 @@ def test_a_loop_no_longer_than_the_cable_has_every_carrier_on_it(direction):
     """What leaves at one end is on again at the other within the same step, and hangs at rest in no station."""
     system, state, work = loop([0.3, 1.0, 1.7], speed=direction, mass=np.full(3, 0.3))
     system = system._replace(moving_cable=MOVING._replace(loop_length=2.1))
-    good, before = clone_state(state), clone_state(state)
+    alone = Assembly([Rope(system, state, work)])
     passed = 0
     places = state.joints.position.copy()
     for _ in range(300):
-        assert Outcome(*advance(system, state, good, before, work, 10)).converged
+        assert Outcome(*advance(*alone.arguments, 10)).converged
         assert state.attached.all()
         np.testing.assert_allclose(state.joints.velocity, direction)
         passed += int(np.sum(np.abs(state.joints.position - places) > 1.0))

@@ -81,7 +81,7 @@ def test_options_are_known():
     """`compilation` hands options to numba that its documentation does not name."""
     options = numba.core.registry.cpu_target.options
     known = {name for kind in options.__mro__ for name in vars(kind)}
-    needed = {*_OPTIONS, "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline", "inline"}
+    needed = {*_OPTIONS, "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline"}
     assert needed <= known, f"numba {numba.__version__} knows no option {', '.join(needed - known)}.{ADVICE}"
 
 

@@ -19,8 +19,8 @@ from cable_twin.mechanics.on_rope.vehicle_buffer import (
 )
 from cable_twin.mechanics.parameters import VehicleBuffers
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.generalized_alpha import coefficients, correct_all, factors, predict_all
 from cable_twin.mechanics.solution.increments import largest_increment
+from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
 from cable_twin.mechanics.state import clone_state
 from verification.models import for_kernels
 from verification.vehicle_buffers import level, vehicle
@@ -169,14 +169,14 @@ def test_newton_hardly_feels_what_its_tangent_leaves_out():
     system, (state, work) = simulation.system, for_kernels(simulation)
     step, c = system.solver.step, coefficients(system.solver.spectral_radius)
     mass_factor, rate_factor = factors(c, step)
-    predict_all(c, step, system, state, work)
+    predict_rope(c, step, system, state, work)
     sizes = []
     for _ in range(6):
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, rate_factor, 1.0, work)
         assert solve(system, state, work)
         sizes.append(largest_increment(system, work))
-        correct_all(c, step, system, state, work)
+        correct_rope(c, step, system, state, work)
     alone = work.pressed_stiffness[0] / (work.pressed_stiffness[0] + work.foreseen[0, 0])
     assert alone > 0.1
     ratios = [after / before for before, after in pairwise(sizes) if after > 1e-12]

@@ -114,7 +114,6 @@ class Kernel:
         """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
         functools.update_wrapper(self, function)
         self.py_func = function
-        self.targetoptions = options  # where numba looks whether to inline it
         with _kept_in(function, FROM_PYTHON) as keeps:
             self._from_python: Any = numba.njit(pipeline_class=compiler, **_OPTIONS, **options)(function)
             if keeps:
@@ -129,11 +128,6 @@ class Kernel:
     def title(self) -> str:
         """Its name, as `kept_kernels` has it."""
         return title_of(self.py_func)
-
-    @property
-    def is_inlined(self) -> bool:
-        """Whether it is compiled as if it stood in its callers, and never by itself."""
-        return self.targetoptions.get("inline") == "always"
 
     @property
     def kinds_loaded(self) -> set[tuple[str, str]]:
@@ -183,12 +177,6 @@ def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """`kernel` whose compiled code becomes part of its callers: for what is called in every iteration."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
-
-
-def kernel_part(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`kernel` that is typed with its caller, as if it stood there: for a large one with a single caller."""
-    config: Any = numba.config
-    return function if config.DISABLE_JIT else Kernel(function, inline="always")
 
 
 def as_python(function: Callable[..., Any]) -> Callable[..., Any]:

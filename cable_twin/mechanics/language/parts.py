@@ -29,7 +29,6 @@ from numba.core.untyped_passes import (
     DeadBranchPrune,
     FixupArgs,
     GenericRewrites,
-    InlineInlinables,
     IRProcessing,
     ReconstructSSA,
     RewriteSemanticConstants,
@@ -47,7 +46,6 @@ PASSES = (
     RewriteSemanticConstants,  # the length of a tuple is a constant,
     DeadBranchPrune,  # so that what is for another dimension goes
     GenericRewrites,
-    InlineInlinables,
     PutKnown,
     ReconstructSSA,
     FindTypes,

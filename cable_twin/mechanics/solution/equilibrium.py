@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.compilation import as_python, brief_kernel, kernel
-from cable_twin.mechanics.language.memory import combine_arrays
-from cable_twin.mechanics.language.orientations import move_bodies
-from cable_twin.mechanics.language.vectors import scale
-from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
-from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
-from cable_twin.mechanics.on_rope.wind import blow
+from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.point import slope, value
-from cable_twin.mechanics.rope.strand import rest_stretch, rope_before
+from cable_twin.mechanics.rope.strand import rest_stretch
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
-from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.increments import largest_increment
-from cable_twin.mechanics.solution.kinks import hold_kinks
-from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, relax_in_parts
-from cable_twin.mechanics.state import State, WindField, Workspace, clone_state, copy_state, fields_of
+from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
+from cable_twin.mechanics.state import State, WindField, Workspace, fields_of
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
+LONGEST_WAY = 0.1  # of the shortest element, that a point goes in an iteration of a rope by itself
+FIRST_STEP = 1e-2  # s, of the first iteration of ropes together
+LONGEST_WAY_TOGETHER = 0.2  # m, that a point goes in one
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
 GIVEN = {"joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock"}  # what a start is asked to have
@@ -54,86 +45,40 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     return rest_over_supports(system).place(arc_lengths)
 
 
-@kernel
-def hang_carriages(system, state):
-    """Place all bodies upright below their joints."""
-    carriages = system.carriages
-    for carriage in range(carriages.fixed.size):
-        place_joint(system.cable, state, carriage)
-        point = joint_point(system.cable, state, carriage)
-        place = value(state.nodes.position, point, system.cable.gravity)
-        hang_chain(carriages, state, carriage, place, slope(state.nodes.position, point, system.cable.gravity))
-        if not state.attached[carriage]:
-            still = scale(0.0, place)
-            move_chain(carriages, system.cable.gravity, state, carriage, still, still)
-
-
-@kernel
-def note_rest(system, state):
-    """Keep what holds each joint at rest; friction starts from none, and the extremes of towers with this rest."""
-    for carriage in range(state.drive_mode.size):
-        state.drive_force[carriage] = driven_force(system, state, carriage)
-    for contact in range(state.contact_origin.size):
-        state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
-    settle_towers(system.cable, system.towers, state)
-    begin_extremes(system.cable, system.towers, state)
-
-
-@brief_kernel
-def relax(system, state, good, work, tolerance, mass_factor, iterations):
-    """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
-
-    All joints are driven ones, and what hangs on them starts upright; their drive forces are left in `drive_force`.
-
-    Returns:
-        Number of iterations used, the last increment (m), and the mass factor to go on with, where it begins with 0;
-        0 at rest.
-    """
-    cable = system.cable
-    shortest = cable.cell_length
-    wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
-    first = 1.0 / (wave_time * wave_time)
-    if mass_factor == 0.0:
-        mass_factor = first
-        hang_carriages(system, state)
-    smallest = LAST * first
-    largest = 0.1 * shortest
-    increment = 0.0
-    for iteration in range(iterations):
-        copy_state(state, good)
-        if system.air.varies:
-            blow(system, state, 0.0)
-        hold_kinks(system, state, work)
-        measure_gaps(system, state, work, True)
-        assemble(system, state, mass_factor, 0.0, 1.0, work)
-        solvable = solve(system, state, work)
-        increment = largest_increment(system, work)
-        turn = 0.0
-        for body in range(work.body_increment.shape[0]):
-            for axis in range(len(cable.gravity), work.body_increment.shape[1]):
-                turn = max(turn, abs(work.body_increment[body, axis]))
-        if not solvable or not isfinite(increment) or increment > 3.0 * largest or turn > 0.5:
-            copy_state(good, state)
-            mass_factor *= 8.0
-            continue
-        combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
-        move_bodies(state.bodies.position, work.body_increment, cable.gravity)
-        if increment < tolerance and mass_factor <= smallest:
-            note_rest(system, state)
-            return iteration + 1, increment, 0.0
-        if increment < largest:
-            mass_factor = max(0.25 * mass_factor, smallest)
-    return iterations, increment, mass_factor
-
-
-def settled(system: System, state: State, good: State, work: Workspace, tolerance: float) -> tuple[int, float]:
-    """Relax as long as it takes.
+def settled(
+    system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool = False
+) -> tuple[int, float]:
+    """Relax one rope by itself as long as it takes, all its joints held.
 
     Returns:
         Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
     """
-    elements = len(state.nodes.position) - 1
-    return relax_in_parts(lambda *how: relax(system, state, good, work, tolerance, *how), elements)
+    cable = system.cable
+    alone = Assembly([Rope(system, state, work)], no_couplings(1, len(cable.gravity)) if coupled else None)
+    shortest = cable.cell_length
+    wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
+    how = tolerance, 1.0 / (wave_time * wave_time), LONGEST_WAY * shortest
+    return relax_in_parts(lambda *part: relax(*alone.relaxed, *how, *part), len(state.nodes.position) - 1)
+
+
+def settle_together(ropes: Assembly, tolerance: float, elements: int) -> None:
+    """Bring ropes, of which each is at rest by itself, to rest with all that couples them.
+
+    Args:
+        ropes: what they are.
+        tolerance: last increment (m) that is allowed.
+        elements: of all ropes.
+
+    Raises:
+        EquilibriumError: it finds no rest.
+    """
+    how = tolerance, 1.0 / (FIRST_STEP * FIRST_STEP), LONGEST_WAY_TOGETHER
+    used, increment = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements)
+    if used >= MAX_RELAXATIONS:
+        raise EquilibriumError(
+            f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
+            f"{increment:.3g} m, allowed are {tolerance:.3g} m"
+        )
 
 
 def hanging(system: System) -> tuple[FloatArray, FloatArray]:
@@ -215,7 +160,7 @@ def lay_cable(system: System, state: State) -> None:
     state.nodes.position[:, 0], state.nodes.position[:, 1] = positions, slopes
 
 
-def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> tuple[int, float]:
+def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool) -> tuple[int, float]:
     """Relax a softer cable first, and from its shape stiffer ones up to that of the system.
 
     Args:
@@ -223,17 +168,18 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
         state: is laid anew, and left at rest.
         work: scratch space.
         tolerance: last increment (m) that is allowed.
+        coupled: as in `settle`.
 
     Returns:
         Number of iterations of the last relaxation (MAX_RELAXATIONS when it failed) and its last increment (m).
     """
     cable = system.cable
     lay_cable(system, state)
-    good, rough = clone_state(state), 1e-6 * cable.unstrained_length
+    rough = 1e-6 * cable.unstrained_length
     for share in SOFTER:
         softer = system._replace(cable=cable._replace(axial_stiffness=share * cable.axial_stiffness))
-        settled(softer, state, good, work, rough)
-    return settled(system, state, good, work, tolerance)
+        settled(softer, state, work, rough, coupled=coupled)
+    return settled(system, state, work, tolerance, coupled=coupled)
 
 
 def _advice(system: System) -> str:
@@ -264,7 +210,7 @@ def without_stops(system: System) -> System:
     return system._replace(counterweights=weights._replace(travel=np.tile([-np.inf, np.inf], (2, 1))))
 
 
-def settle(system: System, state: State, work: Workspace) -> None:
+def settle(system: System, state: State, work: Workspace, *, coupled: bool = False) -> None:
     """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
 
     `drive_force` is left with what holds each joint that is driven or hauled.
@@ -274,6 +220,12 @@ def settle(system: System, state: State, work: Workspace) -> None:
     Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
     exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
     fraction of a step.
+
+    Args:
+        system: parameters of the rope and what is on it.
+        state: takes the result.
+        work: scratch space.
+        coupled: whether it is of a scenario whose ropes are coupled, and kernels are compiled for that.
 
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
@@ -291,12 +243,12 @@ def settle(system: System, state: State, work: Workspace) -> None:
     smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
-        settled(continuum, state, clone_state(state), work, 1e-6 * cable.unstrained_length)
+        settled(continuum, state, work, 1e-6 * cable.unstrained_length, coupled=coupled)
     tolerance = 1e-11 * cable.unstrained_length
-    used, increment = settled(smooth, state, clone_state(state), work, tolerance)
+    used, increment = settled(smooth, state, work, tolerance, coupled=coupled)
     if used >= MAX_RELAXATIONS:
         tolerance = COARSE * cable.unstrained_length
-        used, increment = stiffen(smooth, state, work, tolerance)
+        used, increment = stiffen(smooth, state, work, tolerance, coupled=coupled)
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "

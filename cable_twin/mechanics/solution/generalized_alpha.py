@@ -1,25 +1,30 @@
 """The real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), full Newton.
 
-One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, with the updates of Newmark on the auxiliary acceleration a:
-(1 - α_m) a' + α_m a = (1 - α_f) q_ddot' + α_f q_ddot.
+One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, of all ropes at once, with the updates of `newmark`.
 """
 
 from __future__ import annotations
 
 from math import inf, isfinite
-from typing import Any, NamedTuple
 
-from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
-from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, prescribe, report_forces
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel, kernel_part
-from cable_twin.mechanics.language.memory import flat
-from cable_twin.mechanics.language.orientations import grow_turn, turn_row
-from cable_twin.mechanics.language.vectors import Vector
+from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.memory import copy_record
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
+from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
+from cable_twin.mechanics.solution.bundle.couplings import (
+    correct_couplings,
+    end_couplings,
+    move_couplings,
+    place_couplings,
+    worst_coupling_gap,
+)
+from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, copy_ropes, rope_of
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.increments import largest_increment, worst_element
-from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.solution.increments import worst_element
+from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
+from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 from cable_twin.mechanics.state import copy_state
 
@@ -27,215 +32,143 @@ REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is mea
 LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
-class Coefficients(NamedTuple):
-    """Generalized-alpha for one spectral radius (Chung, Hulbert 1993)."""
-
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
+@kernel
+def begin_rope(c, h, system, state, work):
+    """Move what drives one rope and what is on it by `h` (s), and predict the rest."""
+    begin_step(system, state, h)
+    predict_rope(c, h, system, state, work)
 
 
 @kernel
-def coefficients(spectral_radius):
-    """The coefficients that damp infinite frequency by `spectral_radius` a step, and low ones least."""
-    alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
-    alpha_f = spectral_radius / (spectral_radius + 1.0)
-    gamma = 0.5 + alpha_f - alpha_m
-    return Coefficients(alpha_m, alpha_f, 0.25 * (0.5 + gamma) * (0.5 + gamma), gamma)
-
-
-@inlined_kernel
-def factors(c, h):
-    """What the method makes of inertia and of rates in its tangent: ∂acceleration and ∂velocity by coordinate."""
-    return (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h), c.gamma / (c.beta * h)
-
-
-@kernel
-def predict(c, h, kind):
-    """Start of the iteration for one kind of coordinates: the acceleration of the step before goes on."""
-    x, v = flat(kind.position), flat(kind.velocity)
-    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
-    for i in range(x.size):
-        after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
-        x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
-        v[i] += h * ((1.0 - c.gamma) * a[i] + c.gamma * after)
-        a[i] = after
-
-
-@inlined_kernel
-def predict_massless(c, h, kind):
-    """The same for coordinates without inertia, which have no acceleration to go on with: the algorithmic one stays."""
-    for i in range(kind.position.size):
-        a = kind.algorithmic[i]
-        kind.position[i] += h * (kind.velocity[i] + 0.5 * h * a)
-        kind.velocity[i] += h * a
-        kind.acceleration[i] = (a - c.alpha_f * kind.acceleration[i]) / (1.0 - c.alpha_f)
-
-
-@kernel
-def correct(c, h, increments, kind):
-    """Apply Newton increments (m, rad) to one kind of coordinates."""
-    x, v = flat(kind.position), flat(kind.velocity)
-    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
-    delta = flat(increments)
-    by_velocity = c.gamma / (c.beta * h)
-    by_algorithmic = 1.0 / (c.beta * h * h)
-    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
-    for i in range(x.size):
-        x[i] += delta[i]
-        v[i] += by_velocity * delta[i]
-        a[i] += by_algorithmic * delta[i]
-        q_ddot[i] += by_acceleration * delta[i]
-
-
-@kernel
-def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
-    """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
-    if len(like) == 2:
-        predict(c, h, kind)
-    else:
-        _predict_in_space(c, h, kind, turned)
-
-
-@kernel
-def _predict_in_space(c, h, kind, turned):
-    """The same with turns: the orientation goes on by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
-    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
-    for body in range(v.shape[0]):
-        for axis in range(6):
-            after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
-            moved = h * (v[body, axis] + h * ((0.5 - c.beta) * a[body, axis] + c.beta * after))
-            if axis < 3:
-                x[body, axis] += moved
-            else:
-                turned[body, axis - 3] = moved
-            v[body, axis] += h * ((1.0 - c.gamma) * a[body, axis] + c.gamma * after)
-            a[body, axis] = after
-        turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
-
-
-@kernel
-def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned: Any, like: Vector) -> None:
-    """Apply Newton increments (m, rad) to bodies."""
-    if len(like) == 2:
-        correct(c, h, increments, kind)
-    else:
-        _correct_in_space(c, h, increments, kind, turned)
-
-
-@kernel
-def _correct_in_space(c, h, increments, kind, turned):
-    """The same with turns: the rates go by what the rotation vector of the step grows by."""
-    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
-    by_velocity = c.gamma / (c.beta * h)
-    by_algorithmic = 1.0 / (c.beta * h * h)
-    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
-    for body in range(v.shape[0]):
-        delta = grow_turn(turned[body], increments[body, 3:])
-        turn_row(x[body], (increments[body, 3], increments[body, 4], increments[body, 5]))
-        for axis in range(6):
-            if axis < 3:
-                x[body, axis] += increments[body, axis]
-                grown = increments[body, axis]
-            else:
-                grown = delta[axis - 3]
-            v[body, axis] += by_velocity * grown
-            a[body, axis] += by_algorithmic * grown
-            q_ddot[body, axis] += by_acceleration * grown
-
-
-@inlined_kernel
-def predict_all(c, h, system, state, work):
-    """Start of the iteration for all coordinates of one rope and what is on it."""
-    leave_place(system, state, work)
-    predict(c, h, state.nodes)
-    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
-    predict_massless(c, h, state.joints)
-    predict_massless(c, h, state.hauled)
-    predict(c, h, state.sheaves)
-    prescribe(state)
-    hold_kinks(system, state, work)
-    direct_haul(system, state, work)
-
-
-@inlined_kernel
-def correct_all(c, h, system, state, work):
-    """Apply the Newton increments of one rope and what is on it."""
-    correct(c, h, work.right_side, state.nodes)
-    correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
-    correct(c, h, work.sliding_increment, state.joints)
-    correct(c, h, work.haul_increment, state.hauled)
-    correct(c, h, work.sheave_increment, state.sheaves)
-
-
-@kernel_part
-def integrate(system, state, h, work):
+def integrate(bundle, moving, scratch, system, state, work, h):
     """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
 
     An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
-    measured whenever there is a second iteration, and remembered from step to step.
+    measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
+    iteration, or a bullwheel has turned by more than the tolerance, there is one more.
     """
-    solver = system.solver
+    solver, ropes = system.solver, bundle.records.shape[0]
     c = coefficients(solver.spectral_radius)
-    predict_all(c, h, system, state, work)
+    if bundle.coupled:
+        move_couplings(bundle, moving, system, state, c, h)
+    for rope in range(ropes):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        begin_rope(c, h, own, here, room)
+    if bundle.coupled:
+        place_couplings(bundle, moving, scratch, system, state, c, h)
     mass_factor, rate_factor = factors(c, h)
 
-    increment, before = 0.0, 0.0
-    curvature = REFRESH * state.newton_curvature[0] if state.newton_curvature[0] > 0.0 else inf
+    memory = record_at(bundle.records[0, STATE], state).newton_curvature
+    curvature = REFRESH * memory[0] if memory[0] > 0.0 else inf
+    increment, before, turned = 0.0, 0.0, 0.0
     for iteration in range(1, solver.max_iterations + 1):
-        measure_gaps(system, state, work, True)
-        assemble(system, state, mass_factor, rate_factor, 1.0, work)
-        if not solve(system, state, work):
+        solvable, increment, changed = solve_increments(
+            bundle, moving, scratch, system, state, work, mass_factor, rate_factor, 1.0
+        )
+        if not solvable or not isfinite(increment):
             return False, iteration, increment
-        increment = largest_increment(system, work)
-        if not isfinite(increment):
-            return False, iteration, increment
-        correct_all(c, h, system, state, work)
+        for rope in range(ropes):
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            correct_rope(c, h, own, here, room)
+        if bundle.coupled:
+            turned = correct_couplings(bundle, moving, scratch, system, state, c, h, iteration)
         if iteration == 2 and before > 0.0:
             curvature = max(increment / (before * before), LEAST_CURVATURE)
-        left = max(curvature * increment * increment, still_off(system, work, increment, before))
+        left = max(curvature * increment * increment, still_off_any(bundle, system, state, work, increment, before))
         before = increment
-        if left < solver.tolerance or increment == 0.0:
-            state.newton_curvature[0] = curvature
+        if turned > solver.tolerance or not isfinite(turned):
+            continue
+        if (left < solver.tolerance and changed == 0) or increment == 0.0:
+            memory[0] = curvature
             return True, iteration, increment
     return False, solver.max_iterations, increment
 
 
-@kernel_part
-def step(system, state, before, h, work):
+@kernel
+def still_off_any(bundle, system, state, work, increment, before):
+    """Error (m) left where vehicles push each other on any of the ropes."""
+    worst = 0.0
+    for rope in range(bundle.records.shape[0]):
+        own, _, room = rope_of(bundle, rope, system, state, work)
+        worst = max(worst, still_off(own, room, increment, before))
+    return worst
+
+
+@kernel
+def step(bundle, moving, moving_before, scratch, system, state, work, column, h):
     """One step of length `h` (s) in which no drive, and no brake on it, takes more than its force limit.
 
-    One that would is repeated at its limit and goes on from the speed that it reached. `before` is the state at the
-    start of the step, whose speed counts for the power limit.
+    One that would is repeated at its limit and goes on from the speed that it reached. The states at the start of the
+    step, whose speeds count for the power limit, are in `column` of the records and in `moving_before`.
 
     Returns:
         Converged, iterations, last increment (m), largest gap of a joint (m).
     """
-    iterations, gap = 0, 0.0
+    iterations, gap, ropes = 0, 0.0, bundle.records.shape[0]
     for attempt in range(2):
-        begin_step(system, state, h)
-        converged, used, increment = integrate(system, state, h, work)
+        converged, used, increment = integrate(bundle, moving, scratch, system, state, work, h)
         iterations += used
-        if converged:
-            gap = end_step(system, state, work)
-            converged = isfinite(gap)
-        if attempt == 1:
-            follow_again(state, work)
-        elif converged and find_saturated(system, state, before, work):
-            copy_state(before, state)
-            hold_at_limits(state, work)
-        else:
+        saturated, gap = False, 0.0
+        for rope in range(ropes):
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            if converged:
+                open_by = end_step(own, here, room)
+                gap = gap if open_by <= gap else open_by  # what is no number stays
+            if attempt == 1:
+                follow_again(here, room)
+            elif converged and find_saturated(own, here, record_at(bundle.records[rope, column], state), room):
+                saturated = True
+        if converged and bundle.coupled:
+            gap = max(gap, worst_coupling_gap(bundle, moving, system, state)) if isfinite(gap) else gap
+        converged = converged and isfinite(gap)
+        if converged and bundle.coupled:
+            end_couplings(bundle, moving, system, state)
+        if attempt == 1 or not converged or not saturated:
             break
+        for rope in range(ropes):
+            _, here, room = rope_of(bundle, rope, system, state, work)
+            copy_state(record_at(bundle.records[rope, column], state), here)
+            hold_at_limits(here, room)
+        if bundle.coupled:
+            copy_record(moving_before, moving)
     return converged, iterations, increment, gap
 
 
 @kernel
-def advance(system, state, good, before, work, steps):
-    """Take `steps` whole steps: a frame in one call, without the interpreter lock.
+def lost_in_step(bundle, system, state, work, column, c, h):
+    """Energy that the integrator alone has lost in a step, and change of kinetic energy (J), of all ropes.
 
-    A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, `state` goes back to the
-    last good step and the outcome says so. `good` and `before` are scratch of the shape of `state`.
+    A step that is not looked at gives 0; one that is stands for those that are not.
+    """
+    clock, lost, moved = record_at(bundle.records[0, STATE], state).clock[0], 0.0, 0.0
+    for rope in range(bundle.records.shape[0]):
+        own, end, _ = rope_of(bundle, rope, system, state, work)
+        start = record_at(bundle.records[rope, column], state)
+        if clock % SECOND == 0:
+            lost += SECOND * trapezoidal_error(own, start, end)
+        if clock % EVERY == 0:
+            here, there = numerical_loss(own, start, end, c, h)
+            lost, moved = lost + EVERY * here, moved + EVERY * there
+    return lost, moved
+
+
+@kernel
+def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
+    """Take `steps` whole steps, or those until a lift has rolled back: a frame in one call, without interpreter lock.
+
+    A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, all goes back to the last
+    good step and the outcome says so.
+
+    Args:
+        bundle: ropes and what couples them.
+        moving: motion of that.
+        moving_good: scratch of the shape of `moving`.
+        moving_before: the same.
+        scratch: of the solver for couplings.
+        system: parameters of any of the ropes, for their type.
+        state: motion of any, likewise.
+        work: scratch of any, likewise.
+        steps: how many.
 
     Returns:
         The fields of `Outcome`.
@@ -243,33 +176,46 @@ def advance(system, state, good, before, work, steps):
     solver, c = system.solver, coefficients(system.solver.spectral_radius)
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
+    taken, gone_back = 0, wheels_gone_back(moving.sheaves)
     for done in range(steps):
-        copy_state(state, good)
-        looks = state.clock[0] % EVERY == 0
+        copy_ropes(bundle, STATE, GOOD, state)
+        if bundle.coupled:
+            copy_record(moving, moving_good)
         converged = False
         for level in range(solver.max_halvings + 1):
             parts = 1 << level
             converged, gap = True, 0.0
             for part in range(parts):
                 if converged:
-                    start = good
+                    column = GOOD
+                    if bundle.coupled:
+                        copy_record(moving, moving_before)
                     if part > 0:
-                        start = before
-                        copy_state(state, before)
-                    converged, used, increment, gap = step(system, state, start, solver.step / parts, work)
+                        column = BEFORE
+                        copy_ropes(bundle, STATE, BEFORE, state)
+                    converged, used, increment, gap = step(
+                        bundle, moving, moving_before, scratch, system, state, work, column, solver.step / parts
+                    )
                     iterations += used
-                    if converged and state.clock[0] % SECOND == 0:
-                        lost += SECOND * trapezoidal_error(system, start, state)
-                    if converged and looks:
-                        here, there = numerical_loss(system, start, state, c, solver.step / parts)
-                        lost, moved = lost + EVERY * here, moved + EVERY * there
+                    if converged:
+                        here, there = lost_in_step(bundle, system, state, work, column, c, solver.step / parts)
+                        lost, moved = lost + here, moved + there
             if converged:
                 worst_gap = max(worst_gap, gap)
                 break
-            copy_state(good, state)
+            copy_ropes(bundle, GOOD, STATE, state)
+            if bundle.coupled:
+                copy_record(moving_good, moving)
             halvings += 1
         if not converged:
-            return False, done, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved
-        state.clock[0] += 1
-    report_forces(system, state)
-    return True, steps, iterations, halvings, worst_gap, increment, worst_element(work), lost, moved
+            element = worst_element(rope_of(bundle, 0, system, state, work)[2])
+            return False, done, iterations, halvings, worst_gap, increment, element, lost, moved
+        for rope in range(bundle.records.shape[0]):
+            record_at(bundle.records[rope, STATE], state).clock[0] += 1
+        taken = done + 1
+        if wheels_gone_back(moving.sheaves) > gone_back:
+            break
+    for rope in range(bundle.records.shape[0]):
+        own, here, _ = rope_of(bundle, rope, system, state, work)
+        report_forces(own, here)
+    return True, taken, iterations, halvings, worst_gap, increment, 0, lost, moved

@@ -10,7 +10,7 @@ from cable_twin.mechanics.parameters import INTEGRATORS
 
 
 def integrator_named(name: str) -> Callable[..., Any]:
-    """The kernel `advance(system, state, scratch, scratch, work, steps)`, whose result has the fields of `Outcome`.
+    """The kernel `advance` of an integrator: takes what `generalized_alpha.advance` does, returns fields of `Outcome`.
 
     Raises:
         KeyError: there is none of that name.

@@ -1,16 +1,158 @@
-"""Relaxations in parts: between two of them Ctrl-C is heard, and whoever starts is told how far it is."""
+"""Relaxation to static equilibrium, in parts: between two of them Ctrl-C is heard, and progress is told."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import log
+from math import inf, isfinite, log
 from typing import NamedTuple
+
+from cable_twin.mechanics.language.compilation import brief_kernel, kernel
+from cable_twin.mechanics.language.memory import combine_arrays, copy_record
+from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.language.vectors import scale
+from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
+from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
+from cable_twin.mechanics.on_rope.wind import blow
+from cable_twin.mechanics.rope.point import slope, value
+from cable_twin.mechanics.rope.strand import rope_before
+from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
+from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, copy_ropes, rope_of
+from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
 LAST = 1e-12  # of the first mass factor: from there on iterations are Newton's
+CLOSED = 1e-6  # m, gap of a clamp
+SHARPEST = 0.5  # rad, that a body turns in an iteration
 PART = 50_000  # iterations times elements of a part, which takes some tenths of a second at most
+
+
+@kernel
+def hang_carriages(system, state):
+    """Place all bodies upright below their joints."""
+    carriages = system.carriages
+    for carriage in range(carriages.fixed.size):
+        place_joint(system.cable, state, carriage)
+        point = joint_point(system.cable, state, carriage)
+        place = value(state.nodes.position, point, system.cable.gravity)
+        hang_chain(carriages, state, carriage, place, slope(state.nodes.position, point, system.cable.gravity))
+        if not state.attached[carriage]:
+            still = scale(0.0, place)
+            move_chain(carriages, system.cable.gravity, state, carriage, still, still)
+
+
+@kernel
+def note_rest(system, state):
+    """Keep what holds each joint at rest; friction starts from none, and the extremes of towers with this rest."""
+    for carriage in range(state.drive_mode.size):
+        state.drive_force[carriage] = driven_force(system, state, carriage)
+    for contact in range(state.contact_origin.size):
+        state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
+    settle_towers(system.cable, system.towers, state)
+    begin_extremes(system.cable, system.towers, state)
+
+
+@kernel
+def begin_relaxation(system, state, work):
+    """Make ready for one iteration of one rope: the wind where it is now, and what sharp kinks hold on to."""
+    if system.air.varies:
+        blow(system, state, 0.0)
+    hold_kinks(system, state, work)
+
+
+@kernel
+def move_relaxed(system, state, work):
+    """Apply the increments of one rope, without any velocity; returns the sharpest turn of a body (rad)."""
+    turn = sharpest_turn(work, system.cable.gravity)
+    combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
+    combine_arrays(state.joints.position, 1.0, work.sliding_increment, state.joints.position)
+    move_bodies(state.bodies.position, work.body_increment, system.cable.gravity)
+    return turn
+
+
+@kernel
+def sharpest_turn(work, like):
+    """Largest turn (rad) among the increments of bodies."""
+    turn = 0.0
+    for body in range(work.body_increment.shape[0]):
+        for axis in range(len(like), work.body_increment.shape[1]):
+            turn = max(turn, abs(work.body_increment[body, axis]))
+    return turn
+
+
+@brief_kernel
+def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, longest, mass_factor, iterations):
+    """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
+
+    A rope by itself begins with what is on it hanging upright, all its joints held, and ends with their drive forces
+    in `drive_force`. Several ropes go on from where each of them lies.
+
+    Args:
+        bundle: ropes and what couples them.
+        moving: motion of that.
+        good: scratch of the shape of `moving`.
+        scratch: of the solver for couplings.
+        system: parameters of any of the ropes, for their type.
+        state: motion of any, likewise.
+        work: scratch of any, likewise.
+        tolerance: last increment (m) that is allowed.
+        first: mass factor (1/s²) to begin with.
+        longest: way (m) that a point may go in an iteration.
+        mass_factor: 1/s², with which to go on; 0 to begin.
+        iterations: most of them.
+
+    Returns:
+        Number of iterations used, the last increment (m), and the mass factor to go on with; 0 at rest.
+    """
+    ropes, like = bundle.records.shape[0], system.cable.gravity
+    if mass_factor == 0.0:
+        mass_factor = first
+        if ropes == 1:
+            own, here, _ = rope_of(bundle, 0, system, state, work)
+            hang_carriages(own, here)
+    smallest, increment = LAST * first, 0.0
+    for iteration in range(iterations):
+        if bundle.coupled:
+            find_clamps(bundle, moving, system, state, 0.0)  # what rails carry depends on where a rider stands
+            copy_record(moving, good)
+        copy_ropes(bundle, STATE, GOOD, state)
+        for rope in range(ropes):
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            begin_relaxation(own, here, room)
+        solvable, increment, changed = solve_increments(
+            bundle, moving, scratch, system, state, work, mass_factor, 0.0, 1.0
+        )
+        turn = 0.0
+        if solvable and isfinite(increment) and increment <= 3.0 * longest:
+            for rope in range(ropes):
+                own, here, room = rope_of(bundle, rope, system, state, work)
+                turn = max(turn, move_relaxed(own, here, room))
+        else:
+            turn = inf
+        if turn > SHARPEST:
+            copy_ropes(bundle, GOOD, STATE, state)
+            mass_factor *= 8.0
+            if bundle.coupled:
+                copy_record(good, moving)
+                scratch.closing[0] *= 0.5
+            continue
+        closed = True
+        if bundle.coupled:
+            combine_arrays(moving.stages.position, 1.0, scratch.increment, moving.stages.position)
+            closed = worst_clamp_gap(bundle, moving, system, state, like) < CLOSED
+        if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
+            if ropes == 1:
+                own, here, _ = rope_of(bundle, 0, system, state, work)
+                note_rest(own, here)
+            return iteration + 1, increment, 0.0
+        if increment < longest:
+            mass_factor = max(0.25 * mass_factor, smallest)
+            if bundle.coupled:
+                scratch.closing[0] = min(1.5 * scratch.closing[0], LONGEST_GAP)
+    return iterations, increment, mass_factor
 
 
 class Moment(NamedTuple):
@@ -66,4 +208,12 @@ def relax_in_parts(relax: Callable[[float, int], tuple[int, float, float]], elem
     return MAX_RELAXATIONS, increment
 
 
-__all__ = ["LAST", "MAX_RELAXATIONS", "Moment", "relax_in_parts", "watching_relaxation"]
+__all__ = [
+    "MAX_RELAXATIONS",
+    "Moment",
+    "hang_carriages",
+    "note_rest",
+    "relax",
+    "relax_in_parts",
+    "watching_relaxation",
+]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.mechanics.drives.motion import prescribe, report_forces
+from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.orientations import make_unit, quaternion_rate
@@ -21,6 +22,7 @@ from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, rope_of
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.increments import worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, settle
@@ -205,36 +207,38 @@ def change_element(cable, state, carriage):
 
 
 @kernel
-def advance(system, state, start, total, work, steps):
-    """Take `steps` whole steps; the counterpart of `generalized_alpha.advance`, with the same outcome.
+def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
+    """Take `steps` whole steps of one rope; the counterpart of `generalized_alpha.advance`, with the same outcome.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
     is the drift of the constraints (m); what is lost is not looked at. A step after which the energy is not finite is
     taken back and ends the call.
     """
+    own, here, room = rope_of(bundle, 0, system, state, work)
+    start, total = record_at(bundle.records[0, GOOD], state), record_at(bundle.records[0, BEFORE], state)
     worst_gap, nodes = 0.0, 0
     for done in range(steps):
-        copy_state(state, start)
-        left = system.solver.step
+        copy_state(here, start)
+        left = own.solver.step
         healthy = True
-        while healthy and left > 1e-12 * system.solver.step:
-            taken, carriage = step_to_node(system, state, start, total, left, work)
+        while healthy and left > 1e-12 * own.solver.step:
+            taken, carriage = step_to_node(own, here, start, total, left, room)
             healthy = taken >= 0.0
             if healthy:
                 left -= taken
-                settle(system, state)
+                settle(own, here)
                 if carriage >= 0:
-                    change_element(system.cable, state, carriage)
+                    change_element(own.cable, here, carriage)
                     nodes += 1
-                if left > 1e-12 * system.solver.step:
-                    copy_state(state, total)
+                if left > 1e-12 * own.solver.step:
+                    copy_state(here, total)
                     copy_state(total, start)
-        gap = largest_gap(system, state, work, False)
-        kinetic, elastic, gravitational = energies(system, state)
+        gap = largest_gap(own, here, room, False)
+        kinetic, elastic, gravitational = energies(own, here)
         if not healthy or not isfinite(gap) or not isfinite(kinetic + elastic + gravitational):
-            copy_state(start, state)
-            return False, done, 0, nodes, worst_gap, gap, worst_element(work), 0.0, 0.0
+            copy_state(start, here)
+            return False, done, 0, nodes, worst_gap, gap, worst_element(room), 0.0, 0.0
         worst_gap = max(worst_gap, gap)
-        state.clock[0] += 1
-    report_forces(system, state)
-    return True, steps, 0, nodes, worst_gap, 0.0, worst_element(work), 0.0, 0.0
+        here.clock[0] += 1
+    report_forces(own, here)
+    return True, steps, 0, nodes, worst_gap, 0.0, worst_element(room), 0.0, 0.0

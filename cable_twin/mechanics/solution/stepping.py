@@ -7,7 +7,7 @@ from typing import NamedTuple
 from cable_twin.mechanics.drives.haul_rope import take_up
 from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.stations import attach_carriers
-from cable_twin.mechanics.language.compilation import kernel, kernel_part
+from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import settle_buffers
@@ -32,7 +32,7 @@ class Outcome(NamedTuple):
     moved: float  # J, sum of the changes of kinetic energy, either way
 
 
-@kernel_part
+@kernel
 def begin_step(system, state, h):
     """Let all that is driven know where it is to be after `h` (s), and the wind blow as it does then."""
     move_drives(system, state, h)
@@ -40,7 +40,7 @@ def begin_step(system, state, h):
         blow(system, state, h)
 
 
-@kernel_part
+@kernel
 def end_step(system, state, work):
     """Keep what friction and contacts have become, and attach what has come onto the rope; the largest gap (m)."""
     gap = largest_gap(system, state, work, True)

@@ -17,7 +17,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULIC, SYSTEM
-from cable_twin.mechanics.solution.generalized_alpha import factors
+from cable_twin.mechanics.solution.newmark import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
 ESTIMATED = 3  # iterations of a step that go by the estimated stiffness, which most steps need no more than
@@ -143,7 +143,7 @@ def move_cylinder(sheaves, motion, sheave, h):
 
 @kernel
 def guess(motion, number, c, h):
-    """`generalized_alpha.predict` of one coordinate."""
+    """`newmark.predict` of one coordinate."""
     a = motion.algorithmic[number]
     after = (motion.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
     motion.position[number] += h * (motion.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
@@ -153,7 +153,7 @@ def guess(motion, number, c, h):
 
 @kernel
 def add_increment(motion, number, c, h, delta):
-    """`generalized_alpha.correct` of one coordinate."""
+    """`newmark.correct` of one coordinate."""
     by_acceleration, by_velocity = factors(c, h)
     motion.position[number] += delta
     motion.velocity[number] += by_velocity * delta

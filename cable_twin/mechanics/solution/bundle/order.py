@@ -57,7 +57,7 @@ def order_of(
     """Order of elimination: ropes go on side by side from connector to connector.
 
     Args:
-        nodes: number of nodes of each rope.
+        nodes: number of nodes of each rope that something holds to another one, 0 of each other rope.
         ropes: (connectors, 2).
         connected: (connectors, 2) nodes; connectors in the order in which they follow each other along the ropes.
         along: of each rope (nodes,) m along the track: between two connectors, nodes follow each other by that;
@@ -94,4 +94,5 @@ def order_of(
         go_on({one: count for one, count in enumerate(nodes) if line[one] == number})
     first = np.cumsum([0, *nodes[:-1]])
     number_of = np.argsort(first[rope] + np.array(node))
-    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first)))
+    joined = [int(count > 0) for count in nodes]
+    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first, joined)))

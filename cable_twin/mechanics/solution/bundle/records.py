@@ -6,12 +6,16 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.ranges import Range, ranges_of
 from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, IntArray
-from cable_twin.mechanics.state import PLACE, Course, Motion
+from cable_twin.mechanics.state import PLACE, Course, Motion, copy_state
 
-SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)  # columns of `Bundle.records`
+# Columns of `Bundle.records`: parameters, motion and scratch of a rope, its motion at the last good step and at the
+# start of the present part of a step, and the forces in its sections.
+SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 FLAG, SIGN = Range(0, 1), Range(-1, 1)
@@ -107,13 +111,15 @@ class Order(NamedTuple):
     connector_at: IntArray  # (connectors,) nodes that are gone before; rising
     number: IntArray  # (nodes of all,) when each of them is, rope after rope
     first: IntArray  # (ropes,) of each rope in `number`
+    joined: IntArray  # (ropes,) 1 where its nodes are among them: something holds it to another rope within a step
 
 
 @by_reference
 class Bundle(NamedTuple):
     """Everything that does not change while a bundle runs."""
 
-    records: IntArray  # (ropes, 5) addresses of System, State, Workspace, and of two states more, for steps that fail
+    records: IntArray  # (ropes, 6) addresses of what each rope has, columns as named above
+    coupled: bool  # whether there is anything of what follows: known to kernels, where there is not
     up: FloatArray  # (dim,) unit vector
     connectors: Connectors
     pantographs: Pantographs
@@ -165,6 +171,20 @@ class BundleState(NamedTuple):
     rail_mass: FloatArray  # (clamps,) kg, of its carriage on the rails of a station
     tight: Annotated[IntArray, FLAG]  # (connectors + pantographs,) 1 where it pulled or touched at the last look
     sheaves: BullwheelMotion  # so called in files of snapshots, as the section of a scenario is
+
+
+@inlined_kernel
+def rope_of(bundle, rope, system, state, work):
+    """Parameters, motion and scratch of one rope; `system`, `state`, `work` are those of any, for their types."""
+    own = bundle.records[rope]
+    return record_at(own[SYSTEM], system), record_at(own[STATE], state), record_at(own[WORK], work)
+
+
+@kernel
+def copy_ropes(bundle, source, target, state):
+    """Copy the states of all ropes from one column of records to another."""
+    for rope in range(bundle.records.shape[0]):
+        copy_state(record_at(bundle.records[rope, source], state), record_at(bundle.records[rope, target], state))
 
 
 BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `fields_of` names them

@@ -1,33 +1,28 @@
-"""Several ropes, what hangs between them, holds to two of them, and what joins them to loops."""
+"""What takes solver steps: the ropes of a scenario with what is on them, and what couples them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Any, cast
 
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.language.by_reference import Known
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Couplings, Rope
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
-from cable_twin.mechanics.solution.bundle.generalized_alpha import advance as advance_bundle
 from cable_twin.mechanics.solution.bundle.mutual_forces import give_forces
-from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
-from cable_twin.mechanics.solution.bundle.records import (
-    SYSTEM,
-    Bundle,
-    Wires,
-    allocate_bundle_state,
-    allocate_bundle_work,
-    clone_bundle_state,
-)
-from cable_twin.mechanics.solution.bundle.rest import relax_bundle, settle_bundle
+from cable_twin.mechanics.solution.bundle.records import BundleState, Wires, clone_bundle_state
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
-from cable_twin.mechanics.solution.equilibrium import lay_taut, note_rest, relax, without_friction
+from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together, without_friction
+from cable_twin.mechanics.solution.integrator_by_name import integrator_named
+from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
+from cable_twin.mechanics.solution.relaxation import note_rest, relax, watching_relaxation
 from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
@@ -36,10 +31,12 @@ from cable_twin.scenario.build_bundle import (
     build_clamps,
     build_connectors,
     build_pantographs,
+    build_ropes,
     clamped_pairs,
 )
 from cable_twin.simulation.loop import Loop
 from cable_twin.simulation.loop_layout import LoopLayout
+from cable_twin.simulation.meeting import with_buffers
 from cable_twin.simulation.ropeway import Ropeway, of_rope, restore_ropes
 from cable_twin.simulation.second_rope import (
     along_track,
@@ -54,74 +51,73 @@ from cable_twin.simulation.snapshot_file import FullState
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
 
-class RopeBundle:
-    """Several ropes, what hangs between them and what pushes them from below."""
+class Engine:
+    """The ropes of a scenario with what is on them, and what couples them.
 
-    at_rest: tuple[Kernel, ...] = cast(Kernel, relax), cast(Kernel, relax_bundle), cast(Kernel, feel_ends)
+    Attributes:
+        parts: one a rope, with what is on it.
+        commands: the last one in force of each drive of a bullwheel.
+        moving: motion of what couples ropes.
+        integrator: the kernel that takes steps.
+        at_rest: the kernels that find the rest.
+    """
 
-    def __init__(self, scenario: Scenario, parts: list[Ropeway]) -> None:
-        self.parts, self._scenario = parts, scenario
-        systems = dict(zip(scenario.ropes, (part.system for part in parts), strict=True))
-        self._works = [allocate_workspace(system) for system in systems.values()]
+    def __init__(self, scenario: Scenario) -> None:
+        """Lay out a scenario, at no rest yet."""
+        self._scenario, self._names = scenario, list(scenario.cables)
+        self._naming = of_rope if scenario.ropes else nullcontext  # in what is said of one of them
+        systems = build_ropes(scenario)
+        self.parts = _ropeways([scenario.of_rope(name) for name in self._names], list(systems.values()))
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
         pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
-        self._exerting = clamps.rope.size + 2 * connectors.length.size + pantographs.rope.size
-        for part in parts:
-            part.sections = allocate_sections(part.system, self._exerting)
-        self._addresses = Addresses(
-            [
-                (part.system, part.state, work, clone_state(part.state), clone_state(part.state), part.sections)
-                for part, work in zip(parts, self._works, strict=True)
-            ]
-        )
-        self._packed_systems = [part.packed_system for part in parts]
-        nodes = [part.state.nodes.position.shape[0] for part in parts]
-        damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.ropes.values()]
-        self.bundle = Bundle(
-            records=self._addresses.table,
-            up=np.eye(scenario.dim)[-1].copy(),
+        damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.cables.values()]
+        couplings = Couplings(
             connectors=connectors,
             pantographs=pantographs,
             clamps=clamps,
             wires=Wires(
                 by_mass=np.array([one for one, _ in damped]),
                 by_stiffness=np.array([one for _, one in damped]),
-                tension=np.zeros(len(parts)),
+                tension=np.zeros(len(self.parts)),
                 present=bool(np.any(damped)),
             ),
-            order=order_of(
-                nodes,
-                connectors.rope,
-                connectors.node,
-                along_track(scenario, parts) if clamps.rope.size else None,
-                lines_of(len(parts), np.concatenate([connectors.rope, clamped_pairs(scenario)])),
-            ),
             sheaves=build_bullwheels(scenario),
+            pairs=clamped_pairs(scenario),
+            along=along_track(scenario, self.parts) if clamps.rope.size else [],
         )
-        self.moving = moving = self._start = allocate_bundle_state(self.bundle)
-        self._scratch = allocate_bundle_work(self.bundle)
-        self._spare = clone_bundle_state(moving), clone_bundle_state(moving)
-        given = scenario.pantographs.values()
-        moving.place.position[:] = [one.position for one in given]
-        self.loop = Loop(scenario, self.bundle, moving.sheaves, parts)
-        self._layout = LoopLayout(scenario, self.bundle.sheaves, parts)
+        self._exerting = clamps.rope.size + 2 * connectors.length.size + pantographs.rope.size
+        self._works = [allocate_workspace(part.system) for part in self.parts]
+        for part in self.parts:
+            part.sections = allocate_sections(part.system, self._exerting)
+        ropes = [
+            Rope(part.system, part.state, work, part.sections)
+            for part, work in zip(self.parts, self._works, strict=True)
+        ]
+        self._coupled = couplings.any
+        self._ropes = Assembly(ropes, couplings if self._coupled else None)
+        self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
+        self._start: BundleState = self.moving
+        self.moving.place.position[:] = [one.position for one in scenario.pantographs.values()]
+        self.loop = Loop(scenario, self.bundle, self.moving.sheaves, self.parts)
+        self._layout = LoopLayout(scenario, self.bundle.sheaves, self.parts)
         self.commands: dict[str, Command] = {}
-        self.integrator = cast(Kernel, advance_bundle)
+        self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
+        self.at_rest = cast(tuple[Kernel, ...], (relax, feel_ends) if scenario.sheaves else (relax,))
         self._forces = np.zeros(len(scenario.connectors))
         self._clamp_rows = clamp_rows(scenario)
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
     def check_bare(self) -> None:
-        """Refuse ropes that have no rest even by themselves and without vehicles.
+        """Refuse ropes that have no rest even by themselves and without vehicles, before anything is compiled.
 
         Raises:
             EquilibriumError: one of them has none.
         """
         self._layout.check_bare()
         for name, part in self._by_name():
-            if name not in self._scenario.strands and not part.is_taut:
-                with of_rope(name):
+            if name not in self._scenario.strands and not (self._coupled and part.is_taut):
+                with self._naming(name):
                     part.check_bare(loaded=name in self._hung_from)
 
     def find_rest(self) -> None:
@@ -146,25 +142,33 @@ class RopeBundle:
         if any(sharpened):
             again()
         for name, part in self._by_name():
-            with of_rope(name):
+            with self._naming(name):
                 part.check_travel(self.parts, again)
 
     def _by_name(self) -> Iterator[tuple[str, Ropeway]]:
-        return zip(self._scenario.ropes, self.parts, strict=True)
+        return zip(self._names, self.parts, strict=True)
 
-    @staticmethod
-    def _sharpen(name: str, part: Ropeway) -> bool:
-        with of_rope(name):
-            return part.sharpen(f"ropes.{name}")
+    def _sharpen(self, name: str, part: Ropeway) -> bool:
+        with self._naming(name):
+            return part.sharpen(f"ropes.{name}" if self._scenario.ropes else "cable")
 
     def _find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together."""
-        for name, part, work in zip(self._scenario.ropes, self.parts, self._works, strict=True):
-            if part.is_taut:
+        for (name, part), work in zip(self._by_name(), self._works, strict=True):
+            if self._coupled and part.is_taut:
                 lay_taut(part.system, part.state)
             else:
-                with of_rope(name):
-                    part.lay(work, self._layout.ends(name, self.moving.sheaves))
+                with self._naming(name):
+                    part.lay(work, self._layout.ends(name, self.moving.sheaves), coupled=self._coupled)
+        if self._coupled:
+            self._rest_together()
+        for part in self.parts:
+            part.take_over_rest()
+        self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
+        self.commands = self.loop.set_in_motion()
+
+    def _rest_together(self) -> None:
+        """Bring ropes, each of which rests by itself, to rest with all that couples them."""
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
@@ -172,13 +176,10 @@ class RopeBundle:
         self._settle()
         note_clamps(self.parts, self.bundle.clamps)
         for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
-            self._addresses.write(row, SYSTEM, part.system)
+            self._ropes.put(row, part.system)
             note_rest(part.system, part.state)
             let_go(part.system, part.state, own_modes)
-            part.take_over_rest()
             self.bundle.wires.tension[row] = part.mean_tension()
-        self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
-        self.commands = self.loop.set_in_motion()
 
     def _settle(self) -> None:
         """Bring all ropes to rest together, as if nothing rubbed.
@@ -187,15 +188,17 @@ class RopeBundle:
             EquilibriumError: there is no such rest.
         """
         for row, part in enumerate(self.parts):
-            self._addresses.write(row, SYSTEM, without_friction(part.system))
-        longest = max(rope.unstrained_length for rope in self._scenario.ropes.values())
-        first = self.parts[0]
-        relaxed = self.bundle, self.moving, self._spare[0], self._scratch, first.system, first.state, self._works[0]
+            self._ropes.put(row, without_friction(part.system))
+        longest = max(rope.unstrained_length for rope in self._scenario.cables.values())
         elements = sum(len(part.state.nodes.position) - 1 for part in self.parts)
+
+        def settle() -> None:
+            settle_together(self._ropes, SLACKEST_REST * longest, elements)
+
         if self._scenario.sheaves:
-            self.loop.settle(lambda: settle_bundle(relaxed, SLACKEST_REST * longest, elements))
+            self.loop.settle(settle)
         else:
-            settle_bundle(relaxed, SLACKEST_REST * longest, elements)
+            settle()
 
     def _raise_pantographs(self) -> None:
         """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
@@ -211,24 +214,20 @@ class RopeBundle:
 
     def arguments(self, steps: int) -> tuple[Any, ...]:
         """What the integrator gets to take so many steps."""
-        first = self.parts[0]
-        ropes = first.system, first.state, self._works[0]
-        return self.bundle, self.moving, *self._spare, self._scratch, *ropes, steps
+        return *self._ropes.arguments, steps
 
     def typical(self) -> dict[str, Any]:
         """Arguments that kernels below the integrator get, by their names there; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
-        whole = {"bundle": bundle, "moving": moving, "scratch": self._scratch}
-        inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves}
-        counts = dict.fromkeys(("sheave", "clamp", "connector", "member", "event"), 0)
+        whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
+        inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
+        counts = dict.fromkeys(("sheave", "clamp", "connector", "member", "event", "column", "iteration"), 0)
         return first.typical(self._works[0]) | whole | inner | counts
 
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take so many steps, or fewer: until a lift has rolled back; the fields of `Outcome`."""
         for row, part in enumerate(self.parts):
-            if part.packed_system is not self._packed_systems[row]:
-                self._addresses.write(row, SYSTEM, part.system)
-                self._packed_systems[row] = part.packed_system
+            self._ropes.put(row, part.system)
         outcome = self.integrator(*self.arguments(steps))
         if self.loop.rolled_back and not self.parts[0].stopped:
             self.commands.clear()
@@ -244,7 +243,9 @@ class RopeBundle:
         give_forces(self.bundle, self.moving, first.system, first.state, first.sections)
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors and pantographs, and of clamps that hold to no rope now."""
+        """Fill the columns of connectors, pantographs and bullwheels, and of clamps that hold to no rope now."""
+        if not self._coupled:
+            return
         first, moving = self.parts[0], self.moving
         observe_clamps(self._clamp_rows, self.parts, self.bundle.clamps, moving, columns)
         if self._forces.size:
@@ -289,17 +290,44 @@ class RopeBundle:
         self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
 
     def between(self) -> dict[str, FloatArray]:
-        """A copy of the motion of pantographs, clamps and bullwheels, now and at the start, by name."""
+        """A copy of the motion of pantographs, clamps and bullwheels that there are, now and at the start, by name."""
         both = ("now", self.moving), ("start", self._start)
-        return {f"{key}/{name}": array.copy() for key, one in both for name, array in fields_of(one).items()}
+        return {f"{key}/{name}": one.copy() for key, record in both for name, one in _present(record)}
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits: of ropes, pantographs, clamps, bullwheels, and what their drives are told."""
         restore_ropes(self.parts, full)
         for key, one in (("now", self.moving), ("start", self._start)):
-            for name, array in fields_of(one).items():
+            for name, array in _present(one):
                 array[...] = full.between[f"{key}/{name}"]
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
 
 
-__all__ = ["RopeBundle"]
+def _present(record: BundleState) -> list[tuple[str, FloatArray]]:
+    """Arrays of a record that have anything in them, by name."""
+    return [(name, array) for name, array in fields_of(record).items() if array.size]
+
+
+def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:
+    """One a rope, from the scenario and the system of each."""
+    whole = leave_out_absent([with_buffers(*pair) for pair in zip(systems, scenarios, strict=True)])
+    return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
+
+
+def leave_out_absent(systems: list[System]) -> list[System]:
+    """The same systems, all of one type, for kernels that are compiled without what none of them has.
+
+    There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
+    may be left out, and with a rope by itself also what lets it go by, and vehicles meet.
+    """
+    if all(system.cable.elastic_model == CONTINUUM for system in systems):
+        known = Known(CONTINUUM)
+        systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]
+    if len(systems) == 1 and not systems[0].moving_cable.moving and not systems[0].buffers.present:
+        system, absent = systems[0], cast(bool, Known(False))
+        still, apart = system.moving_cable._replace(moving=absent), system.buffers._replace(present=absent)
+        systems = [system._replace(moving_cable=still, buffers=apart)]
+    return systems
+
+
+__all__ = ["Engine", "RelaxationMoment", "leave_out_absent", "watching_relaxation"]

@@ -1,0 +1,167 @@
+"""Ropes side by side, and what couples them, as the kernels of the solver take them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from cable_twin.mechanics.language.addresses import Addresses
+from cable_twin.mechanics.language.by_reference import Known
+from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.readout.sections import Sections
+from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
+from cable_twin.mechanics.solution.bundle.records import (
+    SYSTEM,
+    Bullwheels,
+    Bundle,
+    BundleState,
+    Clamps,
+    Connectors,
+    Pantographs,
+    Wires,
+    allocate_bundle_state,
+    allocate_bundle_work,
+    clone_bundle_state,
+)
+from cable_twin.mechanics.state import State, Workspace, clone_state
+
+UNCOUPLED = cast(bool, Known(False))  # `Bundle.coupled` of a rope by itself, whose kernels have nothing for couplings
+
+
+class Rope(NamedTuple):
+    """What the solver has of one rope."""
+
+    system: System
+    state: State
+    work: Workspace
+    sections: Sections | None = None  # where forces in it are to be read
+
+
+class Couplings(NamedTuple):
+    """What couples ropes, or acts on them beside what is on each; numbers of ropes in their order."""
+
+    connectors: Connectors
+    pantographs: Pantographs
+    clamps: Clamps
+    wires: Wires
+    sheaves: Bullwheels
+    pairs: IntArray  # (n, 2) ropes of which something slides on one and is clamped to the other
+    along: list[FloatArray]  # of each rope (nodes,) m along the track, where any is clamped to another one
+
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+        things = self.connectors.rope, self.pantographs.rope, self.clamps.rope, self.sheaves.rope
+        return self.wires.present or any(thing.size > 0 for thing in things)
+
+
+def no_couplings(ropes: int, dim: int) -> Couplings:
+    """Nothing between ropes."""
+    none, pair, vector, row = np.zeros(0), np.zeros((0, 2)), np.zeros((0, dim)), np.zeros((0, 1))
+    number, numbers = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+    wheels: dict[str, Any] = dict.fromkeys(Bullwheels._fields, none)
+    wheels |= {
+        "rope": numbers,
+        "driven": number,
+        "tensioning": number,
+        "direction": vector,
+        "way": pair,
+        "travel": pair,
+    }
+    return Couplings(
+        connectors=Connectors(numbers, numbers, none, none, none, none),
+        pantographs=Pantographs(number, row, row, row, none, none),
+        clamps=Clamps(number, number, vector, np.zeros(1, np.int64), number, none, none),
+        wires=Wires(np.zeros(ropes), np.zeros(ropes), np.zeros(ropes), False),
+        sheaves=Bullwheels(**wheels),
+        pairs=numbers,
+        along=[],
+    )
+
+
+class Assembly:
+    """Ropes, what couples them, and room for the solver; kept alive as long as kernels use it.
+
+    Attributes:
+        bundle: parameters of couplings, and where the records of each rope are.
+        moving: motion of couplings.
+        spare: two more of that.
+        scratch: of the solver, for couplings.
+    """
+
+    def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None) -> None:
+        """Put ropes together; without couplings, which may be empty ones, kernels are compiled for none."""
+        first = ropes[0]
+        dim = len(first.system.cable.gravity)
+        given = couplings or no_couplings(len(ropes), dim)
+        self._first, self._systems = first, [rope.system for rope in ropes]
+        self._addresses = Addresses(
+            [
+                (rope.system, rope.state, rope.work, clone_state(rope.state), clone_state(rope.state), *_sections(rope))
+                for rope in ropes
+            ]
+        )
+        pairs = np.concatenate([given.connectors.rope, given.pairs])
+        joined = np.isin(np.arange(len(ropes)), pairs)
+        nodes = [rope.state.nodes.position.shape[0] if joined[row] else 0 for row, rope in enumerate(ropes)]
+        self.bundle = Bundle(
+            records=self._addresses.table,
+            coupled=UNCOUPLED if couplings is None else True,
+            up=np.eye(dim)[-1].copy(),
+            connectors=given.connectors,
+            pantographs=given.pantographs,
+            clamps=given.clamps,
+            wires=given.wires,
+            order=order_of(
+                nodes,
+                given.connectors.rope,
+                given.connectors.node,
+                [place[:count] for place, count in zip(given.along, nodes, strict=True)] if given.along else None,
+                lines_of(len(ropes), pairs),
+            ),
+            sheaves=given.sheaves,
+        )
+        self.moving: BundleState = allocate_bundle_state(self.bundle)
+        self.spare = clone_bundle_state(self.moving), clone_bundle_state(self.moving)
+        self.scratch = allocate_bundle_work(self.bundle)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What an integrator gets before the number of steps."""
+        return (
+            self.bundle,
+            self.moving,
+            *self.spare,
+            self.scratch,
+            self._systems[0],
+            self._first.state,
+            self._first.work,
+        )
+
+    @property
+    def relaxed(self) -> tuple[Any, ...]:
+        """What `relaxation.relax` gets before the tolerance."""
+        return (
+            self.bundle,
+            self.moving,
+            self.spare[0],
+            self.scratch,
+            self._systems[0],
+            self._first.state,
+            self._first.work,
+        )
+
+    def put(self, row: int, system: System) -> None:
+        """Let a rope have other parameters of the same type."""
+        if self._systems[row] is not system:
+            self._addresses.write(row, SYSTEM, system)
+            self._systems[row] = system
+
+
+def _sections(rope: Rope) -> tuple[Sections, ...]:
+    return () if rope.sections is None else (rope.sections,)
+
+
+__all__ = ["UNCOUPLED", "Assembly", "Couplings", "Rope", "no_couplings"]

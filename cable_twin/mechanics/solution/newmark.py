@@ -1,0 +1,158 @@
+"""Newmark's updates with the coefficients of generalized-alpha, for each kind of coordinates of a rope.
+
+The auxiliary acceleration a goes with position and velocity: (1 - α_m) a' + α_m a = (1 - α_f) q_ddot' + α_f q_ddot.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
+from cable_twin.mechanics.drives.motion import prescribe
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import flat
+from cable_twin.mechanics.language.orientations import grow_turn, turn_row
+from cable_twin.mechanics.language.vectors import Vector
+from cable_twin.mechanics.solution.kinks import hold_kinks
+
+
+class Coefficients(NamedTuple):
+    """Generalized-alpha for one spectral radius (Chung, Hulbert 1993)."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+
+
+@kernel
+def coefficients(spectral_radius):
+    """The coefficients that damp infinite frequency by `spectral_radius` a step, and low ones least."""
+    alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
+    alpha_f = spectral_radius / (spectral_radius + 1.0)
+    gamma = 0.5 + alpha_f - alpha_m
+    return Coefficients(alpha_m, alpha_f, 0.25 * (0.5 + gamma) * (0.5 + gamma), gamma)
+
+
+@inlined_kernel
+def factors(c, h):
+    """What the method makes of inertia and of rates in its tangent: ∂acceleration and ∂velocity by coordinate."""
+    return (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h), c.gamma / (c.beta * h)
+
+
+@kernel
+def predict(c, h, kind):
+    """Start of the iteration for one kind of coordinates: the acceleration of the step before goes on."""
+    x, v = flat(kind.position), flat(kind.velocity)
+    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
+    for i in range(x.size):
+        after = (q_ddot[i] - c.alpha_m * a[i]) / (1.0 - c.alpha_m)
+        x[i] += h * (v[i] + h * ((0.5 - c.beta) * a[i] + c.beta * after))
+        v[i] += h * ((1.0 - c.gamma) * a[i] + c.gamma * after)
+        a[i] = after
+
+
+@inlined_kernel
+def predict_massless(c, h, kind):
+    """The same for coordinates without inertia, which have no acceleration to go on with: the algorithmic one stays."""
+    for i in range(kind.position.size):
+        a = kind.algorithmic[i]
+        kind.position[i] += h * (kind.velocity[i] + 0.5 * h * a)
+        kind.velocity[i] += h * a
+        kind.acceleration[i] = (a - c.alpha_f * kind.acceleration[i]) / (1.0 - c.alpha_f)
+
+
+@kernel
+def correct(c, h, increments, kind):
+    """Apply Newton increments (m, rad) to one kind of coordinates."""
+    x, v = flat(kind.position), flat(kind.velocity)
+    q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
+    delta = flat(increments)
+    by_velocity = c.gamma / (c.beta * h)
+    by_algorithmic = 1.0 / (c.beta * h * h)
+    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    for i in range(x.size):
+        x[i] += delta[i]
+        v[i] += by_velocity * delta[i]
+        a[i] += by_algorithmic * delta[i]
+        q_ddot[i] += by_acceleration * delta[i]
+
+
+@kernel
+def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
+    """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
+    if len(like) == 2:
+        predict(c, h, kind)
+    else:
+        _predict_in_space(c, h, kind, turned)
+
+
+@kernel
+def _predict_in_space(c, h, kind, turned):
+    """The same with turns: the orientation goes on by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
+    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
+    for body in range(v.shape[0]):
+        for axis in range(6):
+            after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
+            moved = h * (v[body, axis] + h * ((0.5 - c.beta) * a[body, axis] + c.beta * after))
+            if axis < 3:
+                x[body, axis] += moved
+            else:
+                turned[body, axis - 3] = moved
+            v[body, axis] += h * ((1.0 - c.gamma) * a[body, axis] + c.gamma * after)
+            a[body, axis] = after
+        turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
+
+
+@kernel
+def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned: Any, like: Vector) -> None:
+    """Apply Newton increments (m, rad) to bodies."""
+    if len(like) == 2:
+        correct(c, h, increments, kind)
+    else:
+        _correct_in_space(c, h, increments, kind, turned)
+
+
+@kernel
+def _correct_in_space(c, h, increments, kind, turned):
+    """The same with turns: the rates go by what the rotation vector of the step grows by."""
+    x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
+    by_velocity = c.gamma / (c.beta * h)
+    by_algorithmic = 1.0 / (c.beta * h * h)
+    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    for body in range(v.shape[0]):
+        delta = grow_turn(turned[body], increments[body, 3:])
+        turn_row(x[body], (increments[body, 3], increments[body, 4], increments[body, 5]))
+        for axis in range(6):
+            if axis < 3:
+                x[body, axis] += increments[body, axis]
+                grown = increments[body, axis]
+            else:
+                grown = delta[axis - 3]
+            v[body, axis] += by_velocity * grown
+            a[body, axis] += by_algorithmic * grown
+            q_ddot[body, axis] += by_acceleration * grown
+
+
+@inlined_kernel
+def predict_rope(c, h, system, state, work):
+    """Start of the iteration for one rope and what is on it."""
+    leave_place(system, state, work)
+    predict(c, h, state.nodes)
+    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
+    predict_massless(c, h, state.joints)
+    predict_massless(c, h, state.hauled)
+    predict(c, h, state.sheaves)
+    prescribe(state)
+    hold_kinks(system, state, work)
+    direct_haul(system, state, work)
+
+
+@inlined_kernel
+def correct_rope(c, h, system, state, work):
+    """Apply the Newton increments of one rope and what is on it."""
+    correct(c, h, work.right_side, state.nodes)
+    correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
+    correct(c, h, work.sliding_increment, state.joints)
+    correct(c, h, work.haul_increment, state.hauled)
+    correct(c, h, work.sheave_increment, state.sheaves)

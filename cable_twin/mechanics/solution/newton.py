@@ -1,0 +1,79 @@
+"""One linear solution of all ropes and of what couples them: an iteration of Newton's method."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
+from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
+from cable_twin.mechanics.solution.bundle.couplings import add_couplings
+from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
+from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
+from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
+from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, hold_ends, measure_gaps, recover
+from cable_twin.mechanics.solution.increments import largest_increment
+
+
+@kernel
+def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
+    """Residual and tangent of one rope with what is on it, before its supports hold it."""
+    measure_gaps(system, state, work, True)
+    assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
+
+
+@kernel
+def recover_rope(system, state, work):
+    """What was eliminated of one rope; its largest increment (m)."""
+    recover(system, state, work)
+    return largest_increment(system, work)
+
+
+@kernel
+def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
+    """Newton increments of everything, each in its own scratch; multipliers are updated.
+
+    `system`, `state` and `work` are those of any of the ropes, for their types; factors as in `assemble`.
+
+    Returns:
+        Whether there is a solution, the largest increment (m), and how many contacts have changed.
+    """
+    ropes, largest, changed = bundle.records.shape[0], 0.0, 0
+    for rope in range(ropes):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        linearise_rope(own, here, room, mass_factor, rate_factor, stiffness_factor)
+    if bundle.coupled:
+        changed = add_couplings(
+            bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
+        )
+    for rope in range(ropes):
+        own, _, room = rope_of(bundle, rope, system, state, work)
+        hold_ends(own.cable, room)
+    if not solve_nodes(bundle, scratch, system, work):
+        return False, largest, changed
+    if bundle.coupled:
+        like = system.cable.gravity
+        recover_clamps(bundle, moving, scratch, state, work, like)
+        largest = recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like)
+    for rope in range(ropes):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        increment = recover_rope(own, here, room)
+        largest = largest if increment <= largest else increment  # what is no number stays
+    return True, largest, changed
+
+
+@kernel
+def solve_nodes(bundle, scratch, system, work):
+    """Nodal increments: of ropes that something holds together in one sweep, of each other rope from both its ends.
+
+    Returns:
+        False when a block has no inverse.
+    """
+    like = system.cable.gravity
+    if bundle.coupled and bundle.order.node.size > 0 and not solve_bundle(bundle, scratch, work, like):
+        return False
+    for rope in range(bundle.records.shape[0]):
+        if bundle.order.joined[rope] == 0:
+            own = record_at(bundle.records[rope, WORK], work)
+            if solve_block_tridiagonal(own.diagonal, own.upper, own.lower, own.right_side, like) >= 0:
+                return False
+    return True
