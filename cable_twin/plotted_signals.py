@@ -246,7 +246,7 @@ SIGNALS: Mapping[str, Signal] = {
             lambda of, c: c.sheave_tension.reshape(*c.sheave_tension.shape[:-2], 2 * len(of.sheaves)),
             "tension of strands",
             "sheaves",
-            "Tension at bullwheels",
+            "Bullwheel tension",
         ),
         Signal("adhesion", "-", "sheaves", _adhesion, "adhesion used", "sheaves"),
         Signal("slip", "m", "sheaves", lambda _, c: c.sheave_slip, "slip of the rope", "sheaves"),

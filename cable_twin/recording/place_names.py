@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from os.path import commonprefix
+from typing import TypeVar
 
 import numpy as np
 
 from cable_twin.records import FloatArray
 
+Place = TypeVar("Place", Sequence[float], tuple[float, float, float], FloatArray)
 NEAR = 0.025  # of the track, within which supports have one name: letters do not fit between them
 
 
 def gathered(
-    places: Mapping[str, Sequence[float]],
+    places: Mapping[str, Place],
     wheels: Mapping[str, FloatArray],
     ropes: Collection[str] = (),
     near: float = 1e-3,
-) -> dict[str, Sequence[float]]:
+) -> dict[str, Place]:
     """Places by name, once each: of several names there the bullwheel between them, what they begin with, or all.
 
     Args:
@@ -46,7 +48,7 @@ def gathered(
     return {name: places[some[0]] for name, some in zip(called, groups, strict=True)}
 
 
-def _distance(one: Sequence[float], other: Sequence[float]) -> float:
+def _distance(one: Sequence[float] | FloatArray, other: Sequence[float] | FloatArray) -> float:
     return float(np.abs(np.subtract(one, other)).max())
 
 

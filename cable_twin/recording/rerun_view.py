@@ -21,7 +21,6 @@ from cable_twin.commands import KINDS
 from cable_twin.recording.view_batch import Batch
 from cable_twin.recording.view_geometry import plane, time_column
 from cable_twin.recording.view_picture import Look, Picture
-from cable_twin.recording.view_plots import CommandedSpeeds
 from cable_twin.recording.view_readout import describe_command
 from cable_twin.recording.view_space import InSpace
 from cable_twin.recording.view_stream import end_threads, flush_stream, open_stream, split_stream
@@ -124,7 +123,6 @@ class RerunView:
         self._layout: Layout | None = None  # until the first snapshot
         self._picture: Picture | None = None  # until the first batch
         self._laid_out = False  # in this file
-        self._commanded = CommandedSpeeds()
         self._last_commands: dict[tuple[str, ...], Command] = {}  # that were listed, by kind and names
         self._commands: list[tuple[float, str, str]] = []  # s, text and level of those not sent yet
 
@@ -153,13 +151,12 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Note a command: a line in the log where it is a new one, and from its time on the commanded speed.
+        """Note a command: a line in the log where it is a new one.
 
         Raises:
             RuntimeError: When the view is closed.
         """
         self._open()
-        self._commanded.note(applied)
         kind = KINDS[applied.command.kind]
         key = (kind.topic, *applied.command.values)
         last = self._last_commands.get(key)
@@ -246,4 +243,4 @@ class RerunView:
         if not self._laid_out:
             self._picture.begin(stream, c)
             self._laid_out = True
-        self._picture.send(stream, c, self._commanded)
+        self._picture.send(stream, c)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import rerun as rr
@@ -10,82 +11,83 @@ import rerun.blueprint as rrb
 
 from cable_twin.plotted_signals import SIGNALS
 from cable_twin.recording.view_geometry import TIMELINE
-from cable_twin.recording.view_plots import LEGEND_HEIGHT, LEGENDS, Plots
+from cable_twin.recording.view_plots import LEGENDS, Plots, shown_unit
+from cable_twin.recording.view_scene import Framed
+from cable_twin.recording.view_sizes import LEGEND_ROW, Sizes
 from cable_twin.recording.view_space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye
-from cable_twin.recording.view_vehicles import CLOSE_UPS
-from cable_twin.records import FloatArray
+from cable_twin.recording.view_vehicles import CLOSE_UPS, NAMES
 
-LEGEND_LINES = 9  # of a plot, up to which it has a legend
-TICKS, MOST_TICKS = 4, 8  # of a plot: wanted, and for which it is high enough
-EDGE = 0.12  # of the distance between two ticks: room for the number of the outermost
 AHEAD = 0.04  # of the time that a plot shows up to the cursor, behind it: room for its last number
-IN_A_ROW = 3  # plots and close-ups, of about one height and width; in space there are more of them
-IN_SPACE_IN_A_ROW = 5
 
 
 def lay_out(
-    low: FloatArray,
-    high: FloatArray,
-    top: float,
+    framed: Framed,
+    sizes: Sizes,
     followed: Mapping[str, float],
     boxes: Iterable[str],
     plots: Plots,
     unit: str,
     window: float | None,
-    spans: Mapping[str, tuple[float, float]],
     eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
 ) -> rrb.Blueprint:
     """Return the layout of the whole picture.
 
     Args:
-        low: (2,) m, lower left corner of the scene.
-        high: (2,) m, its upper right one.
-        top: m, where the legend is, above the scene.
+        framed: What the view of the whole track shows.
+        sizes: How the picture is divided.
         followed: Entity -> m, what has a close-up, and how far its vehicle reaches from there.
         boxes: Entities that stand for vehicles where the whole track is shown.
         plots: All plots.
         unit: Of forces.
         window: s, how much time up to the cursor the plots show; None shows the whole run.
-        spans: Signal -> lowest and highest value of its plot, where they are known.
         eyes: From where the whole is seen in space, and each entity that has a close-up there; None in a plane.
     """
-    x, width = low[0], max(high[0] - low[0], high[1] - low[1])
+    (left, low), (right, high) = framed.low, framed.high
     track: rrb.View | rrb.Container = rrb.Spatial2DView(
         name="Track, rope coloured by tension",
         origin="track",
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[x - 0.03 * width, high[0] + 0.03 * width],
-            y_range=[-top - 0.03 * width, -low[1] + 0.02 * width],
-        ),
+        visual_bounds=rrb.VisualBounds2D(x_range=[left, right], y_range=[-high, -low]),
     )
-    cells = _plot_views(plots, unit, window, spans)
+    cells: list[rrb.View | rrb.Container] = []
     if followed:
-        cells.insert(0, _close_ups(followed, boxes))
+        cells.append(_close_ups(followed, boxes))
     if eyes is not None:
         overview, near = eyes
         track = rrb.Horizontal(track, _in_space(overview), column_shares=[1, 1])
         if near:
-            cells.insert(1, _together([_in_space(eye, entity) for entity, eye in near.items()]))
-    rows = -(-len(cells) // (IN_A_ROW if eyes is None else IN_SPACE_IN_A_ROW))
-    lower = [rrb.Horizontal(*cells[len(cells) * row // rows : len(cells) * (row + 1) // rows]) for row in range(rows)]
+            cells.append(_together([_in_space(eye, entity) for entity, eye in near.items()]))
+    titles = plot_titles(unit)
+    axes = plots.axes(plot_cells(plots, sizes)) if window is None else {}
+    cells += [
+        _plot_view(f"plots/{name}", titles[name], len(plots.legend_rows(name, cell)), cell, window, axes.get(name))
+        for name, cell in zip(plots.signals, plot_cells(plots, sizes), strict=True)
+    ]
+    ends = np.cumsum([0, *sizes.rows])
+    lower = [rrb.Horizontal(*cells[first:last]) for first, last in pairwise(ends)]
     return frame(
         rrb.Horizontal(
-            rrb.Vertical(track, *lower, row_shares=[1] * (rows + 1)),
+            rrb.Vertical(track, *lower, row_shares=[1] * (len(lower) + 1)),
             rrb.Vertical(
                 rrb.TextDocumentView(name="Readout", origin="readout"),
                 rrb.TextLogView(
                     name="Commands", origin="commands", columns=rrb.TextLogColumns(text_log_columns=["Body"])
                 ),
-                row_shares=[3, 2],
+                row_shares=[3, 1],
             ),
-            column_shares=[5, 1],
+            column_shares=[sizes.main, sizes.side],
         )
     )
 
 
+def plot_cells(plots: Plots, sizes: Sizes) -> list[tuple[float, float]]:
+    """Return width and height in pixels of the plot of each signal, its legend included."""
+    first = sum(sizes.rows) - len(plots.signals)
+    return [sizes.cell(first + number) for number in range(len(plots.signals))]
+
+
 def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View | rrb.Container:
     """Return the views that move with vehicles, one behind the other."""
-    hidden = ("track/tension_colors", "track/names", *boxes)
+    hidden = ("track/tension_colors", "track/names", NAMES, *boxes)
     views = [
         rrb.Spatial2DView(
             name=f"Close-up of {name}" if len(followed) == 1 else name,
@@ -119,23 +121,9 @@ def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
     )
 
 
-def _plot_views(
-    plots: Plots, unit: str, window: float | None, spans: Mapping[str, tuple[float, float]]
-) -> list[rrb.View | rrb.Container]:
-    """Return a view of each signal that is plotted."""
-    drawn = {plot.path.split("/")[1] for plot in plots}
-    titles = {name: title for name, title in plot_titles(unit).items() if name in drawn}
-    rows = {name: [len(row) for row in plots.legend(name)] for name in titles}
-    return [_plot_view(f"plots/{name}", title, rows[name], window, spans.get(name)) for name, title in titles.items()]
-
-
 def plot_titles(unit: str) -> dict[str, str]:
     """Return the plots by the name of their signal with their titles, forces in `unit`."""
-    return {
-        name: f"{signal.view} [{unit if signal.unit == 'N' else signal.unit}]"
-        for name, signal in SIGNALS.items()
-        if signal.view
-    }
+    return {name: f"{signal.view} [{shown_unit(signal, unit)}]" for name, signal in SIGNALS.items() if signal.view}
 
 
 def frame(contents: rrb.Container) -> rrb.Blueprint:
@@ -151,48 +139,37 @@ def frame(contents: rrb.Container) -> rrb.Blueprint:
 
 
 def _plot_view(
-    path: str, title: str, rows: Sequence[int], window: float | None, span: tuple[float, float] | None
+    path: str,
+    title: str,
+    rows: int,
+    cell: tuple[float, float],
+    window: float | None,
+    axis: tuple[float, float] | None,
 ) -> rrb.View | rrb.Container:
-    """Return one plot, with its legend of so many names in each row below it; all show the same time."""
-    lines = sum(rows)
+    """Return one plot, with its legend of so many rows below it; all show the same time."""
     shown, time_axis = None, rrb.TimeAxis(link="LinkToGlobal")
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative
         first, last = boundary(seconds=-window), boundary(seconds=AHEAD * window)
         shown = rr.VisibleTimeRange(TIMELINE, start=first, end=last)
         time_axis = rrb.TimeAxis(view_range=rr.TimeRange(first, last))
+    width, height = cell[0], LEGEND_ROW * rows
     plot = rrb.TimeSeriesView(
         name=title,
         origin=path,
         axis_x=time_axis,
-        axis_y=None if span is None else rrb.ScalarAxis(range=with_ticks(*span)),
+        axis_y=None if axis is None else rrb.ScalarAxis(range=axis),
         plot_legend=rrb.PlotLegend(visible=False),
         time_ranges=shown,
     )
-    if not 1 < lines <= LEGEND_LINES:
+    if not rows:
         return plot
     legend = rrb.Spatial2DView(
         origin=path.replace("plots", LEGENDS, 1),
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=[-0.5, lines - 0.5], y_range=[-0.005 * lines, (LEGEND_HEIGHT * len(rows) - 0.005) * lines]
-        ),
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, width], y_range=[0.0, height]),
         titlebar=False,
     )
-    return rrb.Vertical(plot, legend, row_shares=[8, len(rows)])
+    return rrb.Vertical(plot, legend, row_shares=[cell[1] - height, height])
 
 
-def with_ticks(low: float, high: float) -> tuple[float, float]:
-    """Return an axis around what reaches from `low` to `high`, on which rerun writes at least `TICKS` numbers.
-
-    It writes the multiples of one power of ten, the smallest for which it has room.
-    """
-    span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-9)
-    step = 10.0 ** np.ceil(np.log10(span / MOST_TICKS))
-    middle, half = (low + high) / 2.0, 0.52 * span
-    first, last = np.ceil((middle - half) / step), np.floor((middle + half) / step)
-    while last - first + 1 < TICKS:  # the nearer one next
-        if middle - half - (first - 1) * step < (last + 1) * step - middle - half:
-            first -= 1
-        else:
-            last += 1
-    return float(min(middle - half, (first - EDGE) * step)), float(max(middle + half, (last + EDGE) * step))
+__all__ = ["frame", "lay_out", "plot_cells", "plot_titles"]

@@ -10,11 +10,12 @@ import rerun as rr
 
 from cable_twin.recording.view_batch import Thinning, first_known, frame
 from cable_twin.recording.view_geometry import planar, time_column
-from cable_twin.recording.view_layout import lay_out
-from cable_twin.recording.view_plots import CommandedSpeeds, Plots
-from cable_twin.recording.view_readout import describe_moment
+from cable_twin.recording.view_layout import lay_out, plot_cells
+from cable_twin.recording.view_plots import Plots
+from cable_twin.recording.view_readout import describe_moment, table_columns
 from cable_twin.recording.view_rope import Rope
-from cable_twin.recording.view_scene import draw_scene, extent, scene_of
+from cable_twin.recording.view_scene import Framed, draw_scene, framed, scene_of
+from cable_twin.recording.view_sizes import Sizes, divided
 from cable_twin.recording.view_space import InSpace, Space
 from cable_twin.recording.view_vehicles import Vehicles
 from cable_twin.records import FloatArray
@@ -54,14 +55,15 @@ class Picture:
         self._layout = layout
         self._unit = look.force_unit or _unit(first_known(c))
         self._scale = 1e-3 if self._unit == "kN" else 1.0
-        self._plots = Plots(layout, look.carriers, self._scale)
+        self._plots = Plots(layout, look.carriers, self._scale, self._unit)
         self._rope = Rope(layout, self._scale, self._unit, space=look.space is not None)
         self._vehicles = Vehicles(layout, look.outlines, look.carriers)
         self._space = look.space and Space(layout, look.space, look.carriers, self._vehicles.followed)
         self._rope_times = Thinning(look.rope_rate)
         self._pose_times = Thinning(look.geometry_rate)
         self._readout_times = Thinning(READOUT_RATE)
-        self._corners = np.zeros(2), np.ones(2), 1.0  # m, of the scene, and where its legend is
+        self._sizes: Sizes
+        self._framed: Framed
 
     def begin(self, stream: rr.RecordingStream, c: Columns) -> None:
         """Lay a file out around its first batch: what never moves, and the blueprint."""
@@ -74,17 +76,24 @@ class Picture:
             look.support_positions,
             look.ground,
         )
-        low, high = extent(scene)
-        width = float(max(high - low))
-        low = low - (0.0, draw_scene(stream, scene, width, look.wheels, self._layout.ropes))
-        top = float(high[1] + (0.06 + 0.03 * (len(self._layout.ropes) - 1)) * width)  # room for a line a rope
-        self._rope.begin(stream, float(first.time[0]), (float(low[0]), top, width))
-        self._vehicles.begin(stream, first, 0.045 * width)
-        self._plots.begin(stream)
+        table = table_columns(describe_moment(self._layout, first, look.title, self._scale, self._unit))
+        close_ups = bool(self._vehicles.followed) * (2 if self._space else 1)
+        self._sizes = divided(close_ups + len(self._plots.signals), space=self._space is not None, table=table)
+        self._framed = framed(
+            scene,
+            self._sizes.track,
+            look.wheels,
+            self._layout.ropes,
+            self._rope.legend_size(),
+            self._vehicles.headroom,
+        )
+        draw_scene(stream, scene, self._framed.names, look.wheels)
+        self._rope.begin(stream, float(first.time[0]), self._framed.legend)
+        self._vehicles.begin(stream, first, self._framed.pixel, self._framed.taken)
+        self._plots.begin(stream, plot_cells(self._plots, self._sizes), look.plot_window)
         if self._space:
-            self._space.begin(stream, first, scene.ground, look.wheels)
+            self._space.begin(stream, first, scene.ground, look.wheels, self._sizes.track)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
-        self._corners = low, high, top
         self._lay_out(stream, look.plot_window)
         for times in (self._rope_times, self._pose_times, self._readout_times):
             times.restart()
@@ -94,15 +103,14 @@ class Picture:
         self._lay_out(stream, None)
 
     def _lay_out(self, stream: rr.RecordingStream, window: float | None) -> None:
-        vehicles, plots = self._vehicles, self._plots
-        shown = vehicles.close_ups, vehicles.boxes
+        shown = self._vehicles.close_ups, self._vehicles.boxes
         eyes = (self._space.overview, self._space.close_ups) if self._space else None
-        stream.send_blueprint(lay_out(*self._corners, *shown, plots, self._unit, window, plots.spans, eyes))
+        stream.send_blueprint(lay_out(self._framed, self._sizes, *shown, self._plots, self._unit, window, eyes))
 
-    def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
+    def send(self, stream: rr.RecordingStream, c: Columns) -> None:
         """Draw a batch of at least one frame."""
         times = c.time[:, 0]
-        self._plots.send(stream, c, commanded)
+        self._plots.send(stream, c)
         if (rows := self._rope_times.rows(times)).size:
             self._rope.send(stream, c, rows)
         if (rows := self._pose_times.rows(times)).size:

@@ -1,9 +1,8 @@
-"""What is plotted of a run: speeds beside those commanded, tensions, swings, drive forces, loads of towers, wind."""
+"""What is plotted of a run: speeds beside their commands and references, tensions, swings, forces, loads, wind."""
 
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle, islice, pairwise
@@ -12,18 +11,22 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from cable_twin.plotted_signals import SIGNALS, Signal, driven_names
+from cable_twin.plotted_signals import SIGNALS, Signal
+from cable_twin.recording.labels import label_sizes
+from cable_twin.recording.view_axes import LiveAxis, with_ticks
 from cable_twin.recording.view_geometry import entity_path, time_column
-from cable_twin.records import AppliedCommand, Command, FloatArray
+from cable_twin.recording.view_sizes import LEGEND_ROW, TIME_LABELS
+from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
 LEGENDS = "legends"  # entities of the names of lines
-LEGEND_GAP = 4  # letters between two of them
-LEGEND_ROW = 56  # letters that a row of them has room for
-LEGEND_HEIGHT = 0.06  # of a row, per line of the plot that it is wide
-Values = Callable[[Columns, FloatArray], FloatArray]
+LEGEND_GAP = 1.0  # pixels between two of them
+LEGEND_SHARE = 0.45  # of the height of a plot, up to which it has a legend
+UNSEEN = 0x00000001  # a colour that is not seen; one without any opacity would be drawn in another
+AXIS = "(axis)"  # entity in a plot that makes it reach as far as numbers are wanted beside it
+Values = Callable[[Columns], FloatArray]
 
 
 class Plot:
@@ -32,13 +35,13 @@ class Plot:
     Args:
         path: Of the entity.
         names: Of the lines.
-        values: Takes the columns of so many frames and the commanded speeds (frames, driven) in m/s, and returns
-            (frames, lines).
+        values: Takes the columns of so many frames and returns (frames, lines).
         color: Number of the first line's colour.
     """
 
     def __init__(self, path: str, names: Sequence[str], values: Values, color: int = 0) -> None:
         self.path = path
+        self.signal = path.split("/")[1]
         self.names = list(names)
         self.values = values
         self.colors = list(islice(cycle(PLOT_COLORS), color, color + len(self.names)))
@@ -53,13 +56,16 @@ class Plots:
         layout: What is plotted.
         carriers: Names of vehicles that are plotted together.
         scale: That forces are drawn with.
+        unit: Of forces.
 
     Attributes:
+        signals: Those that are plotted, by name, in the order of their plots.
         spans: Signal -> lowest and highest value in its plot so far.
     """
 
-    def __init__(self, layout: Layout, carriers: Collection[str], scale: float) -> None:
-        self._movers = driven_names(layout)
+    def __init__(self, layout: Layout, carriers: Collection[str], scale: float, unit: str) -> None:
+        self._unit = unit
+        self._live: dict[str, LiveAxis] = {}
         self.spans: dict[str, tuple[float, float]] = {}
         self._plots = [
             plot
@@ -68,96 +74,117 @@ class Plots:
             for plot in MAKERS.get(signal.name, _together)(signal, layout, carriers, scale)
         ]
 
-    def __iter__(self) -> Iterator[Plot]:
-        return iter(self._plots)
+        self.signals = tuple(dict.fromkeys(plot.signal for plot in self._plots))
 
-    def begin(self, stream: rr.RecordingStream) -> None:
-        """Name and colour the lines."""
+    def begin(
+        self, stream: rr.RecordingStream, cells: Sequence[tuple[float, float]], window: float | None = None
+    ) -> None:
+        """Name and colour the lines.
+
+        Args:
+            stream: Takes it.
+            cells: Width and height in pixels of each signal's plot, its legend included.
+            window: s, how much time up to the cursor is shown; None shows the whole run.
+        """
         for plot in self._plots:
             colors = np.array(plot.colors, dtype=np.uint32)
             stream.log(plot.path, rr.SeriesLines(names=plot.names, colors=colors, widths=plot.widths), static=True)
-        for name in dict.fromkeys(plot.path.split("/")[1] for plot in self._plots):
-            self._begin_legend(stream, name)
+        for name, cell in zip(self.signals, cells, strict=True):
+            self._begin_legend(stream, name, cell)
+        if window is not None:
+            units = self._heights(cells)
+            self._live = {name: LiveAxis(*units[name], window) for name in self.signals}
+            for name in self.signals:
+                unseen = rr.SeriesLines(names=[AXIS] * 2, colors=[UNSEEN] * 2, widths=[0.01] * 2)
+                stream.log(entity_path(f"plots/{name}", AXIS), unseen, static=True)
 
-    def _widen(self, name: str, values: FloatArray) -> None:
-        low, high = (float(limit.reduce(values, axis=None)) for limit in (np.fmin, np.fmax))
-        if np.isfinite(low):
-            before = self.spans.get(name, (low, high))
-            self.spans[name] = min(low, before[0]), max(high, before[1])
+    def axes(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        """Return signal -> lowest and highest number of an axis for all values so far, for `cells` as of `begin`."""
+        units = self._heights(cells)
+        return {name: with_ticks(*span, *units[name]) for name, span in self.spans.items()}
 
-    def legend(self, name: str) -> list[list[tuple[str, int]]]:
-        """Names and colours of all lines of a signal, in rows that they fit into."""
-        rows: list[list[tuple[str, int]]] = []
-        left = 0
-        for plot in self._plots:
-            if plot.path.split("/")[1] == name:
-                for title, color in zip(plot.names, plot.colors, strict=True):
-                    if not rows or len(title) + LEGEND_GAP > left:
-                        rows.append([])
-                        left = LEGEND_ROW
-                    rows[-1].append((title, color))
-                    left -= len(title) + LEGEND_GAP
-        return rows
+    def _heights(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[str, float]]:
+        """Return signal -> unit and pixels that its axis is high."""
+        return {
+            name: (
+                shown_unit(SIGNALS[name], self._unit),
+                cell[1] - LEGEND_ROW * len(self.legend_rows(name, cell)) - TIME_LABELS,
+            )
+            for name, cell in zip(self.signals, cells, strict=True)
+        }
 
-    def _begin_legend(self, stream: rr.RecordingStream, name: str) -> None:
-        """Name all lines of a signal in a view of their own: rerun's legend would hide them."""
-        rows, places = self.legend(name), []
-        lines = sum(map(len, rows))
+    def legend_rows(self, name: str, cell: tuple[float, float]) -> list[range]:
+        """Return the lines of a signal in rows of the legend in its cell, in pixels; none where it has no legend."""
+        names = [title for plot in self._plots if plot.signal == name for title in plot.names]
+        rows = _shown_names(names, cell[0])
+        return rows if len(names) > 1 and len(rows) * LEGEND_ROW <= LEGEND_SHARE * cell[1] else []
+
+    def _begin_legend(self, stream: rr.RecordingStream, name: str, cell: tuple[float, float]) -> None:
+        """Name the lines of a signal in a view of their own: rerun's legend would hide them."""
+        titles, colors = zip(
+            *(
+                (t, c)
+                for plot in self._plots
+                if plot.signal == name
+                for t, c in zip(plot.names, plot.colors, strict=True)
+            ),
+            strict=True,
+        )
+        wide, places = label_sizes(titles)[:, 0], []
+        rows = self.legend_rows(name, cell)
         for number, row in enumerate(rows):
-            widths = np.array([len(title) + LEGEND_GAP for title, _ in row])  # a long name takes more of the row
-            middles = (np.cumsum(widths) - 0.5 * widths) * lines / widths.sum() - 0.5
-            places += [(middle, number * LEGEND_HEIGHT * lines) for middle in middles]
-        titles = [title for row in rows for title, _ in row]
-        colors = np.array([color for row in rows for _, color in row], dtype=np.uint32)
-        names = rr.Points2D(places, colors=colors, radii=[0.0], labels=titles, show_labels=True)
-        stream.log(f"{LEGENDS}/{name}", names, static=True)
+            free = (cell[0] - wide[row].sum()) / len(row)  # pixels, half of it on both sides of each name
+            middles = np.cumsum(wide[row] + free) - 0.5 * (wide[row] + free)
+            places += [(middle, number * LEGEND_ROW) for middle in middles]
+        if rows:
+            names = rr.Points2D(
+                places, colors=np.array(colors, dtype=np.uint32), radii=[0.0], labels=titles, show_labels=True
+            )
+            stream.log(f"{LEGENDS}/{name}", names, static=True)
 
-    def send(self, stream: rr.RecordingStream, c: Columns, commanded: CommandedSpeeds) -> None:
+    def send(self, stream: rr.RecordingStream, c: Columns) -> None:
         """Send the values of a batch."""
         times = time_column(c.time[:, 0])
-        speeds = commanded.at(c.time[:, 0], self._movers)
+        spans: dict[str, tuple[float, float]] = {}
         for plot in self._plots:
-            scalars = np.ascontiguousarray(plot.values(c, speeds))
+            scalars = np.ascontiguousarray(plot.values(c))
             stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=scalars), strict=True)
-            self._widen(plot.path.split("/")[1], scalars)
+            _widen(spans, plot.signal, scalars)
             time.sleep(0)  # the frame loop may be waiting for the interpreter
 
-
-class CommandedSpeeds:
-    """The speed that each thing is commanded to have, over time."""
-
-    def __init__(self) -> None:
-        self._now: dict[str, float] = {}  # m/s by name, NaN for a force
-        self._waiting: deque[tuple[float, dict[str, float]]] = deque()  # from a time (s) on: no two of one time
-
-    def note(self, applied: AppliedCommand) -> None:
-        """Take a command, from its time on; of those at one time, as while time stands, only what they come to."""
-        before = self._waiting[-1][1] if self._waiting else self._now
-        if self._waiting and self._waiting[-1][0] == applied.time:
-            self._waiting.pop()
-        self._waiting.append((applied.time, _obeyed(before, applied.command)))
-
-    def at(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
-        """Return (frames, names) m/s at times (frames,) in s, later than those before; NaN where none is commanded."""
-        speeds = np.empty((len(times), len(names)))
-        first = 0
-        while True:
-            speeds[first:] = [self._now.get(name, np.nan) for name in names]
-            if not self._waiting or self._waiting[0][0] > times[-1]:
-                return speeds
-            since, self._now = self._waiting.popleft()
-            first = max(first, int(np.searchsorted(times, since)))
+        last = c.time[-1:, 0]
+        for name, span in spans.items():
+            _widen(self.spans, name, np.array(span))
+            if name in self._live:
+                axis = np.array([self._live[name].fitted(float(last[0]), *span)])
+                columns = rr.Scalars.columns(scalars=axis)
+                stream.send_columns(entity_path(f"plots/{name}", AXIS), [time_column(last)], columns, strict=True)
 
 
-def _obeyed(speeds: Mapping[str, float], command: Command) -> dict[str, float]:
-    """Commanded speeds after a command."""
-    if command.kind == "speed":
-        return {**speeds, **command.values}
-    if command.kind == "force":
-        return {**speeds, **dict.fromkeys(command.values, np.nan)}
-    if command.kind == "emergency_stop":
-        return dict.fromkeys(speeds, 0.0)
-    return {} if command.kind in ("release", "reset") else dict(speeds)
+def _widen(spans: dict[str, tuple[float, float]], name: str, values: FloatArray) -> None:
+    """Take values into the span of a signal, those aside that are missing (NaN)."""
+    low, high = (float(limit.reduce(values, axis=None)) for limit in (np.fmin, np.fmax))
+    if np.isfinite(low):
+        before = spans.get(name, (low, high))
+        spans[name] = min(low, before[0]), max(high, before[1])
+
+
+def shown_unit(signal: Signal, forces: str) -> str:
+    """Return the unit of a signal's plot, where that of forces is given."""
+    return forces if signal.unit == "N" else signal.unit
+
+
+def _shown_names(names: Sequence[str], width: float) -> list[range]:
+    """Return rows of names, as many in each as it has room for."""
+    rows: list[range] = []
+    left = 0.0
+    for number, wide in enumerate(label_sizes(names)[:, 0] + LEGEND_GAP):
+        if not rows or wide > left:
+            rows.append(range(number, number))
+            left = width
+        rows[-1] = range(rows[-1].start, number + 1)
+        left -= wide
+    return rows
 
 
 Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
@@ -178,25 +205,30 @@ def _one_by_one(signal: Signal, layout: Layout, _: Collection[str], scale: float
         yield Plot(entity_path(f"plots/{signal.name}", name), [name], values, index)
 
 
-def _values(signal: Signal, layout: Layout, scale: float, c: Columns, _: FloatArray) -> FloatArray:
+def _values(signal: Signal, layout: Layout, scale: float, c: Columns) -> FloatArray:
     """Values (frames, lines), forces times `scale`."""
     return signal.values(layout, c) * (scale if signal.unit == "N" else 1.0)
 
 
-def _column(signal: Signal, layout: Layout, scale: float, index: int, c: Columns, none: FloatArray) -> FloatArray:
-    return _values(signal, layout, scale, c, none)[:, index, None]
+def _column(signal: Signal, layout: Layout, scale: float, index: int, c: Columns) -> FloatArray:
+    return _values(signal, layout, scale, c)[:, index, None]
 
 
 def _speeds(signal: Signal, layout: Layout, _: Collection[str], __: float) -> Iterator[Plot]:
-    """Yield the speed of all that is driven, beside what is commanded."""
+    """Yield the speed of all that is driven, with its command and its reference, of what takes commands."""
     names = signal.names(layout)
-    for index, name in enumerate(names):
-        titles = ["speed", "commanded"] if len(names) == 1 else [name, f"{name} commanded"]
-        yield Plot(entity_path("plots/speed", name), titles, partial(_speed, signal, layout, index), 2 * index)
+    beside = [other for other in SIGNALS.values() if other.beside == signal.name]
+    color = 0
+    for name in names:
+        shown = [one for one in (signal, *beside) if name in one.names(layout)]
+        titles = [one.label if len(names) == 1 else f"{name} {one.label}" for one in shown]
+        yield Plot(entity_path("plots/speed", name), titles, partial(_of_name, shown, layout, name), color)
+        color += len(shown)
 
 
-def _speed(signal: Signal, layout: Layout, index: int, c: Columns, commanded: FloatArray) -> FloatArray:
-    return np.column_stack([signal.values(layout, c)[:, index], commanded[:, index]])
+def _of_name(signals: Sequence[Signal], layout: Layout, name: str, c: Columns) -> FloatArray:
+    """Values (frames, signals) of several signals, of what is called so."""
+    return np.stack([one.values(layout, c)[:, one.names(layout).index(name)] for one in signals], axis=1)
 
 
 def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
@@ -247,16 +279,14 @@ def _titles(layout: Layout, name: str) -> list[str]:
     return [name] if len(bodies) == 1 else [f"{name} {body}" for body in bodies]
 
 
-def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns, _: FloatArray) -> FloatArray:
+def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns) -> FloatArray:
     """Swing (frames, bodies) of bodies on the rope, NaN of those that hang in a station."""
     return signal.values(layout, c)[:, bodies.rows]
 
 
-def _spread(
-    signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns, commanded: FloatArray
-) -> FloatArray:
+def _spread(signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns) -> FloatArray:
     """Least and most swing (frames, 2 + first) of all bodies, and that of the `first` ones."""
-    swings = _swing(signal, layout, bodies, c, commanded)
+    swings = _swing(signal, layout, bodies, c)
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 
 

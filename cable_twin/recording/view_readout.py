@@ -12,6 +12,7 @@ from cable_twin.records import AppliedCommand
 from cable_twin.snapshot import Columns, Layout
 from cable_twin.units import rounded
 
+LARGEST = len("-1000.00 m")
 SLIPPED = 1e-3  # m, above which slip is written
 
 
@@ -42,18 +43,29 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
             ("wind across", float(c.wind[1]), f"{c.wind[1]:.1f} m/s"),
         )
     low, high = float(c.lowest_tension[:, 0].min()) * scale, float(c.highest_tension[:, 0].max()) * scale
-    lines.append(("tension", low + high, f"{rounded(low)} … {rounded(high)} {unit}"))
+    lines += [
+        (f"{which} tension", value, f"{rounded(value)} {unit}") for which, value in (("lowest", low), ("highest", high))
+    ]
     for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
         lines.append((name, load, "lifted off" if load == 0.0 else f"{rounded(load * scale)} {unit}"))
     lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
     for name, (on, off), slip, travel in zip(
         layout.sheaves, c.sheave_tension.tolist(), c.sheave_slip.tolist(), c.sheave_travel.tolist(), strict=True
     ):
-        lines += [(name, on + off, f"{rounded(on * scale)} to {rounded(off * scale)} {unit}")]
+        lines += [
+            (f"{name} {side}", pull, f"{rounded(pull * scale)} {unit}") for side, pull in (("on", on), ("off", off))
+        ]
         lines += [(f"{name} slip", slip, f"{slip:.3f} m")] if abs(slip) > SLIPPED else []
         lines += [(f"{name} travel", travel, f"{travel:+.3f} m")]
     shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]
     return "\n".join([f"## {title}", f"| time | {c.time[0]:.2f} s |", "| :-- | --: |", *shown])
+
+
+def table_columns(text: str) -> tuple[int, int]:
+    """Return how many letters both columns of what `describe_moment` writes have, with room for larger numbers."""
+    rows = [[cell.strip(" *") for cell in line.split("|")[1:3]] for line in text.splitlines()[1:]]
+    names, values = (max(len(row[column]) for row in rows) for column in (0, 1))
+    return names, max(values, LARGEST)
 
 
 def describe_command(applied: AppliedCommand) -> str:

@@ -12,6 +12,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from cable_twin.recording.labels import label_sizes
 from cable_twin.recording.tension_colors import COLOR_COUNT, COLOR_TABLE, RopeColors
 from cable_twin.recording.view_geometry import (
     QUIET,
@@ -26,7 +27,6 @@ from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
 
 LEGEND_PERIOD = 5.0  # s, after which the legend is sent again, for viewers who come late
-LEGEND_INDENT = 0.06  # of the scene, so that half the number at its left end has room
 NO_ROPE = -1  # colour of the way from one rope to the next, which is no line
 
 
@@ -53,13 +53,20 @@ class Rope:
         self._legend_time = -np.inf  # s, when it was sent last
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
-        """Log what does not change; the legend is at x, z and so wide (m), and valid from `time` (s) on."""
+        """Log what does not change; the legend begins at x, z and is so wide (m), and valid from `time` (s) on."""
         self._legend_place = legend_place
         stream.log(IN_PLANE.path, rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
         if IN_SPACE in self._drawn:
             stream.log(IN_SPACE.path, rr.LineStrips3D.from_fields(radii=pixels(2.5)), static=True)
         if self._known:
             self._log_legend(stream, time)
+
+    def legend_size(self) -> tuple[float, float]:
+        """Return pixels of the labels of the legend, width and height, with room for a range that widens."""
+        names = [*self._colors.scales]
+        text = "\n".join(f"{name}: 1000 to 2000 {self._unit}" for name in names) if len(names) > 1 else ""
+        width, height = label_sizes([text])[0]
+        return float(width), float(height)
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
         """Send the rope of some frames of a batch, with its kinks at the joints."""
@@ -97,7 +104,7 @@ class Rope:
         """Draw the bar of tension colours with the range of each rope in numbers, as valid from `time` (s) on."""
         x, z, width = self._legend_place
         self._legend_time = time
-        edges = x + np.linspace(LEGEND_INDENT * width, 0.4 * width, COLOR_COUNT + 1)
+        edges = x + np.linspace(0.0, width, COLOR_COUNT + 1)
         bar = [[(left, -z), (right, -z)] for left, right in pairwise(edges)]
         if len(self._colors.scales) == 1:
             (only,) = self._colors.scales.values()

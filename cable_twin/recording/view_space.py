@@ -13,9 +13,10 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from cable_twin.geometry.solids import Solid
+from cable_twin.recording.labels import apart, label_sizes
 from cable_twin.recording.place_names import NEAR, gathered
 from cable_twin.recording.view_geometry import QUIET, entity_path, pixels, rows_without_gaps, time_column
-from cable_twin.recording.view_scene import GROUND, WHEEL
+from cable_twin.recording.view_scene import GROUND, NAME_GAP, WHEEL
 from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
@@ -30,6 +31,8 @@ WIND, RIBS = 0x2FA0C8FF, 0xA8977EFF
 BELOW = 0.03  # of the track, below its middle: what is looked at, as there is ground below it
 FROM = (-0.2, -0.55, 0.2)  # of the track, from its middle, where it is seen from
 BEHIND = (-4.0, -1.2, 0.6)  # of the height of a vehicle, from its bodies, the same
+NEARER = (0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)  # of that distance: the first one at which all is seen
+FIELD = np.radians(55.0)  # of view, rerun's own, from the lower to the upper edge
 FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
 
 
@@ -53,6 +56,31 @@ class Eye(NamedTuple):
 
     position: FloatArray  # (3,) m
     target: FloatArray  # (3,) m
+
+
+class Lens(NamedTuple):
+    """How a view of so many pixels shows points: as a pinhole camera."""
+
+    eye: Eye
+    right: FloatArray  # (3,), axes of the picture and into it
+    up: FloatArray
+    ahead: FloatArray
+    focal: float  # pixels
+
+    @classmethod
+    def of(cls, eye: Eye, height: float) -> Lens:
+        """Return that of a view whose height is given in pixels."""
+        ahead = (eye.target - eye.position) / np.linalg.norm(eye.target - eye.position)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        return cls(eye, right, np.cross(right, ahead), ahead, 0.5 * height / np.tan(0.5 * FIELD))
+
+    def seen(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return pixels (n, 2) from the middle to the right and down, and how far ahead (n,) m, of points (n, 3) m."""
+        away = points - self.eye.position
+        depth = away @ self.ahead
+        across = np.stack([away @ self.right, -(away @ self.up)], axis=1)
+        return across * (self.focal / depth)[:, None], depth
 
 
 class _Alike(NamedTuple):
@@ -93,9 +121,22 @@ class Space:
         self.close_ups: dict[str, Eye] = {}
 
     def begin(
-        self, stream: rr.RecordingStream, c: Columns, ground: FloatArray, wheels: Mapping[str, FloatArray]
+        self,
+        stream: rr.RecordingStream,
+        c: Columns,
+        ground: FloatArray,
+        wheels: Mapping[str, FloatArray],
+        size: tuple[float, float],
     ) -> None:
-        """Log what never changes, around a first frame, the ground (n, 2) m, x and z, and rims (n, 3) m."""
+        """Log what never changes.
+
+        Args:
+            stream: Takes it.
+            c: A first frame.
+            ground: (n, 2) m, x and z.
+            wheels: Name -> (n, 3) m, rims of bullwheels.
+            size: Pixels of the view of the whole, width and height.
+        """
         stream.log(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         rope = c.rope_position[~np.isnan(c.rope_position).any(axis=1)]
         points = np.vstack([rope, *self._look.towers.values()]) if len(rope) else np.zeros((2, 3))
@@ -103,8 +144,15 @@ class Space:
         self._span = float(max(high - low)) or 1.0
         side = STRIP * self._span
         _draw_ground(stream, ground, low[1] - side, high[1] + side)
+        middle = 0.5 * (low + high) - [0.0, 0.0, BELOW * self._span]
+        self._sky = np.array([middle[0], middle[1], high[2] + 0.05 * self._span])
         ends = {name: c.rope_position[sample] for name, sample in self._end_samples.items()}
-        self._draw_supports(stream, {n: top for n, top in ends.items() if not np.isnan(top).any()}, ground, wheels)
+        known = {name: top for name, top in ends.items() if not np.isnan(top).any()}
+        places = self._draw_supports(stream, known, ground)
+        names = gathered(places, wheels, self._ropes, NEAR * self._span)
+        self.overview, tops = _seen_whole(middle, self._span, points, names, size)
+        labels = rr.Points3D(tops, colors=[QUIET], radii=[0.0], labels=list(names), show_labels=True)
+        stream.log(f"{SPACE}/names", labels, static=True)
         if wheels:
             rims = rr.LineStrips3D(list(wheels.values()), colors=[WHEEL], radii=pixels(3.0))
             stream.log(f"{SPACE}/wheels", rims, static=True)
@@ -121,10 +169,6 @@ class Space:
             stream.log(path, rr.Points3D.from_fields(colors=[color], radii=pixels(5.0)), static=True)
         for path in (OVERVIEW_WIND, NEAR_WIND):
             stream.log(path, rr.Arrows3D.from_fields(colors=[WIND], radii=pixels(3.0)), static=True)
-        middle = 0.5 * (low + high) - [0.0, 0.0, BELOW * self._span]
-        self._sky = np.array([middle[0], middle[1], high[2] + 0.05 * self._span])
-        away = np.array(FROM) * self._span
-        self.overview = Eye(middle + away, middle)
         self._reach = max((_height(group.solid) for group in self._alike), default=1.0)
         self.close_ups = {}
         for path, row in self._followed.items():
@@ -138,33 +182,31 @@ class Space:
         stream: rr.RecordingStream,
         ends: Mapping[str, FloatArray],
         ground: FloatArray,
-        wheels: Mapping[str, FloatArray],
-    ) -> None:
-        """Log stations as masts, towers as masts beside the rope with an arm above it, and their names.
+    ) -> dict[str, FloatArray]:
+        """Log stations as masts, towers as masts beside the rope with an arm above it.
 
         Args:
             stream: Takes it.
             ends: Name -> (3,) m, ends of ropes.
             ground: (n, 2) m, x and z.
-            wheels: Name -> (n, 3) m, rims of bullwheels.
+
+        Returns:
+            Name -> (3,) m, below the foot of each mast.
         """
         arm = max(
             ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
         )
-        strips, places = [], {}
+        strips: list[FloatArray] = []
+        places: dict[str, FloatArray] = {}
         for name, top in (*ends.items(), *self._look.towers.items()):
             foot = float(np.interp(top[0], ground[:, 0], ground[:, 1]))
             beside = top if name in ends else top - [0.0, arm, 0.0]
             if self._look.between:
                 beside = np.array([top[0], 0.0, top[2]])
             strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
-            places[name] = [beside[0], beside[1], foot - 0.02 * self._span]
+            places[name] = np.array([beside[0], beside[1], foot])
         stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
-        together = gathered(places, wheels, self._ropes, NEAR * self._span)
-        labels = rr.Points3D(
-            list(together.values()), colors=[QUIET], radii=[0.0], labels=list(together), show_labels=True
-        )
-        stream.log(f"{SPACE}/names", labels, static=True)
+        return places
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
         """Send where vehicles are in some frames of a batch, and the wind."""
@@ -206,6 +248,37 @@ class Space:
         )
         columns = [column.partition([count] * int(known.sum())) for column in near]
         stream.send_columns(NEAR_WIND, [time_column(times[known])], columns, strict=True)
+
+
+def _seen_whole(
+    middle: FloatArray, span: float, points: FloatArray, names: Mapping[str, FloatArray], size: tuple[float, float]
+) -> tuple[Eye, FloatArray]:
+    """Return from how near all is seen, and where names stand (n, 3) m, below each other where they would meet.
+
+    Args:
+        middle: (3,) m, what is looked at.
+        span: m, of the track.
+        points: (n, 3) m, what is seen.
+        names: Name -> (3,) m, below which it stands.
+        size: Pixels of the view, width and height.
+    """
+    label = label_sizes(list(names))
+    feet = np.array(list(names.values())).reshape(-1, 3)
+    room = np.array(size) - 2.0 * NAME_GAP
+    for nearer in NEARER:
+        eye = Eye(middle + np.array(FROM) * (span * nearer), middle)
+        for _ in range(4):  # moved across until all is in the middle
+            lens = Lens.of(eye, size[1])
+            seen, depth = lens.seen(feet)
+            moved = apart(np.add(seen, (0.0, NAME_GAP)), label + NAME_GAP)
+            corners = np.vstack([lens.seen(points)[0], moved - label * (0.5, 0.0), moved + label * (0.5, 1.0)])
+            first, last = corners.min(axis=0), corners.max(axis=0)
+            across, down = (first + last) / 2.0 * (np.linalg.norm(eye.target - eye.position) / lens.focal)
+            shift = across * lens.right - down * lens.up
+            eye = Eye(eye.position + shift, eye.target + shift)
+        if (last - first < room).all():
+            break
+    return eye, feet - lens.up * ((moved - seen)[:, 1] * depth / lens.focal)[:, None]
 
 
 def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_Alike]:

@@ -11,6 +11,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from cable_twin.recording.labels import apart, label_sizes
 from cable_twin.recording.view_geometry import entity_path, pixels, planar, plane, rows_without_gaps, time_column
 from cable_twin.records import FloatArray
 from cable_twin.snapshot import Columns, Layout
@@ -20,6 +21,8 @@ CLOSE_UPS = 6  # of vehicles, where there are more than that
 CARRIAGE_COLORS = (0xD05AA0FF, 0x2F8FE3FF, 0x2FA06AFF, 0xD9730DFF, 0x9A6EE0FF, 0xE0525AFF)
 BODY_COLORS = (0xC77C00FF, 0x2F8FE3FF, 0x2FA06AFF, 0xE0525AFF, 0x9A6EE0FF)
 CARRIERS = "track/carriers"
+NAMES = "track/vehicle_names"
+LIFT = 8.0  # pixels from a joint to the label with the name
 
 
 class Outlines:
@@ -93,6 +96,9 @@ class Vehicles:
             entity_path("track/close_ups", self._names[index]): index
             for index in (self._together[int(place)] for place in spread)
         }
+        self._labelled = 0 < len(self._names) <= LABELS
+        self._label_sizes = label_sizes(self._names)
+        self._pixel, self._taken = 1.0, np.empty((0, 4))  # m; see `begin`
         self.followed = [self._names[index] for index in (*self._alone, *self._followed.values())][:CLOSE_UPS]
         self.close_ups: dict[str, float] = {}
         self.boxes = [
@@ -113,9 +119,20 @@ class Vehicles:
         ]
         return [group[~np.isnan(group).any(axis=1)] for group in groups]
 
-    def begin(self, stream: rr.RecordingStream, c: Columns, label_height: float) -> None:
-        """Log what never changes about the vehicles of a first frame; names stand so high (m) above the joints."""
-        labelled = len(self._names) <= LABELS
+    def begin(self, stream: rr.RecordingStream, c: Columns, pixel: float, taken: FloatArray) -> None:
+        """Log what never changes about the vehicles of a first frame.
+
+        Args:
+            stream: Takes it.
+            c: That frame.
+            pixel: m, of the smallest screen.
+            taken: (n, 4) pixels where other labels stand, see `apart`.
+        """
+        self._pixel, self._taken = pixel, taken
+        if self._labelled:
+            colors = _colors(CARRIAGE_COLORS, range(len(self._names)))
+            names = rr.Points2D.from_fields(colors=colors, radii=[0.0], labels=self._names, show_labels=True)
+            stream.log(NAMES, names, static=True)
         reaches = [_reach(points) for points in self.points(c)]
         self.close_ups = {}
         for index in self._alone:
@@ -124,17 +141,8 @@ class Vehicles:
             dot = rr.Points2D([(0.0, 0.0)], colors=[color], radii=pixels(4.5), draw_order=40.0)
             stream.log(path, dot, static=True)
             if (box := entity_path(path, "(box)")) in self.boxes:  # it hangs from a short line, as large as can be seen
-                sides = np.array([(0, 0), (0, 1), (1, 1), (1, 3), (-1, 3), (-1, 1), (0, 1)]) * (0.15 * label_height)
+                sides = np.array([(0, 0), (0, 1), (1, 1), (1, 3), (-1, 3), (-1, 1), (0, 1)]) * (4.0 * pixel)
                 stream.log(box, rr.LineStrips2D([sides], colors=[color], radii=pixels(1.5)), static=True)
-            if labelled:  # not beside the joint, where it would hide the bodies
-                name = rr.Points2D(
-                    [(0.0, -label_height)],
-                    colors=[color],
-                    radii=[0.0],
-                    labels=[self._names[index]],
-                    show_labels=True,
-                )
-                stream.log(entity_path(path, "(name)"), name, static=True)
             for number, row in enumerate(self._spans[index]):
                 tint = BODY_COLORS[number % len(BODY_COLORS)]
                 line = self._lines[row]
@@ -156,8 +164,6 @@ class Vehicles:
                 rr.Points2D.from_fields(
                     colors=_colors(CARRIAGE_COLORS, range(len(self._together))),
                     radii=pixels(3.5),
-                    labels=[self._names[index] for index in self._together],
-                    show_labels=labelled,
                     draw_order=40.0,
                 ),
                 static=True,
@@ -178,10 +184,30 @@ class Vehicles:
                 _send_pose(stream, child, times, bodies[:, row] - joints[:, index], pitches[:, row])
         for path, index in self._followed.items():
             _send_pose(stream, path, times, joints[:, index])
+        if self._labelled:
+            self._send_names(stream, times, joints)
         if self._together:
             dots = np.concatenate([joints[:, self._together], bodies[:, self._dots]], axis=1)
             lines = self._joined.placed(bodies[:, self._joined_rows], pitches[:, self._joined_rows])
             self._send_joined(stream, times, dots, lines)
+
+    @property
+    def headroom(self) -> float:
+        """Pixels that names of vehicles take above a rope."""
+        return LIFT + float(self._label_sizes[0, 1]) if self._labelled else 0.0
+
+    def _send_names(self, stream: rr.RecordingStream, times: FloatArray, joints: FloatArray) -> None:
+        """Send where names stand above the joints (frames, vehicles, 2) in m, one above the other where some meet."""
+        known = rows_without_gaps(joints)
+        if not known.any():
+            return
+        upwards = joints[known] / self._pixel * (1.0, -1.0) + (0.0, LIFT)
+        feet = apart(upwards, self._label_sizes, self._taken)
+        tops = (feet + (0.0, 1.0) * self._label_sizes) * (1.0, -1.0) * self._pixel
+        places = rr.Points2D.columns(positions=tops.reshape(-1, 2).astype(np.float32))
+        columns = [column.partition([len(self._names)] * int(known.sum())) for column in places]
+        stream.send_columns(NAMES, [time_column(times[known])], columns, strict=True)
+        time.sleep(0)
 
     def _send_joined(
         self, stream: rr.RecordingStream, times: FloatArray, dots: FloatArray, points: NDArray[np.float32]

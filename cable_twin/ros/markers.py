@@ -18,6 +18,7 @@ from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
+from cable_twin.recording.labels import apart
 from cable_twin.recording.place_names import NEAR, gathered
 from cable_twin.recording.tension_colors import RopeColors
 from cable_twin.records import FloatArray
@@ -37,6 +38,7 @@ Pose = ros2_jazzy.geometry_msgs__msg__Pose
 LIFETIME = 3  # s that a marker is shown after its last message: a twin that has ended leaves no ghost
 REPEAT = 1.0  # s after which they are sent again where none have come: a paused twin stays in sight
 LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
+LETTER = 0.6  # of the height of a text, the width of a letter
 LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
 GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
 WHEEL = (0.60, 0.43, 0.88, 1.0)
@@ -188,8 +190,12 @@ class Markers:
             markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, y, 0.5 * (top + foot))))
             places[names[row]] = (x, y, top + 6.0 * mast)
         together = gathered(places, wheel_rims(scenario), self._layout.ropes, NEAR * self._span)
-        for row, (text, place) in enumerate(together.items()):
-            name = self._marker("names", row, Marker.TEXT_VIEW_FACING, (0, 0, 4.0 * mast), STILL, place=place)
+        high = 4.0 * mast
+        tops = np.array(list(together.values())).reshape(-1, 3)
+        sizes = np.array([(LETTER * high * len(text), 1.2 * high) for text in together]).reshape(-1, 2)
+        tops[:, ::2] = apart(tops[:, ::2], sizes)  # above each other, as they are seen from the side
+        for row, (text, place) in enumerate(zip(together, tops, strict=True)):
+            name = self._marker("names", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STILL, place=place)
             name.text = text
             markers.append(name)
         return markers

@@ -69,19 +69,18 @@ def test_nothing_but_sim_time(recording):
     assert timelines == {"sim_time"}
 
 
-def test_commanded_speed_holds_from_its_command_on(recording):
-    path, _ = recording
-    times, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
-    commanded = np.array([speed[1] for speed in speeds])
-    assert np.isnan(commanded[times < 0.5]).all()
-    np.testing.assert_array_equal(commanded[(times >= 0.5) & (times < 13.0)], 12.0)
-    np.testing.assert_array_equal(commanded[times >= 13.0], 0.0)
+def test_command_and_reference_are_those_of_the_frames(recording):
+    path, snapshots = recording
+    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
+    columns = [snapshot.columns for snapshot in snapshots]
+    np.testing.assert_array_equal(np.array(speeds)[:, 1], [c.commanded_speed[0] for c in columns])
+    np.testing.assert_array_equal(np.array(speeds)[:, 2], [c.reference_speed[0] for c in columns])
     times, texts = column(path, "/commands", "TextLog:text")
     np.testing.assert_allclose(times, [0.5, 13.0])
     assert texts == [["speed cabin 12 m/s (topic)"], ["emergency stop (service)"]]
 
 
-def test_payload_and_gusts_are_listed_and_leave_the_commanded_speed_alone(tmp_path):
+def test_payload_and_gusts_are_listed(tmp_path):
     path = tmp_path / "loads.rrd"
     view = RerunView(
         "test ropeway", OUTLINES, path=path, live=False, ground=[(0.0, -60.0), (500.0, -20.0), (SPAN, 90.0)]
@@ -96,8 +95,6 @@ def test_payload_and_gusts_are_listed_and_leave_the_commanded_speed_alone(tmp_pa
     _, texts = column(path, "/commands", "TextLog:text")
     shown = ["payload cabin 640 kg", "speed cabin 12 m/s", *(f"wind x {x:g} m/s, z 0 m/s" for x in (5.0, 6.2))]
     assert [text[0] for text in texts] == [f"{line} (desk)" for line in shown]
-    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
-    assert [speed[1] for speed in speeds[1:]] == [12.0] * (len(orders) - 1)
 
 
 def test_repeated_commands_of_several_drives_are_listed_once_until_a_stop(tmp_path):
@@ -181,18 +178,6 @@ def test_rope_is_whole_and_has_its_kink(recording):
         expected = np.vstack([snapshot.cable.positions, joint])[:, [0, 2]]
         np.testing.assert_allclose(rope, expected[np.argsort(expected[:, 0])], atol=1e-3)
         assert all(color != other for color, other in pairwise(colors[row]))
-
-
-def test_a_command_counts_from_its_frame_on_within_a_batch(tmp_path):
-    path = tmp_path / "run.rrd"
-    view = RerunView("test ropeway", OUTLINES, path=path, live=False)
-    for index in range(10):
-        view.log(snapshot_at(0.01 * index))
-    view.log_command(AppliedCommand(0.05, Command("speed", {"cabin": 3.0}), "desk"))
-    view.log_command(AppliedCommand(0.2, Command("speed", {"cabin": 4.0}), "desk"))
-    view.close()
-    _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
-    np.testing.assert_array_equal([speed[1] for speed in speeds], [np.nan] * 5 + [3.0] * 5)
 
 
 def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):

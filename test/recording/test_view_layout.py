@@ -1,4 +1,4 @@
-"""How the picture is laid out: numbers on every axis, names that do not meet, vehicles that can be seen."""
+"""How the picture is laid out: numbers on every axis, vehicles that can be seen."""
 
 import subprocess
 import warnings
@@ -13,33 +13,65 @@ from rerun.chunk import RrdReader
 from twin_process import wait_until
 
 from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.view_layout import MOST_TICKS, TICKS, _plot_view, with_ticks
-from cable_twin.recording.view_scene import LETTER, name_rows
+from cable_twin.recording.view_axes import TICKS, LiveAxis, with_ticks
+from cable_twin.recording.view_layout import _plot_view
+from cable_twin.recording.view_readout import table_columns
+from cable_twin.recording.view_sizes import HEIGHT, WIDTH, divided
 from cable_twin.recording.web_view import free_port
 
+HEIGHTS = (60.0, 110.0, 175.0, 400.0)  # pixels
+PALE = 20.0  # pixels between two numbers, below which rerun writes none: its own
 
-def written(low, high):
+
+def written(low, high, height):
     """Multiples of the smallest power of ten for which an axis has room: what rerun writes beside it."""
-    step = 10.0 ** np.ceil(np.log10((high - low) / MOST_TICKS / 1.25))
+    step = 10.0 ** np.ceil(np.log10(PALE * (high - low) / height))
     return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
 
 
-@pytest.mark.parametrize("span", [*np.geomspace(1e-3, 1e6, 61), 0.0])
+@pytest.mark.parametrize("height", HEIGHTS)
+@pytest.mark.parametrize("span", [*np.geomspace(1e-3, 1e6, 46), 0.0])
 @pytest.mark.parametrize("low", [0.0, -0.7, 12.3, 1305.0])
-def test_every_axis_has_four_numbers_and_all_that_is_plotted(low, span):
-    first, last = with_ticks(low, low + span)
+def test_every_axis_has_three_numbers_and_all_that_is_plotted(low, span, height):
+    first, last = with_ticks(low, low + span, "m/s", height)
     assert first <= low <= low + span <= last
-    assert TICKS <= len(written(first, last)) <= 1.25 * MOST_TICKS + 1
+    assert TICKS <= len(written(first, last, height)) <= height / PALE + 1
+    assert low < 0.0 or not span or first > -0.5 * (last - first)  # little of it is below 0
 
 
-def test_names_of_supports_do_not_meet():
-    names = ["start", "tower_1", "tower_2", "end"]
-    places = np.array([0.0, 0.03, 0.5, 0.52])
-    rows = name_rows(places, names)
-    np.testing.assert_array_equal(rows, [0.0, 1.0, 0.0, 1.0])
-    np.testing.assert_array_equal(name_rows(places[::-1], names[::-1]), rows[::-1])
-    apart = LETTER * 12
-    np.testing.assert_array_equal(name_rows(np.arange(4) * apart, names), 0.0)
+@pytest.mark.parametrize(("unit", "least"), [("m/s", 0.1), ("deg", 0.1), ("m", 0.01), ("kN", 0.1), ("N", 1.0)])
+def test_what_rests_is_a_line_and_no_noise(unit, least):
+    low, high = with_ticks(-1e-9, 2e-9, unit, 110.0)
+    assert least <= high - low <= 10.0 * least
+    assert with_ticks(0.0, 0.0, unit, 110.0)[0] == pytest.approx(-with_ticks(0.0, 0.0, unit, 110.0)[1])
+
+
+def test_a_live_axis_has_three_numbers_at_any_time_and_follows_what_is_in_sight():
+    axis, sent = LiveAxis("kN", 110.0, 30.0), []
+    rng = np.random.default_rng(5)
+    for time in np.arange(0.0, 300.0, 0.2):
+        level = 20.0 if time < 100.0 else 20.4 if time < 200.0 else 2000.0
+        low = level * (1.0 + 0.02 * rng.random())
+        sent.append((time, *axis.fitted(time, low, 1.01 * low)))
+        seen = [one for one in sent if one[0] >= time - 30.0]
+        low, high = min(one[1] for one in seen), max(one[2] for one in seen)
+        margin = 0.05 * (high - low)  # rerun's
+        assert len(written(low - margin, high + margin, 110.0)) >= TICKS
+    assert sent[400][2] - sent[400][1] < 5.0
+    assert sent[-1][1] > 100.0
+    assert axis.fitted(0.0, 1.0, 2.0)[1] < 10.0  # time goes back with a reset
+
+
+def test_the_picture_fills_the_screen_and_the_readout_has_room_for_its_table():
+    text = "## lift\n| time | 1.00 s |\n| :-- | --: |\n| rollers_2_haul_down | **134.8 kN** |"
+    assert table_columns(text) == (19, 10)
+    sizes = divided(9, space=True, table=(19, 10))
+    assert sizes.rows == (3, 3, 3)
+    assert sizes.main + sizes.side == WIDTH
+    assert sizes.side > 19 * 6.4 + 10 * 6.4 + 30.0
+    assert 4 * sizes.row < HEIGHT
+    assert divided(0, space=False, table=(4, 10)).rows == (0,)
+    assert divided(1, space=False, table=(400, 10)).side == WIDTH / 3.0
 
 
 def test_a_box_stands_for_the_cabin_in_the_overview_and_legends_are_beside_the_plots(tmp_path):
@@ -54,9 +86,9 @@ def test_a_box_stands_for_the_cabin_in_the_overview_and_legends_are_beside_the_p
 
 
 def test_plots_show_the_last_seconds_up_to_the_cursor_or_the_whole_run():
-    whole = _plot_view("plots/speed", "Speed [m/s]", [1], None, None)
+    whole = _plot_view("plots/speed", "Speed [m/s]", 0, (260.0, 150.0), None, None)
     assert "VisibleTimeRanges" not in whole.properties
-    live = _plot_view("plots/speed", "Speed [m/s]", [1], 30.0, None)
+    live = _plot_view("plots/speed", "Speed [m/s]", 0, (260.0, 150.0), 30.0, None)
     (axis,) = live.properties["TimeAxis"].view_range.as_arrow_array().to_pylist()
     ((shown,),) = [live.properties["VisibleTimeRanges"].ranges.as_arrow_array().to_pylist()]
     assert axis == shown["range"]

@@ -56,13 +56,11 @@ def test_each_file_is_whole(tmp_path):
     verified(paths[2])
     assert entities(paths[1]) == entities(paths[2]) == entities(paths[0]) - {"/commands"}
     assert "/track/supports" in entities(paths[2])
-    for number, path in enumerate(paths):
+    for path in paths:
         times, tensions = column(path, "/plots/tension", "Scalars:scalars")
         assert len(times) == len(tensions) == PART
         geometry, _ = column(path, "/track/rope", "LineStrips2D:strips")
         assert geometry[0] == times[0]  # the first frame is drawn whole
-        _, speeds = column(path, "/plots/speed/cabin", "Scalars:scalars")
-        assert (speeds[-1][1] == 12.0) is True, number  # what is commanded goes on
 
 
 def test_viewers_stay_connected(tmp_path):
