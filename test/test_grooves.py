@@ -30,7 +30,7 @@ FAULTS = [
     ("groove_direction", [0.0, 0.0, 0.0], "allowed: a direction, not all numbers zero"),
     ("derailment_ratio", 0.0, "given 0.0; allowed: a finite number above 0"),
     ("groove_height", -0.1, "given -0.1; allowed: a finite number above 0, in m"),
-    ("mast_offset", 4.0, "nothing given, but a mast has offset and width; allowed: both or none, in m"),
+    ("mast_offset", 4.0, "not given, but a mast has an offset and a width; allowed: both or none, in m"),
 ]
 
 
@@ -59,7 +59,10 @@ def test_a_plane_has_neither_grooves_nor_masts():
         "towers.tower.position": [100.0, 2.0],
     }
     for key, value in (("mast_offset", 3.0), ("groove_direction", [0.0, 1.0])):
-        with pytest.raises(ScenarioError, match=rf"towers\.tower\.{key}: given .* in a plane; allowed: only in space"):
+        with pytest.raises(
+            ScenarioError,
+            match=rf"towers\.tower\.{key}: given .* in a plane; allowed: null, as only scenarios in space have it",
+        ):
             load_scenario(BENT, flat | {f"towers.tower.{key}": value})
     assert load_scenario(BENT, flat).dim == 2
 
@@ -70,7 +73,7 @@ def test_towers_that_the_rope_does_not_reach_in_plan_are_refused():
     (fault,) = caught.value.faults
     assert re.search(
         r"towers\.tower\.position: given \[100\.0, 8\.0, 2\.0\], .* sideways with [\d.]+ N, 0\.\d+ of its normal "
-        r"force; allowed: at most 0\.5 of it \(derailment_ratio\), with y nearer to 0 m",
+        r"force; allowed: at most 0\.5 of it \(derailment_ratio\): move the tower towards y = 0 m",
         fault,
     ), fault
 

@@ -163,7 +163,7 @@ def test_a_plane_has_no_rows_of_what_it_has_not():
     [
         (
             {"terrain_sides": LEANING},
-            "terrain_sides: given without terrain; allowed: beside the profile under the track",
+            "terrain_sides: given without terrain; allowed: only beside terrain, the profile under the track",
         ),
         (
             {
@@ -174,7 +174,7 @@ def test_a_plane_has_no_rows_of_what_it_has_not():
         ),
         (
             {"space": 2, "terrain": [[0.0, -60.0], [1000.0, -60.0]], "terrain_sides": LEANING, "towers": {}},
-            "terrain_sides: given in a plane; allowed: only in space",
+            "terrain_sides: given in a plane; allowed: null, as only scenarios in space have it",
         ),
     ],
 )

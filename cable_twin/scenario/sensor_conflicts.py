@@ -33,7 +33,10 @@ def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
             yield Fault((*path, "of"), f"given {show(sensor.of)}; allowed for {sensor.kind}: {allowed}{more}")
         first = taken.setdefault((sensor.kind, sensor.of), name)
         if first != name:
-            yield Fault((*path, "of"), f"given {show(sensor.of)}, which '{first}' measures; allowed: one {sensor.kind}")
+            yield Fault(
+                (*path, "of"),
+                f"given {show(sensor.of)}, which '{first}' measures already; allowed: one {sensor.kind} for each",
+            )
         if sensor.kind != "imu":
             for key in ("rate_noise", "rate_bias"):
                 if getattr(sensor, key) != 0.0:

@@ -29,7 +29,10 @@ def space_faults(scenario: Scenario) -> Iterator[Fault]:
                 given = getattr(tower, key)
                 if given is not None:
                     given = list(given) if isinstance(given, tuple) else given
-                    yield Fault(("towers", name, key), f"given {show(given)} in a plane; allowed: only in space")
+                    yield Fault(
+                        ("towers", name, key),
+                        f"given {show(given)} in a plane; allowed: null, as only scenarios in space have it",
+                    )
         elif all(map(np.any, np.diff(corners[number : number + 3], axis=0))):
             yield from _tower(scenario, ("towers", name), tower, corners[number : number + 3])
     yield from _sides(scenario)
@@ -47,7 +50,7 @@ def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.nda
         )
     if (tower.mast_offset is None) != (tower.mast_width is None):
         missing = "mast_offset" if tower.mast_offset is None else "mast_width"
-        yield Fault((*path, missing), "nothing given, but a mast has offset and width; allowed: both or none, in m")
+        yield Fault((*path, missing), "not given, but a mast has an offset and a width; allowed: both or none, in m")
     if tower.groove_direction is None:
         return
     path, opening = (*path, "groove_direction"), np.array(scenario.vector(tower.groove_direction))
@@ -79,8 +82,9 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
             force = np.round(load / np.linalg.norm(load), 2).tolist()
             yield Fault(
                 ("towers", name, "groove_direction"),
-                f"given {show(list(tower.groove_direction))}, which points away from the bare cable at rest: it would "
-                f"have to be pulled in with {-normal:.4g} N; allowed: within 90 degrees of the force on it, {force}",
+                f"given {show(list(tower.groove_direction))}, which points away from the bare cable at rest: it "
+                f"would have to be pulled into the groove with {-normal:.4g} N; allowed: within 90 degrees of "
+                f"the force of the tower on the cable, {force}",
             )
         across = np.cross(line_over(before, here, after), side)
         ratio = abs(float(load @ across / np.linalg.norm(across))) / normal if normal > 0.0 else 0.0
@@ -91,8 +95,8 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
                 ("towers", name, "position"),
                 f"given {show(list(tower.position))}, where the bare cable at rest pushes sideways with "
                 f"{ratio * normal:.4g} N, {ratio:.3g} of its normal force; allowed: at most {tower.derailment_ratio:g} "
-                f"of it (derailment_ratio), with y nearer to {straight:.4g} m, where the line is straight in plan, or "
-                "with a groove_direction that leans",
+                f"of it (derailment_ratio): move the tower towards y = {straight:.4g} m, where the line is straight in "
+                "plan, or incline its groove_direction",
             )
 
 
@@ -102,9 +106,9 @@ def _sides(scenario: Scenario) -> Iterator[Fault]:
     if sides is None:
         return
     if scenario.dim == 2:
-        yield Fault(path, "given in a plane; allowed: only in space")
+        yield Fault(path, "given in a plane; allowed: null, as only scenarios in space have it")
     if not scenario.terrain:
-        yield Fault(path, "given without terrain; allowed: beside the profile under the track, points x, z in m")
+        yield Fault(path, "given without terrain; allowed: only beside terrain, the profile under the track")
     for side in ("left", "right"):
         x = [point[0] for point in getattr(sides, side)]
         for number, (before, after) in enumerate(pairwise(x), start=1):
