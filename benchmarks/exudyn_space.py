@@ -14,7 +14,7 @@ from benchmarks.exudyn_in_space import SpatialModel
 from benchmarks.exudyn_model import Setting, load_exudyn
 from benchmarks.measure import Effort, Timing, interleave, note_on_load
 from benchmarks.report import Part, Table, Value
-from cable_twin.mechanics.state import write_state
+from cable_twin.mechanics.language.declared import write
 from cable_twin.records import FloatArray
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -60,7 +60,7 @@ def pushed(case: Case) -> Simulation:
     loads = [{"arc_length": place, "force": [0.0, PUSH, 0.0]} for place in places]
     still, simulation = Simulation(load_scenario(rest)), Simulation(load_scenario(rest, {"cable.loads": loads}))
     full = simulation.capture()
-    write_state(still.state, full.state)
+    write(still.state, full.state)
     simulation.restore(full)
     return simulation
 

@@ -232,7 +232,7 @@ def test_a_state_of_another_number_of_bullwheels_is_refused():
     full = simulation.capture()
     between = {name: array[:1] if "rim" in name else array for name, array in full.between.items()}
     with pytest.raises(SnapshotError, match="rim"):
-        simulation.restore(replace(full, between=between))
+        simulation.restore(replace(full, foreign=between))
 
 
 @pytest.mark.long

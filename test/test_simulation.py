@@ -9,7 +9,7 @@ import pytest
 from twin_process import COMPILING, environment
 
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.state import fields_of
+from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SolverError
@@ -118,11 +118,11 @@ def test_refusals_say_what_is_allowed_and_change_nothing(command, message):
     simulation = driven(speed=2.0, force=50.0)
     simulation.command("carriage", speed=-0.5)
     simulation.advance_to(0.01)
-    before = [array.copy() for array in fields_of(simulation.state).values()]
+    before = [array.copy() for array in arrays_of(simulation.state).values()]
     with pytest.raises(CommandError) as refusal:
         simulation.apply(command)
     assert str(refusal.value) == message
-    for array, kept in zip(fields_of(simulation.state).values(), before, strict=True):
+    for array, kept in zip(arrays_of(simulation.state).values(), before, strict=True):
         np.testing.assert_array_equal(array, kept)
 
 

@@ -10,10 +10,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.language.ranges import ANY, Range, ranges_of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
-from cable_twin.mechanics.state import RANGES, fields_of
+from cable_twin.mechanics.state import RANGES
 from cable_twin.messages import topics
 from cable_twin.offline import replay
 from cable_twin.offline import simulate as simulate_command
@@ -54,8 +55,8 @@ def test_no_number_outside_its_range_is_taken(simulation):
     before = simulation.snapshot.numbers.tobytes()
     tried, ropes = set(), len(full.starts)
     for within, ranges, arrays in (
-        ("state/", RANGES, fields_of(full.states[0])),
-        (f"start{ropes if ropes > 1 else ''}/", RANGES, fields_of(full.starts[-1])),
+        ("state/", RANGES, arrays_of(full.states[0])),
+        (f"start{ropes if ropes > 1 else ''}/", RANGES, arrays_of(full.starts[-1])),
         *((f"between/{part}/", BUNDLE_RANGES, part_of(full.between, part)) for part in ("now", "start")),
     ):
         for name, array in arrays.items():

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.mechanics.language.declared import write
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
-from cable_twin.mechanics.state import State, Workspace, allocate_workspace, write_state
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -151,7 +152,7 @@ def _room(simulation: Simulation) -> tuple[State, Workspace]:
 def for_kernels(simulation: Simulation) -> tuple[State, Workspace]:
     """A copy of the present state and a workspace, until the next call."""
     state, work = _room(simulation)
-    write_state(simulation.state, state)
+    write(simulation.state, state)
     return state, work
 
 

@@ -8,7 +8,7 @@ from io import BytesIO
 
 import numpy as np
 
-from cable_twin.mechanics.state import fields_of
+from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.offline.replay_result import Comparison, Difference
 from cable_twin.recording.log_file import LogFile
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
@@ -84,8 +84,8 @@ def join(
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
     """Where two full states differ in a bit."""
     for part in ("state", "start"):
-        others = fields_of(getattr(replayed, part))
-        for name, array in fields_of(getattr(logged, part)).items():
+        others = arrays_of(getattr(replayed, part))
+        for name, array in arrays_of(getattr(logged, part)).items():
             other = others[name]
             if array.tobytes() != other.tobytes():
                 same = np.array([a.tobytes() == b.tobytes() for a, b in zip(array.flat, other.flat, strict=True)])

@@ -11,19 +11,20 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.by_reference import Known
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.parameters import CONTINUUM, FloatArray, System
+from cable_twin.mechanics.language.declared import Kept, arrays_of, clone, write
+from cable_twin.mechanics.parameters import CONTINUUM, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Couplings, Rope
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.mutual_forces import give_forces
-from cable_twin.mechanics.solution.bundle.records import BundleState, Wires, clone_bundle_state
+from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together, without_friction
 from cable_twin.mechanics.solution.integrator_by_name import integrator_named
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import note_rest, relax, watching_relaxation
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of, write_state
+from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.build_bundle import (
@@ -128,13 +129,12 @@ class Engine:
         """
         self.check_bare()
         self._layout.lay_out(self.moving.sheaves)
-        laid = [clone_state(part.state) for part in self.parts], clone_bundle_state(self.moving)
+        laid = [clone(part.state) for part in self.parts], clone(self.moving)
 
         def again() -> None:
             for part, state in zip(self.parts, laid[0], strict=True):
-                write_state(state, part.state)
-            for before, now in zip(fields_of(laid[1]).values(), fields_of(self.moving).values(), strict=True):
-                now[...] = before
+                write(state, part.state)
+            write(laid[1], self.moving)
             self._find_rest()
 
         self._find_rest()
@@ -276,8 +276,7 @@ class Engine:
     def go_back(self, _: Command) -> None:
         """Put pantographs, clamps and bullwheels back to the start."""
         self.commands = dict(self._first_commands)
-        for start, now in zip(fields_of(self._start).values(), fields_of(self.moving).values(), strict=True):
-            now[...] = start
+        write(self._start, self.moving)
 
     def energy(self) -> Energy:
         """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
@@ -287,25 +286,21 @@ class Engine:
         """Let this be the start, to which a reset goes back."""
         for part in self.parts:
             part.begin()
-        self._start, self._first_commands = clone_bundle_state(self.moving), dict(self.commands)
+        self._start, self._first_commands = clone(self.moving), dict(self.commands)
 
-    def between(self) -> dict[str, FloatArray]:
-        """A copy of the motion of pantographs, clamps and bullwheels that there are, now and at the start, by name."""
-        both = ("now", self.moving), ("start", self._start)
-        return {f"{key}/{name}": one.copy() for key, record in both for name, one in _present(record)}
+    def kept(self) -> tuple[Kept, ...]:
+        """A copy of the motion of what couples ropes, now and at the start; none where nothing does."""
+        return (Kept(self.moving), Kept(self._start)) if self._coupled else ()
 
     def restore(self, full: FullState) -> None:
         """Go to a full state that fits: of ropes, pantographs, clamps, bullwheels, and what their drives are told."""
         restore_ropes(self.parts, full)
-        for key, one in (("now", self.moving), ("start", self._start)):
-            for name, array in _present(one):
-                array[...] = full.between[f"{key}/{name}"]
+        for kept, record in zip(full.couplings, (self.moving, self._start), strict=False):
+            write(kept, record)
+        for key, array in (full.foreign or {}).items():
+            part, _, name = key.partition("/")
+            arrays_of(self.moving if part == "now" else self._start)[name][...] = array
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
-
-
-def _present(record: BundleState) -> list[tuple[str, FloatArray]]:
-    """Arrays of a record that have anything in them, by name."""
-    return [(name, array) for name, array in fields_of(record).items() if array.size]
 
 
 def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:

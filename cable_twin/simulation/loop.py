@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
 from cable_twin.mechanics.readout.columns import STOPPING, Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import stop_wheel
@@ -17,7 +18,6 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, B
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import hang_carriages
-from cable_twin.mechanics.state import clone_state, write_state
 from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
@@ -61,12 +61,12 @@ class Loop:
             relax()
             feel_ends(self._bundle, self.motion, first.system, first.state)
 
-        laid = [clone_state(part.state) for part in self._parts.values()]
+        laid = [clone(part.state) for part in self._parts.values()]
         try:
             settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
             for part, state in zip(self._parts.values(), laid, strict=True):
-                write_state(state, part.state)
+                write(state, part.state)
             raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()

@@ -12,6 +12,7 @@ from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.language.lanes import WIDTH
 from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
@@ -22,7 +23,7 @@ from cable_twin.mechanics.rope.rounding import rounding, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
-from cable_twin.mechanics.state import Workspace, allocate_state, clone_state, write_state
+from cable_twin.mechanics.state import Workspace, allocate_state
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
@@ -55,6 +56,7 @@ class Ropeway:
         self.scenario = scenario
         self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
         self._empty = system
+        self._carried: FloatArray | None = None  # kg, what is in `system` of each vehicle
         self._payloads: Payloads = build_payloads(scenario)
         self.state = self.start = allocate_state(self._empty)
         self.sections: Sections = allocate_sections(self._empty)
@@ -135,6 +137,7 @@ class Ropeway:
         warn_of_bends(self.scenario, self._empty, self.state.nodes.position[:, 1], tensions, key)
         table = rounding(cable, tensions)
         self._empty = self._empty._replace(cable=cable._replace(**table))
+        self._carried = None
         self.carry(self._first_loads)
         return True
 
@@ -150,7 +153,7 @@ class Ropeway:
 
     def begin(self) -> None:
         """Let this be the start, to which a reset goes back."""
-        self.start, self._first_commands = clone_state(self.state), dict(self.commands)
+        self.start, self._first_commands = clone(self.state), dict(self.commands)
         self.note_stations()
 
     def note_stations(self) -> None:
@@ -164,7 +167,7 @@ class Ropeway:
     def go_back(self) -> None:
         """Put the state back to the start; time runs on."""
         clock = int(self.state.clock[0])
-        write_state(self.start, self.state)  # not the kernel, which this would be the first to call from Python
+        write(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
         self.commands = dict(self._first_commands)
         self.loading.clear()
@@ -172,8 +175,11 @@ class Ropeway:
         self.carry(self.state.payload)
 
     def carry(self, masses: FloatArray) -> None:
-        """Put payloads (vehicles,) in kg into the system."""
+        """Put payloads (vehicles,) in kg into the system, where they are others than those that are in it."""
+        if self._carried is not None and np.array_equal(masses, self._carried):
+            return
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
+        self._carried = masses.copy()
 
     def stop(self) -> None:
         """Begin the emergency stop of the rope and of what drives on it: no more commands, and none is in force."""
@@ -257,6 +263,7 @@ class Ropeway:
     @system.setter
     def system(self, system: System) -> None:
         self._system, self.packed_system = system, pack(system)
+        self._carried = None
 
 
 @contextmanager
@@ -270,9 +277,9 @@ def of_rope(name: str) -> Iterator[None]:
 
 def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
     """Go to what a full state has of each rope with what is on it, and of what is commanded there."""
-    for part, state, start in zip(parts, full.states, full.starts, strict=True):
-        write_state(state, part.state)
-        write_state(start, part.start)
+    for part, state, start in zip(parts, full.now, full.before, strict=True):
+        write(state, part.state)
+        write(start, part.start)
         part.note_stations()
         part.carry(part.state.payload)
         part.stopped = full.emergency_stopped

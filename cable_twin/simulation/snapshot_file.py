@@ -11,7 +11,7 @@ import json
 import os
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import chain
 from pathlib import Path
@@ -19,10 +19,11 @@ from typing import IO, Any
 
 import numpy as np
 
+from cable_twin.mechanics.language.declared import Kept, arrays_of, with_arrays
 from cable_twin.mechanics.language.ranges import HUGEST, range_faults
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
-from cable_twin.mechanics.state import FIELDS, RANGES, State, fields_of, state_of
+from cable_twin.mechanics.state import FIELDS, RANGES, State
 from cable_twin.records import Command
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
@@ -46,14 +47,33 @@ class FullState:
 
     scenario: Scenario
     time: float  # s
-    states: tuple[State, ...]  # of each rope with what is on it
-    starts: tuple[State, ...]  # to which a reset goes back
+    now: tuple[Kept, ...]  # the state of each rope with what is on it
+    before: tuple[Kept, ...]  # those to which a reset goes back
     emergency_stopped: bool
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
     loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
     at_start: bool = False  # of the scenario, with nothing done since; never so of a file
-    between: Mapping[str, Any] = field(default_factory=dict)  # arrays of what is on no rope alone, by name
-    foreign: bool = False  # from a file, whose every number is checked before it is used
+    couplings: tuple[Kept, ...] = ()  # motion of what couples ropes, now and at the start
+    foreign: Mapping[str, Any] | None = None  # of a file, whose every number is checked before it is used: arrays of
+    # what couples ropes, by name
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """The present state of each rope."""
+        return tuple(kept.record for kept in self.now)
+
+    @property
+    def starts(self) -> tuple[State, ...]:
+        """The start of each rope."""
+        return tuple(kept.record for kept in self.before)
+
+    @property
+    def between(self) -> Mapping[str, Any]:
+        """Arrays of what couples ropes, now and at the start, by name; of what there is."""
+        if self.foreign is not None:
+            return self.foreign
+        both = zip(("now", "start"), self.couplings, strict=False)
+        return {f"{key}/{name}": one for key, kept in both for name, one in arrays_of(kept.record).items() if one.size}
 
     @property
     def state(self) -> State:
@@ -65,31 +85,34 @@ class FullState:
         """The start of the first rope."""
         return self.starts[0]
 
-    def check(self, scenario: Scenario, own: Sequence[tuple[System, State]], between: Mapping[str, Any]) -> None:
+    def fits(self, scenario: Scenario) -> bool:
+        """Whether it was captured of this very scenario, and needs no check."""
+        return self.scenario is scenario and self.foreign is None
+
+    def check(self, scenario: Scenario, systems: Sequence[System], own: FullState) -> None:
         """Refuse a simulation whose scenario, or whose arrays, are others; and numbers that it cannot go on from.
 
         Args:
             scenario: of the simulation.
-            own: system and state of each of its ropes.
-            between: arrays of what is on no rope alone, by name.
+            systems: of each of its ropes.
+            own: full state of the simulation, for the shapes of its arrays.
 
         Raises:
             SnapshotError: They do not fit.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
-        if len(own) != len(self.states):
-            raise SnapshotError(f"{len(self.states)} ropes; its scenario has {len(own)}")
-        if self.between.keys() != between.keys():
-            raise SnapshotError(f"{', '.join(self.between.keys() ^ between.keys())}: in one of them only")
-        _check_shapes(self.between, between)
-        for part, number, state in self._numbered():
-            _, ours = own[int(number or 1) - 1]
+        if len(own.now) != len(self.now):
+            raise SnapshotError(f"{len(self.now)} ropes; its scenario has {len(own.now)}")
+        if self.between.keys() != own.between.keys():
+            raise SnapshotError(f"{', '.join(self.between.keys() ^ own.between.keys())}: in one of them only")
+        _check_shapes(self.between, own.between)
+        for (part, number, state), (_, _, ours) in zip(self._numbered(), own._numbered(), strict=True):
             _check_shapes(
-                *({f"{part}{number}/{name}": array for name, array in fields_of(one).items()} for one in (state, ours))
+                *({f"{part}{number}/{name}": array for name, array in arrays_of(one).items()} for one in (state, ours))
             )
-        if self.foreign:
-            self._check_numbers([system for system, _ in own])
+        if self.foreign is not None:
+            self._check_numbers(systems)
             self._check_orders(scenario)
 
     def _check_numbers(self, systems: Sequence[System]) -> None:
@@ -99,7 +122,7 @@ class FullState:
             system = systems[int(number or 1) - 1]
             sizes = _sizes(system, len(systems))
             # one after the other: the second reads at indices that the first has checked
-            for fault in chain(range_faults(fields_of(state), RANGES, sizes), _state_faults(system, state)):
+            for fault in chain(range_faults(arrays_of(state), RANGES, sizes), _state_faults(system, state)):
                 raise SnapshotError(f"{part}{number}/{fault}")
         clock = int(self.state.clock[0])
         if not abs(self.time - clock * systems[0].solver.step) <= systems[0].solver.step:
@@ -156,7 +179,7 @@ class FullState:
         }
         arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
         for part, number, state in self._numbered():
-            arrays |= {f"{part}{number}/{name}": array for name, array in fields_of(state).items()}
+            arrays |= {f"{part}{number}/{name}": array for name, array in arrays_of(state).items()}
         arrays |= {f"{BETWEEN}/{name}": array for name, array in self.between.items()}
         if not isinstance(target, Path):
             np.savez(target, **arrays)  # type: ignore[arg-type]  # its option allow_pickle is none of our names
@@ -229,9 +252,9 @@ def _read(stream: IO[bytes], name: str) -> FullState:
     except ScenarioError as error:
         raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
     numbers = ["", *(str(number) for number in range(2, len(loaded.ropes) + 1))]
-    states, starts = (tuple(_state(f"{part}{n}", arrays, name, made) for n in numbers) for part in PARTS)
+    now, before = (tuple(Kept(_state(f"{part}{n}", arrays, name, made)) for n in numbers) for part in PARTS)
     between = {key.partition("/")[2]: array for key, array in arrays.items() if key.startswith(f"{BETWEEN}/")}
-    return FullState(loaded, time, states, starts, stopped, commands, loading, between=between, foreign=True)
+    return FullState(loaded, time, now, before, stopped, commands, loading, foreign=between)
 
 
 def _check_archive(stream: IO[bytes]) -> None:
@@ -266,7 +289,7 @@ def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
         raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
     if unknown := sorted(given - set(FIELDS)):
         raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
-    return state_of({field: arrays[f"{part}/{field}"] for field in FIELDS})
+    return with_arrays(State, {field: arrays[f"{part}/{field}"] for field in FIELDS})
 
 
 def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
+from cable_twin.mechanics.language.declared import Kept
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import State, clone_state
+from cable_twin.mechanics.state import State
 from cable_twin.records import (
     AppliedCommand,
     Command,
@@ -182,13 +183,13 @@ class Simulation(Readings):
         return FullState(
             self.scenario,
             self.time,
-            tuple(clone_state(part.state) for part in self._parts),
-            tuple(clone_state(part.start) for part in self._parts),
+            tuple(Kept(part.state) for part in self._parts),
+            tuple(Kept(part.start) for part in self._parts),
             self._ropeway.stopped,
             dict(self.commands),
             {name: mass for part in self._parts for name, mass in part.loading.items()},
             self._at_start,
-            self._engine.between(),
+            self._engine.kept(),
         )
 
     def restore(self, full: FullState) -> None:
@@ -197,8 +198,8 @@ class Simulation(Readings):
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
         """
-        own = [(part.system, part.state) for part in self._parts]
-        full.check(self.scenario, own, self._engine.between())
+        if not full.fits(self.scenario):
+            full.check(self.scenario, [part.system for part in self._parts], self.capture())
         self._engine.restore(full)
         self._at_start = full.at_start
         self._show(NOTHING_DONE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_twin.mechanics.language.declared import arrays_of, with_arrays
 from cable_twin.mechanics.parameters import (
     CONTINUUM,
     END,
@@ -18,7 +19,7 @@ from cable_twin.mechanics.parameters import (
     Towers,
     mesh_fields,
 )
-from cable_twin.mechanics.state import RECORDS, allocate_state, allocate_workspace, fields_of, state_of
+from cable_twin.mechanics.state import State, allocate_state, allocate_workspace
 from cable_twin.simulation.engine import leave_out_absent
 
 
@@ -242,9 +243,9 @@ def dense_matrix(diagonal, upper, lower):
 
 def changed(state, **fields):
     """The state with other arrays; those of the records in it are named as in nodes_position."""
-    names = {f"{record}_{field}": f"{record}.{field}" for record in RECORDS for field in RECORDS[record]._fields}
+    names = {name.replace(".", "_"): name for name in arrays_of(state)}
     arrays = {name: value for name, value in fields.items() if not isinstance(value, tuple)}
-    whole = state_of(fields_of(state) | {names.get(name, name): array for name, array in arrays.items()})
+    whole = with_arrays(State, arrays_of(state) | {names.get(name, name): array for name, array in arrays.items()})
     return whole._replace(**{name: value for name, value in fields.items() if isinstance(value, tuple)})
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.language.declared import arrays_of, clone
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import allocate_workspace, clone_state, fields_of
+from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT
@@ -34,12 +35,12 @@ def test_kernels_for_couplings_give_the_bits_of_those_without(dim):
     simulation = Simulation(one_rope(dim))
     system, start = simulation.system, simulation.capture().state
     start.nodes.velocity[1:-1, 0, -1] = 0.3
-    ropes = [Rope(system, clone_state(start), allocate_workspace(system)) for _ in range(2)]
+    ropes = [Rope(system, clone(start), allocate_workspace(system)) for _ in range(2)]
     known, outcome = advanced(ropes[0], None)
     told, other = advanced(ropes[1], no_couplings(1, dim))
     assert outcome == other
     assert outcome.converged
-    for (name, one), two in zip(fields_of(known).items(), fields_of(told).values(), strict=True):
+    for (name, one), two in zip(arrays_of(known).items(), arrays_of(told).values(), strict=True):
         np.testing.assert_array_equal(one, two, err_msg=name)
     assert not np.array_equal(known.nodes.position, start.nodes.position)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from systems import dense_blocks, difference, disturbed_state, make_system
 
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights, counterweight_energies, limit_force
-from cable_twin.mechanics.state import clone_state
 
 DIRECTION = np.array([0.6, 0.8])
 
@@ -50,7 +50,7 @@ def test_tangent_is_the_derivative_of_the_force(limits):
     shape = state.nodes.position.shape
 
     def moved(change):
-        after = clone_state(state)
+        after = clone(state)
         after.nodes.position[:] += change.reshape(shape)
         after.nodes.velocity[:] += rate_factor * change.reshape(shape)
         after.nodes.acceleration[:] += mass_factor * change.reshape(shape)

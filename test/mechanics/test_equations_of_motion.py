@@ -10,6 +10,7 @@ from systems import changed, difference, disturbed_state, make_system, second_di
 from test_chain import chain_residual, gaps, hinge_moments
 from test_kink import YIELDING, way_and_push
 
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
@@ -25,7 +26,6 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     solve_accelerations,
 )
 from cable_twin.mechanics.solution.kinks import hold_kinks
-from cable_twin.mechanics.state import clone_state
 
 ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
 
@@ -345,7 +345,7 @@ def test_accelerations_solve_equation_16(model, modes, damper):
     size = 4 * (system.cable.element_count + 1)
     bodies, count = system.carriages.mass.size, system.carriages.fixed.size
     total = size + 5 * bodies + count
-    at_rest = clone_state(state)
+    at_rest = clone(state)
     for array in (at_rest.nodes.acceleration, at_rest.bodies.acceleration, at_rest.multipliers):
         array[:] = 0.0
 

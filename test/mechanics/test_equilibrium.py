@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from cable_twin.mechanics.language.declared import arrays_of, clone
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.rope.point import position_on_cable
@@ -14,7 +15,7 @@ from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.relaxation import hang_carriages
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import allocate_state, allocate_workspace, clone_state, fields_of
+from cable_twin.mechanics.state import allocate_state, allocate_workspace
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.simulation.engine import leave_out_absent
@@ -208,18 +209,18 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
     settle(system, state, work)
     alone = Assembly([Rope(system, state, work)])
     assert Outcome(*advance(*alone.arguments, 2)).converged
-    array = fields_of(state)[field]
+    array = arrays_of(state)[field]
     if field.startswith("nodes"):
         array[4, 0, 1] = np.nan
     else:
         array.ravel()[0] = np.nan
-    at_call = clone_state(state)
+    at_call = clone(state)
     outcome = Outcome(*advance(*alone.arguments, 5))
     assert not outcome.converged
     assert outcome.steps == 0
     assert outcome.halvings == system.solver.max_halvings + 1
     assert outcome.element in ((3, 4) if field.startswith("nodes") else range(6))
-    for one, other in zip(fields_of(state).values(), fields_of(at_call).values(), strict=True):
+    for one, other in zip(arrays_of(state).values(), arrays_of(at_call).values(), strict=True):
         np.testing.assert_array_equal(one, other)
     assert state.clock[0] == 2
 
@@ -250,7 +251,7 @@ def test_a_step_that_cannot_converge_leaves_the_last_good_state():
         simulation.advance_to(0.005)
     assert simulation.time == 0.0
     assert simulation.snapshot.solver.steps == 0
-    for one, other in zip(fields_of(simulation.state).values(), fields_of(start).values(), strict=True):
+    for one, other in zip(arrays_of(simulation.state).values(), arrays_of(start).values(), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
@@ -271,7 +272,7 @@ def test_good_steps_before_a_bad_one_are_kept():
     assert steps > 0
     assert simulation.time == pytest.approx(0.01 * steps)
     assert np.isfinite(simulation.snapshot.cable.positions).all()
-    assert all(np.isfinite(array).all() for array in fields_of(simulation.state).values())
+    assert all(np.isfinite(array).all() for array in arrays_of(simulation.state).values())
 
 
 def test_carriage_at_the_support_takes_its_weight_there():

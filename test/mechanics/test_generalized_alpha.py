@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.language.declared import arrays_of, clone
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.solution.newmark import coefficients, correct, predict
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import Motion, allocate_workspace, clone_state, fields_of
+from cable_twin.mechanics.state import Motion, allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT
@@ -117,7 +118,7 @@ def test_a_step_that_fails_is_taken_in_halves():
 def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     simulation = seed(**{"solver.max_iterations": 1, "solver.max_halvings": 1, "solver.tolerance": 1e-9})
     state = simulation.capture().state
-    before = clone_state(state)
+    before = clone(state)
     alone = Assembly([Rope(simulation.system, state, allocate_workspace(simulation.system))])
     outcome = Outcome(*advance(*alone.arguments, 5))
     assert not outcome.converged
@@ -125,7 +126,7 @@ def test_a_step_that_cannot_be_taken_leaves_the_last_good_state():
     assert outcome.halvings == 2
     assert outcome.increment > 1e-9
     assert 0 <= outcome.element < ELEMENTS
-    for array, kept in zip(fields_of(state).values(), fields_of(before).values(), strict=True):
+    for array, kept in zip(arrays_of(state).values(), arrays_of(before).values(), strict=True):
         np.testing.assert_array_equal(array, kept)
 
 

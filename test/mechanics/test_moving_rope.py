@@ -7,6 +7,7 @@ from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
 from cable_twin.mechanics.drives.stations import attach_carriers, loop_coordinate
+from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, STANDING, MovingCable
 from cable_twin.mechanics.rope.element import add_cable
@@ -22,7 +23,7 @@ from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import allocate_workspace, fields_of
+from cable_twin.mechanics.state import allocate_workspace
 
 MOVING = MovingCable(
     moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
@@ -201,7 +202,7 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
     )
     system = with_moving_cable(standing, MOVING)
     state, work = disturbed_state(system)
-    for array in fields_of(state).values():
+    for array in arrays_of(state).values():
         array[...] = 0
     state.nodes.position[:, 0, 0] = 1.05 * system.cable.node_arc_length
     state.nodes.position[:, 1, 0] = 1.05
@@ -274,7 +275,7 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
         np.testing.assert_array_equal(state.attached, loops <= 2.1)
         np.testing.assert_allclose(state.joints.position[state.attached], loops[state.attached], atol=1e-12)
         seen.update(np.flatnonzero(state.attached).tolist())
-        assert all(np.isfinite(array).all() for array in fields_of(state).values())
+        assert all(np.isfinite(array).all() for array in arrays_of(state).values())
     assert seen == {0, 1, 2, 3, 4}
     assert state.rope.position[0] == pytest.approx(8.0 * direction)
     gaps = (np.diff([loop_coordinate(system, state, k) for k in range(5)])) % 5.0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from systems import dense_blocks, difference, disturbed_state, make_system
 
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.tower import (
     add_towers,
     contact_energy,
@@ -13,7 +14,6 @@ from cable_twin.mechanics.on_rope.tower import (
     settle_towers,
 )
 from cable_twin.mechanics.rope.point import point_at, slope, value
-from cable_twin.mechanics.state import clone_state
 
 PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
 
@@ -74,7 +74,7 @@ def test_tangent_is_the_derivative_of_the_force(depth, friction):
     rate_factor = 5.0
 
     def right_side(change):
-        moved = clone_state(state)
+        moved = clone(state)
         moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
         moved.nodes.velocity[:] += rate_factor * change.reshape(state.nodes.position.shape)
         return forces_on_nodes(system, moved, work)
@@ -90,7 +90,7 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
     system, state, work = touching(depth, friction=np.zeros(3), damping=np.zeros(3))
 
     def energy(change):
-        moved = clone_state(state)
+        moved = clone(state)
         moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
         total = 0.0
         for contact in range(3):

@@ -7,6 +7,7 @@ import pytest
 from systems import difference, disturbed_state, make_system
 
 from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_position, joint_tangent, place_joint
 from cable_twin.mechanics.on_rope.vehicle_buffer import (
     CLOSING,
@@ -21,7 +22,6 @@ from cable_twin.mechanics.parameters import VehicleBuffers
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
 from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
-from cable_twin.mechanics.state import clone_state
 from verification.models import for_kernels
 from verification.vehicle_buffers import level, vehicle
 
@@ -64,7 +64,7 @@ def test_without_damping_it_is_the_gradient_of_its_energy(dim):
     system, state, _ = pair(dim, damping=0.0)
 
     def energy(places):
-        moved = clone_state(state)
+        moved = clone(state)
         moved.joints.position[:2] = places
         return np.array(buffers_energy(system, moved, 0))
 
@@ -82,7 +82,7 @@ def test_its_own_share_of_the_tangent_against_differences(dim):
     along = joint_tangent(system.cable, state, 0)
 
     def force(state, field, change):
-        moved = clone_state(state)
+        moved = clone(state)
         getattr(moved.joints, field)[0] += change[0]
         return way @ np.array(push_on(system, moved, 0, 0.0, 0.0)[0])
 

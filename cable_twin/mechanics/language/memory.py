@@ -11,7 +11,6 @@ from numba.core.types import Array
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from cable_twin.mechanics.language.by_reference import RecordType, read_field
 from cable_twin.mechanics.language.compilation import inlined_kernel
 
 _intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
@@ -67,33 +66,6 @@ def _copy_in_python(source: Any, target: Any) -> None:
 
 # Write the first array into the second one of its shape, both contiguous.
 copy_array: Any = _copy_in_python if _config.DISABLE_JIT else _copy
-
-
-@_intrinsic
-def _copy_fields(typingctx, source, target):
-    if source != target or not isinstance(source, RecordType):
-        return None
-
-    def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
-        _write_copies(context, builder, source, *values)
-        return context.get_dummy_value()
-
-    return types.void(source, target), generate
-
-
-def _write_copies(context: Any, builder: ir.IRBuilder, record: Any, source: ir.Value, target: ir.Value) -> None:
-    for name, kind in zip(record.names, record.kinds, strict=True):
-        fields = (read_field(context, builder, record, pointer, name) for pointer in (source, target))
-        (_write_copies if isinstance(kind, RecordType) else _write_copy)(context, builder, kind, *fields)
-
-
-def _copy_fields_in_python(source: Any, target: Any) -> None:
-    for here, there in zip(source, target, strict=True):
-        (_copy_fields_in_python if isinstance(here, tuple) else _copy_in_python)(here, there)
-
-
-# Write every array of the first record, and of the records in it, into those of the second one of its kind.
-copy_record: Any = _copy_fields_in_python if _config.DISABLE_JIT else _copy_fields
 
 
 @inlined_kernel

@@ -26,7 +26,7 @@ CLOCK = Range(0, LATEST)
 def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
     """Ranges of all arrays of a named tuple by name, those of records in it as in "nodes.position".
 
-    A field is declared as `Annotated[array type, Range(...)]`, with several of them for the columns of its last axis.
+    A field is declared as `Annotated[array type, ..., Range(...)]`, with several of them for columns of its last axis.
     Floats without one have `ANY`; conditions have none.
 
     Raises:
@@ -34,7 +34,10 @@ def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
     """
     found: dict[str, tuple[Range, ...]] = {}
     for name, hint in get_type_hints(record, include_extras=True).items():
-        kind, *declared = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        kind, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        declared = [one for one in extras if isinstance(one, Range)]
+        if kind == NDArray[np.uint8]:  # the memory of all of them
+            continue
         if hasattr(kind, "_fields"):
             found |= {f"{name}.{inner}": ranges for inner, ranges in ranges_of(kind).items()}
         elif kind == NDArray[np.int64] and not declared:

@@ -6,12 +6,13 @@ import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.strand import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
-from cable_twin.mechanics.state import State, WindField, Workspace, fields_of
+from cable_twin.mechanics.state import State, WindField, Workspace
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 LONGEST_WAY = 0.1  # of the shortest element, that a point goes in an iteration of a rope by itself
@@ -231,7 +232,7 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable = system.cable
-    for name, array in fields_of(state).items():
+    for name, array in arrays_of(state).items():
         if name not in GIVEN:
             array[:] = 0
     if state.bodies.position.shape[1] > state.bodies.velocity.shape[1]:

@@ -10,7 +10,7 @@ from math import inf, isfinite
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.memory import copy_record
+from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
 from cable_twin.mechanics.solution.bundle.couplings import (
@@ -130,7 +130,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, h)
             copy_state(record_at(bundle.records[rope, column], state), here)
             hold_at_limits(here, room)
         if bundle.coupled:
-            copy_record(moving_before, moving)
+            copy_array(moving_before.memory, moving.memory)
     return converged, iterations, increment, gap
 
 
@@ -180,7 +180,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     for done in range(steps):
         copy_ropes(bundle, STATE, GOOD, state)
         if bundle.coupled:
-            copy_record(moving, moving_good)
+            copy_array(moving.memory, moving_good.memory)
         converged = False
         for level in range(solver.max_halvings + 1):
             parts = 1 << level
@@ -189,7 +189,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                 if converged:
                     column = GOOD
                     if bundle.coupled:
-                        copy_record(moving, moving_before)
+                        copy_array(moving.memory, moving_before.memory)
                     if part > 0:
                         column = BEFORE
                         copy_ropes(bundle, STATE, BEFORE, state)
@@ -205,7 +205,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                 break
             copy_ropes(bundle, GOOD, STATE, state)
             if bundle.coupled:
-                copy_record(moving_good, moving)
+                copy_array(moving_good.memory, moving.memory)
             halvings += 1
         if not converged:
             element = worst_element(rope_of(bundle, 0, system, state, work)[2])

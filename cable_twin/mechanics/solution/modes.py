@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import eigsh
 
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
@@ -20,7 +21,7 @@ from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_f
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.rope.strand import rest_length, rest_stretch
 from cable_twin.mechanics.solution.carriage_modes import Hanging, hanging_carriages
-from cable_twin.mechanics.state import State, Workspace, allocate_workspace, clone_state
+from cable_twin.mechanics.state import State, Workspace, allocate_workspace
 
 DENSE_LIMIT = 400  # unknowns up to which all frequencies are computed at once
 DIFFERENCE = 1e-6  # of an element's length, for the derivative of the elastic force
@@ -160,7 +161,7 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
 
 def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
     """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
-    state, work = clone_state(state), allocate_workspace(system)
+    state, work = clone(state), allocate_workspace(system)
     state.nodes.velocity[:] = 0.0
     smooth = system.towers._replace(friction=np.zeros_like(system.towers.friction))
     matrices = []

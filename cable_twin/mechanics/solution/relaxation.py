@@ -9,7 +9,7 @@ from math import inf, isfinite, log
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
-from cable_twin.mechanics.language.memory import combine_arrays, copy_record
+from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.orientations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
@@ -117,7 +117,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
     for iteration in range(iterations):
         if bundle.coupled:
             find_clamps(bundle, moving, system, state, 0.0)  # what rails carry depends on where a rider stands
-            copy_record(moving, good)
+            copy_array(moving.memory, good.memory)
         copy_ropes(bundle, STATE, GOOD, state)
         for rope in range(ropes):
             own, here, room = rope_of(bundle, rope, system, state, work)
@@ -136,7 +136,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             copy_ropes(bundle, GOOD, STATE, state)
             mass_factor *= 8.0
             if bundle.coupled:
-                copy_record(good, moving)
+                copy_array(good.memory, moving.memory)
                 scratch.closing[0] *= 0.5
             continue
         closed = True

@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import Known
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
 from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
@@ -23,9 +24,8 @@ from cable_twin.mechanics.solution.bundle.records import (
     Wires,
     allocate_bundle_state,
     allocate_bundle_work,
-    clone_bundle_state,
 )
-from cable_twin.mechanics.state import State, Workspace, clone_state
+from cable_twin.mechanics.state import State, Workspace
 
 UNCOUPLED = cast(bool, Known(False))  # `Bundle.coupled` of a rope by itself, whose kernels have nothing for couplings
 
@@ -99,7 +99,7 @@ class Assembly:
         self._first, self._systems = first, [rope.system for rope in ropes]
         self._addresses = Addresses(
             [
-                (rope.system, rope.state, rope.work, clone_state(rope.state), clone_state(rope.state), *_sections(rope))
+                (rope.system, rope.state, rope.work, clone(rope.state), clone(rope.state), *_sections(rope))
                 for rope in ropes
             ]
         )
@@ -124,7 +124,7 @@ class Assembly:
             sheaves=given.sheaves,
         )
         self.moving: BundleState = allocate_bundle_state(self.bundle)
-        self.spare = clone_bundle_state(self.moving), clone_bundle_state(self.moving)
+        self.spare = clone(self.moving), clone(self.moving)
         self.scratch = allocate_bundle_work(self.bundle)
 
     @property

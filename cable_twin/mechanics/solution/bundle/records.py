@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.declared import Memory, Of, allocate
 from cable_twin.mechanics.language.ranges import Range, ranges_of
 from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Motion, copy_state
@@ -133,44 +132,90 @@ class Bundle(NamedTuple):
 class BullwheelMotion(NamedTuple):
     """Motion of the bullwheels, and what their drives were told."""
 
-    rim: Motion  # (wheels,) m, of unstrained rope
-    rope: Motion  # (wheels,) m, unstrained, that has gone over it
-    carriage: Motion  # (wheels,) m, in the direction in which it tensions
-    given: FloatArray  # (wheels,) N on the rim in this step, of drive, bearings and brake
-    by_forces: Annotated[
-        IntArray, Range(0, 2)
-    ]  # (wheels,) what moves by its forces in this step: nothing, the rope alone, or the wheel
-    tension: FloatArray  # (wheels, 2) N, of the strand that comes to it and of that which leaves it
-    stretch: FloatArray  # (wheels,) -, length of the rope on it over that without strain
-    traction: FloatArray  # (wheels,) N, of the rim on the rope, by the unstrained rope that goes over it
-    pull: FloatArray  # (wheels,) N, of both strands against the direction in which it tensions
-    slipping: Annotated[IntArray, SIGN]  # (wheels,) 1 while it slips on a rim that is faster, -1 on one that is slower
-    mode: Annotated[IntArray, Range(FREE, SPEED)]  # (wheels,) FREE, FORCE or SPEED, of the drive
-    target: FloatArray  # (wheels,) m/s
-    force: FloatArray  # (wheels,) N at the rim, in FORCE
-    braking: Annotated[IntArray, FLAG]  # (wheels,) 1 in an emergency stop
-    braking_time: FloatArray  # (wheels,) s, since then
-    sense: Annotated[IntArray, SIGN]  # (wheels,) 1 or -1, in which its drive turned it last, 0 before
-    furthest: FloatArray  # (wheels,) m, of its rim in that sense
-    rolled_back: Annotated[IntArray, FLAG]  # (wheels,) 1 where it has gone back too far, until the release
+    rim: Annotated[Motion, Of("wheel", unit="m")]  # of unstrained rope
+    rope: Annotated[Motion, Of("wheel", unit="m")]  # unstrained, that has gone over it
+    carriage: Annotated[Motion, Of("wheel", unit="m")]  # in the direction in which it tensions
+    given: Annotated[FloatArray, Of("wheel", unit="N")]  # on the rim in this step, of drive, bearings and brake
+    by_forces: Annotated[IntArray, Of("wheel"), Range(0, 2)]  # what moves by its forces in this step: nothing, the rope
+    # alone, or the wheel
+    tension: Annotated[
+        FloatArray, Of("wheel", 2, unit="N")
+    ]  # of the strand that comes to it, and of that which leaves it
+    stretch: Annotated[FloatArray, Of("wheel", first=1.0)]  # length of the rope on it over that without strain
+    traction: Annotated[FloatArray, Of("wheel", unit="N")]  # of the rim on the rope, by the unstrained rope over it
+    pull: Annotated[FloatArray, Of("wheel", unit="N")]  # of both strands against the direction in which it tensions
+    slipping: Annotated[
+        IntArray, Of("wheel"), SIGN
+    ]  # 1 while it slips on a rim that is faster, -1 on one that is slower
+    mode: Annotated[IntArray, Of("wheel", first=FREE), Range(FREE, SPEED)]  # FREE, FORCE or SPEED, of the drive
+    target: Annotated[FloatArray, Of("wheel", unit="m/s")]
+    force: Annotated[FloatArray, Of("wheel", unit="N")]  # at the rim, in FORCE
+    braking: Annotated[IntArray, Of("wheel"), FLAG]  # 1 in an emergency stop
+    braking_time: Annotated[FloatArray, Of("wheel", unit="s")]  # since then
+    sense: Annotated[IntArray, Of("wheel"), SIGN]  # 1 or -1, in which its drive turned it last, 0 before
+    furthest: Annotated[FloatArray, Of("wheel", unit="m")]  # of its rim in that sense
+    rolled_back: Annotated[IntArray, Of("wheel"), FLAG]  # 1 where it has gone back too far, until the release
 
 
 @by_reference
 class BundleState(NamedTuple):
     """Motion of what is on no rope alone."""
 
-    stages: Motion  # (pantographs, stages) m, height
-    place: Course  # (pantographs,) m, along the track
-    arc_length: Annotated[FloatArray, PLACE]  # (pantographs,) m, of the rope above the head
-    contact_force: FloatArray  # (pantographs,) N
-    clamp_rope: Annotated[IntArray, Range(-1, "last rope")]  # (clamps,) to which it holds now, -1 to none
-    clamp_place: Annotated[FloatArray, PLACE]  # (clamps,) m, arc length there
-    clamp_slack: FloatArray  # (clamps, dim) m, what is left of the gap at which it took hold under way
-    clamp_taken: FloatArray  # (clamps, 2, dim) m and m/s, that gap and its rate
-    clamp_time: FloatArray  # (clamps,) s, since then
-    rail_mass: FloatArray  # (clamps,) kg, of its carriage on the rails of a station
-    tight: Annotated[IntArray, FLAG]  # (connectors + pantographs,) 1 where it pulled or touched at the last look
+    stages: Annotated[Motion, Of("pantograph", "stage", unit="m")]  # height
+    place: Annotated[Course, Of("pantograph", unit="m")]  # along the track
+    arc_length: Annotated[FloatArray, Of("pantograph", unit="m"), PLACE]  # of the rope above the head
+    contact_force: Annotated[FloatArray, Of("pantograph", unit="N")]
+    clamp_rope: Annotated[IntArray, Of("clamp", first=-1), Range(-1, "last rope")]  # to which it holds now, -1 to none
+    clamp_place: Annotated[FloatArray, Of("clamp", unit="m"), PLACE]  # arc length there
+    clamp_slack: Annotated[FloatArray, Of("clamp", "dim", unit="m")]  # left of the gap at which it took hold under way
+    clamp_taken: Annotated[FloatArray, Of("clamp", 2, "dim", unit="m, m/s")]  # that gap and its rate
+    clamp_time: Annotated[FloatArray, Of("clamp", unit="s")]  # since then
+    rail_mass: Annotated[FloatArray, Of("clamp", unit="kg")]  # of its carriage on the rails of a station
+    tight: Annotated[IntArray, Of("contact"), FLAG]  # of connectors, then pantographs: 1 where it pulled or touched at
+    # the last look
     sheaves: BullwheelMotion  # so called in files of snapshots, as the section of a scenario is
+    memory: Memory  # all of these
+
+
+@by_reference
+class BundleWork(NamedTuple):
+    """Scratch of the solver; contents have no meaning between steps."""
+
+    fill: Annotated[
+        FloatArray, Of("member", "member", 2, 2, "dim²")
+    ]  # of the front, each against each; ropes, then clamps
+    linked: Annotated[IntArray, Of("member", "member")]  # 1 where there is any
+    side: Annotated[
+        FloatArray, Of("eliminated", "member", 2, 2, "dim²")
+    ]  # what was eliminated by each member of the front
+    used: Annotated[IntArray, Of("eliminated", "member")]  # 1 where there is any
+    front: Annotated[IntArray, Of("member")]  # node of each rope, then clamp at each further place of the front, or -1
+    width: Annotated[IntArray, Of(1)]  # members that have been used so far
+    sequence: Annotated[IntArray, Of("eliminated")]  # what was: the number of a node, or -1 - clamp
+    touch: Annotated[IntArray, Of("touch")]  # first of the clamps' nodes at each node, then the one after each
+    member: Annotated[IntArray, Of("clamp")]  # place of each at the front
+    nodes_left: Annotated[IntArray, Of("clamp")]  # of its four, that are still to be eliminated
+    clamp_node: Annotated[
+        IntArray, Of("clamp", 4, first=-1)
+    ]  # of both elements, among those of all ropes; -1 where it does not hold
+    closing: Annotated[
+        FloatArray, Of(1, unit="m", first=LONGEST_GAP)
+    ]  # largest gap of a clamp that an iteration closes whole
+    clamp_diagonal: Annotated[FloatArray, Of("clamp", 2, 2, "dim²")]  # force and sliding coordinate by themselves
+    clamp_right: Annotated[FloatArray, Of("clamp", 2, "dim")]  # then their increments
+    clamp_out: Annotated[FloatArray, Of("clamp", 4, 2, 2, "dim²")]  # nodes of both elements by them
+    clamp_in: Annotated[FloatArray, Of("clamp", 4, 2, 2, "dim²")]  # them by the nodes
+    cross: Annotated[FloatArray, Of("connector", "dim²")]  # N/m: either node by the other
+    elimination: Annotated[FloatArray, Of("pantograph", "stage", 3)]  # matrix row, and what stands right of it
+    increment: Annotated[FloatArray, Of("pantograph", "stage")]  # m
+    by_rope: Annotated[FloatArray, Of("pantograph", "stage")]  # of each stage by the rope above the head
+    wheel_increment: Annotated[
+        FloatArray, Of("wheel", 2, unit="m")
+    ]  # the last of this step: of the rope over it, and of its carriage
+    wheel_stiffness: Annotated[
+        FloatArray, Of("wheel", 2, unit="N/m")
+    ]  # measured in this step against the same, 0 where it was not needed
+    memory: Memory  # all of these
 
 
 @inlined_kernel
@@ -187,117 +232,39 @@ def copy_ropes(bundle, source, target, state):
         copy_state(record_at(bundle.records[rope, source], state), record_at(bundle.records[rope, target], state))
 
 
-BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `fields_of` names them
+BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names them
 
 
-@by_reference
-class BundleWork(NamedTuple):
-    """Scratch of the solver; contents have no meaning between steps."""
-
-    fill: FloatArray  # (members, members, 2, 2, dim²): of the front, each against each; ropes, then clamps
-    linked: IntArray  # (members, members) 1 where there is any
-    side: FloatArray  # (eliminated, members, 2, 2, dim²): what was eliminated by each member of the front
-    used: IntArray  # (eliminated, members) 1 where there is any
-    front: IntArray  # (ropes,) node of each rope, then (clamps,) clamp at each further place of the front, or -1
-    width: IntArray  # (1,) members that have been used so far
-    sequence: IntArray  # (eliminated,) what was: the number of a node, or -1 - clamp
-    touch: IntArray  # (nodes of all + 4 clamps,) first of the clamps' nodes at each node, then the one after each
-    member: IntArray  # (clamps,) place of each at the front
-    nodes_left: IntArray  # (clamps,) of its four, that are still to be eliminated
-    clamp_node: IntArray  # (clamps, 4) of both elements, among those of all ropes; -1 where it does not hold
-    closing: FloatArray  # (1,) m, largest gap of a clamp that an iteration closes whole
-    clamp_diagonal: FloatArray  # (clamps, 2, 2, dim²): force and sliding coordinate by themselves
-    clamp_right: FloatArray  # (clamps, 2, dim), then their increments
-    clamp_out: FloatArray  # (clamps, 4, 2, 2, dim²): nodes of both elements by them
-    clamp_in: FloatArray  # (clamps, 4, 2, 2, dim²): them by the nodes
-    cross: FloatArray  # (connectors, dim²) N/m: either node by the other
-    elimination: FloatArray  # (pantographs, stages, 3): matrix row, and what stands right of it
-    increment: FloatArray  # (pantographs, stages) m
-    by_rope: FloatArray  # (pantographs, stages) -, of each stage by the rope above the head
-    wheel_increment: FloatArray  # (wheels, 2) m, the last of this step: of the rope over it, and of its carriage
-    wheel_stiffness: FloatArray  # (wheels, 2) N/m, measured in this step against the same, 0 where it was not needed
+def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
+    """What the names of sizes stand for, in the shapes of the records of a bundle."""
+    clamps, connectors, nodes = bundle.clamps.rope.size, bundle.connectors.length.size, bundle.order.node.size
+    pantographs, stages = bundle.pantographs.mass.shape
+    coupled = bool(connectors or clamps)  # by what is eliminated beside their nodes
+    return {
+        "wheel": bundle.sheaves.inertia.size,
+        "pantograph": pantographs,
+        "stage": stages,
+        "clamp": clamps,
+        "connector": connectors,
+        "contact": connectors + pantographs,
+        "member": (bundle.records.shape[0] if coupled else 0) + clamps,  # of the front: ropes, then clamps
+        "eliminated": nodes + clamps,
+        "touch": nodes + 4 * clamps,  # nodes, then those of the clamps
+        "dim": bundle.up.size,
+        "dim²": bundle.up.size**2,
+    }
 
 
 def allocate_bundle_state(bundle: Bundle) -> BundleState:
-    """State of zeros."""
-    shape = bundle.pantographs.mass.shape
-    count, clamps = shape[0], bundle.clamps.rope.size
-    return BundleState(
-        stages=Motion(*(np.zeros(shape) for _ in Motion._fields)),
-        place=Course(*(np.zeros(count) for _ in Course._fields)),
-        arc_length=np.zeros(count),
-        contact_force=np.zeros(count),
-        clamp_rope=np.full(clamps, -1, np.int64),
-        clamp_place=np.zeros(clamps),
-        clamp_slack=np.zeros(bundle.clamps.offset.shape),
-        clamp_taken=np.zeros((clamps, 2, bundle.up.size)),
-        clamp_time=np.zeros(clamps),
-        rail_mass=np.zeros(clamps),
-        tight=np.zeros(bundle.connectors.length.size + count, np.int64),
-        sheaves=bullwheels_at_rest(bundle.sheaves.inertia.size),
-    )
+    """State of what is on no rope alone, at rest."""
+    return allocate(BundleState, sizes_of_bundle(bundle))
 
 
 def bullwheels_at_rest(count: int) -> BullwheelMotion:
     """Motion of `count` bullwheels that nothing has moved yet."""
-    return BullwheelMotion(
-        rim=Motion(*(np.zeros(count) for _ in Motion._fields)),
-        rope=Motion(*(np.zeros(count) for _ in Motion._fields)),
-        carriage=Motion(*(np.zeros(count) for _ in Motion._fields)),
-        given=np.zeros(count),
-        by_forces=np.zeros(count, np.int64),
-        tension=np.zeros((count, 2)),
-        stretch=np.ones(count),
-        traction=np.zeros(count),
-        pull=np.zeros(count),
-        slipping=np.zeros(count, np.int64),
-        mode=np.full(count, FREE, np.int64),
-        target=np.zeros(count),
-        force=np.zeros(count),
-        braking=np.zeros(count, np.int64),
-        braking_time=np.zeros(count),
-        sense=np.zeros(count, np.int64),
-        furthest=np.zeros(count),
-        rolled_back=np.zeros(count, np.int64),
-    )
-
-
-def clone_bundle_state(moving: BundleState) -> BundleState:
-    """Independent copy."""
-    return _clone(moving)  # type: ignore[no-any-return]
-
-
-def _clone(record: Any) -> Any:
-    return type(record)(*(_clone(field) if isinstance(field, tuple) else field.copy() for field in record))
+    return allocate(BullwheelMotion, {"wheel": count})
 
 
 def allocate_bundle_work(bundle: Bundle) -> BundleWork:
     """Scratch of the size of a bundle."""
-    ropes, dim = bundle.records.shape[0], bundle.up.size
-    nodes, connectors, shape = bundle.order.node.size, bundle.connectors.length.size, bundle.pantographs.mass.shape
-    clamps = bundle.clamps.rope.size
-    members, eliminated, block = ropes + clamps, nodes + clamps, (2, 2, dim * dim)
-    return BundleWork(
-        fill=np.zeros((members, members, *block)),
-        linked=np.zeros((members, members), np.int64),
-        side=np.zeros((eliminated, members, *block)),
-        used=np.zeros((eliminated, members), np.int64),
-        front=np.zeros(members, np.int64),
-        width=np.zeros(1, np.int64),
-        sequence=np.zeros(eliminated, np.int64),
-        touch=np.zeros(nodes + 4 * clamps, np.int64),
-        member=np.zeros(clamps, np.int64),
-        nodes_left=np.zeros(clamps, np.int64),
-        clamp_node=np.full((clamps, 4), -1, np.int64),
-        closing=np.full(1, LONGEST_GAP),
-        clamp_diagonal=np.zeros((clamps, *block)),
-        clamp_right=np.zeros((clamps, 2, dim)),
-        clamp_out=np.zeros((clamps, 4, *block)),
-        clamp_in=np.zeros((clamps, 4, *block)),
-        cross=np.zeros((connectors, dim * dim)),
-        elimination=np.zeros((*shape, 3)),
-        increment=np.zeros(shape),
-        by_rope=np.zeros(shape),
-        wheel_increment=np.zeros((bundle.sheaves.inertia.size, 2)),
-        wheel_stiffness=np.zeros((bundle.sheaves.inertia.size, 2)),
-    )
+    return allocate(BundleWork, sizes_of_bundle(bundle))
