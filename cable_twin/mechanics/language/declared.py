@@ -159,7 +159,8 @@ class Kept:
     __slots__ = ("_kind", "_layout", "_record", "memory")
 
     def __init__(self, record: Any) -> None:
-        self._kind, self._layout, self._record = type(record), record.memory.base.dtype, None
+        self._kind, self._layout = type(record), record.memory.base.dtype
+        self._record: Any = None
         self.memory: Memory = record.memory.copy()
 
     @property
