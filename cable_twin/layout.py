@@ -155,12 +155,9 @@ class Layout:
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
         """Layout of the frames of a scenario, with so many points (at least 2) of each of its ropes."""
-        names = tuple(scenario.ropes)
-        alone = [scenario.of_rope(name) for name in names] or [scenario]
-        supports = [
-            [*(f"{name}/{end}" if name else end for end in ENDS), *one.towers]
-            for name, one in zip(names or ("",), alone, strict=True)
-        ]
+        names = tuple(scenario.cables)
+        alone = [scenario.of_rope(name) for name in names]
+        supports = [[*scenario.end_names(name), *one.towers] for name, one in zip(names, alone, strict=True)]
         layout = cls(
             {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()},
             [name for own in supports for name in own],
@@ -169,7 +166,7 @@ class Layout:
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
             hauled=[n for n, one in scenario.carriages.items() if one.drive.haul_rope is not None or one.clamped_to],
             towers=[name for own in supports for name in own[len(ENDS) :]],
-            ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names or (CABLE,))},
+            ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names)},
             sheaves=tuple(scenario.sheaves),
             connectors=tuple(scenario.connectors),
             pantographs=tuple(scenario.pantographs),
@@ -177,7 +174,8 @@ class Layout:
             space=scenario.dim == 3,
             grooves=scenario.tower_places if scenario.dim == 3 else None,
         )
-        layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=False)}
+        if scenario.ropes:
+            layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=True)}
         wheels = scenario.sheaves
         layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)

@@ -59,7 +59,7 @@ def test_the_shipped_ropeways_feel_it_and_the_reference_models_do_not(name):
     """The example of the paper and that of EN 50318 have no air."""
     scenario = load_scenario(name)
     assert wind_unfelt(scenario) == ""
-    cables: list[Scenario] = [scenario.of_rope(rope) for rope in scenario.ropes] or [scenario]
+    cables: list[Scenario] = [scenario.of_rope(rope) for rope in scenario.cables]
     assert all(one.cable.diameter for one in cables)
 
 

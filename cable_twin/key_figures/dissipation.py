@@ -108,7 +108,7 @@ class Dissipation:
 
 def _mass(scenario: Scenario) -> float:
     """Mass (kg) of all ropes and bodies."""
-    cables = scenario.ropes.values() or [scenario.cable]
+    cables = scenario.cables.values()
     bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
     return sum(cable.mass_per_length * cable.unstrained_length for cable in cables) + sum(body.mass for body in bodies)
 
@@ -116,7 +116,7 @@ def _mass(scenario: Scenario) -> float:
 def cause(scenario: Scenario) -> str:
     """What lets the solver lose energy, and what to change: through how many elements tension waves pass in a step."""
     passed = 0.0
-    for cable in scenario.ropes.values() or [scenario.cable]:
+    for cable in scenario.cables.values():
         elements = cable.elements
         length = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
         passed = max(passed, scenario.solver.step * sqrt(cable.axial_stiffness / cable.mass_per_length) / length)

@@ -30,12 +30,11 @@ class KeyFigures:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._whole = None if scenario.ropes else FiguresOfRope(scenario)
-        self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.ropes}
+        self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.cables}
         self._dissipation, self._time = Dissipation(scenario), nan  # s, of the last frame
         self._scenario, self._carried = scenario, CarriedStops(scenario)
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
-        self._riding = () if scenario.carriers is None or self._whole is not None else (f"{scenario.carriers.name}: ",)
+        self._riding = (f"{scenario.carriers.name}: ",) if scenario.carriers and scenario.ropes else ()
         meeting = len(scenario.ropes) > 1 and len(scenario.vehicles) > 1 and scenario.dim == 3
         self._passing = PassingFigures(scenario) if meeting else None
 
@@ -44,9 +43,6 @@ class KeyFigures:
         self._carried.update(snapshot)
         self._time = snapshot.time
         self._dissipation.update(snapshot.time, snapshot.solver)
-        if self._whole is not None:
-            self._whole.update(snapshot)
-            return
         for name, rope in self._ropes.items():
             rope.update(snapshot.of_rope(name))
         self._couplings.update(snapshot)
@@ -56,34 +52,39 @@ class KeyFigures:
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command where it took effect."""
-        for rope in [self._whole] if self._whole is not None else self._ropes.values():
+        for rope in self._ropes.values():
             rope.command(applied)
         self._loops.command(applied)
         self._carried.command(applied)
 
     def touches(self) -> list[Touch]:
         """Vehicles that have met: the last touch of each with one after it on its rope."""
-        ropes = [self._whole] if self._whole is not None else self._ropes.values()
-        return [touch for rope in ropes for touch in rope.buffers.touches()]
+        return [touch for rope in self._ropes.values() for touch in rope.buffers.touches()]
 
     def figures(self) -> list[KeyFigure]:
         """All figures that have a value so far."""
         lost = self._dissipation.figure(self._time)
         of_solver = [] if isnan(lost.value) else [lost]
         carried = self._carried.figures(lambda figure, key: limited(self._scenario, figure, key))
-        if self._whole is not None:
-            return [*self._whole.figures(), *carried, *of_solver]
         found: dict[str, KeyFigure] = {}
         for name, rope in self._ropes.items():
             for own in rope.figures():
-                source = own.source.replace("scenario: cable.", f"scenario: ropes.{name}.")
-                figure = replace(own, name=_named(name, own.name), source=source)
+                source = own.source.replace("scenario: cable.", f"scenario: {self._scenario.rope_key(name)}.")
+                figure = replace(own, name=self._named(name, own.name), source=source)
                 if own.name.startswith(self._riding):  # on every strand: the worst of them, and where that was
                     figure = replace(own, place=f"{name}: {own.place}")
                     figure = _worse(found.pop(own.name, figure), figure)
                 found[figure.name] = figure
         passing = [] if self._passing is None else self._passing.figures()
         return [*found.values(), *self._loops.figures(), *carried, *self._couplings.figures(), *passing, *of_solver]
+
+    def _named(self, rope: str, figure: str) -> str:
+        """What a figure of one rope is called: by itself as it is, among those of other ropes with the name of that."""
+        if not self._scenario.ropes:
+            return figure
+        if figure.startswith(OF_ROPE):
+            return f"{rope}: {figure}"
+        return f"{rope}/{figure}" if figure.startswith(tuple(f"{end}:" for end in ENDS)) else figure
 
 
 def compile_figures(scenario: Scenario, first: Snapshot) -> None:
@@ -95,13 +96,6 @@ def _worse(one: KeyFigure, other: KeyFigure) -> KeyFigure:
     """Which of two figures of one name, on two strands, went farther."""
     least = one.bound == "at least" or one.name.endswith(LEAST)
     return other if (other.value < one.value) == least and other.value != one.value else one
-
-
-def _named(rope: str, figure: str) -> str:
-    """What a figure of one rope is called among those of others."""
-    if figure.startswith(OF_ROPE):
-        return f"{rope}: {figure}"
-    return f"{rope}/{figure}" if figure.startswith(tuple(f"{end}:" for end in ENDS)) else figure
 
 
 __all__ = ["KeyFigures", "compile_figures"]

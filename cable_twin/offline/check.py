@@ -16,8 +16,8 @@ from cable_twin.simulation import Simulation
 def refined(scenario: Scenario) -> Scenario:
     """The same scenario with elements and steps of half the length."""
     changes: dict[str, Any] = {}
-    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
-        key, elements = f"ropes.{rope}.elements" if rope else "cable.elements", cable.elements
+    for rope, cable in scenario.cables.items():
+        key, elements = f"{scenario.rope_key(rope)}.elements", cable.elements
         if isinstance(elements, Grading):
             changes |= {f"{key}.{part}": 0.5 * getattr(elements, part) for part in ("target", "at_towers")}
             # the growth per metre stays, so that elements are halved everywhere

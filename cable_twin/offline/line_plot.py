@@ -165,8 +165,8 @@ def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, f
 def tension_limits(line: Line) -> dict[float, str]:
     """Tension (kN) that the safety factor of a rope allows, with that factor, and of several ropes with their names."""
     shared: dict[tuple[float, float], list[str]] = {}
-    for name, rope in (line.scenario.ropes or {"": line.scenario.cable}).items():
-        called = f"{name}: {SAFETY_FACTOR}" if name else SAFETY_FACTOR
+    for name, rope in line.scenario.cables.items():
+        called = f"{name}: {SAFETY_FACTOR}" if line.scenario.ropes else SAFETY_FACTOR
         allowed = next((one.limit for one in line.figures if one.name == called), None)
         if allowed is not None and rope.breaking_force is not None:
             shared.setdefault((1e-3 * rope.breaking_force / allowed, allowed), []).append(name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_twin.messages import read_derailments
 from cable_twin.scenario import Scenario, in_space, tower_axes
-from cable_twin.snapshot import ENDS, Columns, Layout
+from cable_twin.snapshot import Columns, Layout
 
 
 class LoggedSupports:
@@ -28,7 +28,7 @@ class LoggedSupports:
         count = len(layout.towers)
         self._rows = np.array([layout.support_rows[name] for name in layout.towers], dtype=np.int64)
         self._scenario, self._layout, self._step = scenario, layout, scenario.solver.step
-        alone = [scenario.of_rope(name) for name in scenario.ropes] or [scenario]
+        alone = [scenario.of_rope(name) for name in scenario.cables]
         each = zip(*map(tower_axes, alone), strict=True) if layout.grooves else ()
         self._axes = tuple(np.concatenate(axes) for axes in each)  # up, and to the left
         self.rest_loads = np.full(count, nan)
@@ -77,15 +77,13 @@ class LoggedSupports:
 
     def _fill_travels(self, c: Columns) -> None:
         """How far counterweights at ends of ropes have gone, by where those ends are."""
-        ropes = self._scenario.ropes
         for rope, part in self._layout.ropes.items():
-            for sample, name in zip((part.start, part.stop - 1), ENDS, strict=True):
-                end = getattr(ropes.get(rope, self._scenario.cable), name)
-                if end.support == "counterweight":
+            cable, names = self._scenario.cables[rope], self._scenario.end_names(rope)
+            for sample, name, end in zip((part.start, part.stop - 1), names, (cable.start, cable.end), strict=True):
+                if end.support == "counterweight" and end.direction is not None:
                     direction = np.array(in_space(end.direction)) / np.linalg.norm(end.direction)
                     moved = c.rope_position[sample] - self._scenario.placed(rope, end.position)
-                    row = self._layout.support_rows[f"{rope}/{name}" if ropes else name]
-                    c.support_travel[row] = float(moved @ direction)
+                    c.support_travel[self._layout.support_rows[name]] = float(moved @ direction)
 
 
 __all__ = ["LoggedSupports"]

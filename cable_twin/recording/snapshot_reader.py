@@ -141,8 +141,7 @@ class _Frames:
         self._winds = np.array([in_space(scenario.air.wind)] * 2)  # m/s, at the start and now
         self._payloads = self._first_payloads()
         self._names_checked = False
-        cables = [*scenario.ropes.values()] or [scenario.cable]
-        self._lengths = np.array([cable.unstrained_length for cable in cables])
+        self._lengths = np.array([cable.unstrained_length for cable in scenario.cables.values()])
         self._hung = hung_rows(layout)
         self._full = _full_state(log.snapshot)
         if self._full is not None:
@@ -265,8 +264,7 @@ class _Frames:
     def _go_to(self, full: FullState, *, back: bool = False) -> None:
         """Take over what no frame tells, of the state or, `back`, of its start."""
         states = full.starts if back else full.states
-        names = [*self._scenario.ropes] or [""]
-        alone = [self._scenario.of_rope(name) if name else self._scenario for name in names]
+        alone = [self._scenario.of_rope(name) for name in self._scenario.cables]
         for one, state in zip(alone, states, strict=True):  # of what rides a loop, as its last strand has it
             for vehicle, mass in zip(one.vehicles, state.payload.tolist(), strict=True):
                 self._payloads[self._layout.vehicle_rows[vehicle]] = mass

@@ -22,7 +22,6 @@ from cable_twin.messages.topics import TFMessage
 from cable_twin.ros.twin_list import UNLIMITED
 from cable_twin.scenario import Scenario, command_limits, in_space, limits_of, places_of
 from cable_twin.scenario.vehicles import Body, Carriage
-from cable_twin.snapshot import ENDS
 
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
@@ -42,9 +41,9 @@ def pivot_frame(vehicle: str, body: str) -> str:
 
 def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
     """Frames that stand still: name, frame that each is seen from (None: the fixed one), place x, y, z (m) in it."""
-    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
-        for name, end in zip(ENDS, (cable.start, cable.end), strict=True):
-            yield f"{rope}/{name}" if rope else name, None, scenario.placed(rope, end.position)
+    for rope, cable in scenario.cables.items():
+        for name, end in zip(scenario.end_names(rope), (cable.start, cable.end), strict=True):
+            yield name, None, scenario.placed(rope, end.position)
     yield from ((name, None, place) for name, place in scenario.tower_places.items())
     yield from ((name, None, scenario.placed(None, scenario.cable.start.position)) for name in scenario.drives)
     for vehicle, carriage in scenario.vehicles.items():

@@ -172,7 +172,7 @@ class Markers:
             reached = [np.vstack([joint, c.body_position]) for joint in c.joint_position]
             ground = default_ground(c.rope_position[:, ::2], [points[:, ::2] for points in reached])
         half, mast = 0.02 * self._span, 0.002 * self._span
-        ropes = scenario.ropes or {"": scenario.cable}
+        ropes = scenario.cables
         ends = [scenario.placed(name, end.position) for name, rope in ropes.items() for end in (rope.start, rope.end)]
         names = [*self._layout.end_samples, *self._layout.towers]
         sides = [y for _, y, _ in (*ends, *self._towers)]

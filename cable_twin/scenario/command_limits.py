@@ -55,7 +55,7 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
     carriage = scenario.carriages[name]
     if carriage.joint == "fixed":
         return carriage.arc_length, carriage.arc_length
-    alone = scenario.of_rope(carriage.rope or next(iter(scenario.ropes))) if scenario.ropes else scenario
+    alone = scenario.of_rope(carriage.rope or next(iter(scenario.cables)))
     stroke = stop_stroke(alone, carriage)
     return stroke, alone.cable.unstrained_length - stroke
 

@@ -154,6 +154,15 @@ class Scenario(Section):
         """All ropes by name; a cable by itself is called `cable`."""
         return self.ropes or {CABLE: self.cable}
 
+    def rope_key(self, name: str) -> str:
+        """Key of a rope in the file: `cable`, or `ropes.NAME`."""
+        return f"ropes.{name}" if self.ropes else "cable"
+
+    def end_names(self, name: str) -> tuple[str, str]:
+        """What the supports at start and end of a rope are called: with its name where there are `ropes`."""
+        start, end = (f"{name}/{end}" if self.ropes else end for end in ("start", "end"))
+        return start, end
+
     def of_rope(self, name: str) -> Scenario:
         """The same of one rope alone, with what is on it: a scenario with a cable."""
         if not self.ropes:

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from cable_twin.scenario.fault import Fault, name_faults, show
 from cable_twin.scenario.schema import Scenario
 
-ENDS = ("start", "end")
-
 
 def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
     """All of them."""
     vehicles = _vehicles(scenario)
-    ends = [f"{rope}/{end}" for rope in scenario.ropes for end in ENDS] or ENDS
+    ends = [end for rope in scenario.cables for end in scenario.end_names(rope)]
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
     known = {
         "encoder": [*scenario.drives, *vehicles],

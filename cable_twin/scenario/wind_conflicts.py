@@ -38,8 +38,7 @@ def wind_unfelt(scenario: Scenario) -> str:
     """Reason why no wind has any effect in a scenario; empty where a rope or a body feels it."""
     if scenario.air.density <= 0.0:
         return "nothing feels the wind: air.density is 0 kg/m^3"
-    cables = scenario.ropes.values() or [scenario.cable]
-    if any(cable.diameter is not None and cable.drag_coefficient != 0.0 for cable in cables):
+    if any(cable.diameter is not None and cable.drag_coefficient != 0.0 for cable in scenario.cables.values()):
         return ""
     if any(body.shedding is not None or any(body.drag_areas) for _, body in _bodies(scenario)):
         return ""

@@ -150,7 +150,7 @@ class Engine:
 
     def _sharpen(self, name: str, part: Ropeway) -> bool:
         with self._naming(name):
-            return part.sharpen(f"ropes.{name}" if self._scenario.ropes else "cable")
+            return part.sharpen(self._scenario.rope_key(name))
 
     def _find_rest(self) -> None:
         """Bring each rope to rest by itself, then all of them together."""

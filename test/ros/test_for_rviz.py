@@ -267,10 +267,9 @@ def test_frames_are_one_tree_with_supports_and_pins(shown):
         placed(found, frame)
     assert not any(frame.startswith("/") or not frame for frame in found)
     scenario = simulation.scenario
-    for rope, cable in scenario.ropes.items() or [("", scenario.cable)]:
-        for name, end in (("start", cable.start), ("end", cable.end)):
+    for rope, cable in scenario.cables.items():
+        for frame, end in zip(scenario.end_names(rope), (cable.start, cable.end), strict=True):
             x, y, z = in_space(end.position)
-            frame = f"{rope}/{name}" if rope else name
             np.testing.assert_array_equal(placed(found, frame)[0], (x, y + cable.lateral, z))
     for name, tower in scenario.towers.items():
         x, y, z = in_space(tower.position)
