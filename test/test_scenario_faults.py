@@ -321,3 +321,16 @@ def test_an_error_survives_pickling():
     error = pickle.loads(pickle.dumps(ScenarioError("one", "two")))
     assert error.faults == ("one", "two")
     assert str(error) == "one\ntwo"
+
+
+@pytest.mark.parametrize("count", ["many", 3.5, None, True])
+@pytest.mark.parametrize("name", ["chairlift", "gondola"])
+def test_a_count_of_carriers_that_is_none_is_one_fault(name, count):
+    """Of a loop in `ropes`, and of one strand: what goes by the number of vehicles is left out of the checks."""
+    source = load_scenario(name).resolved()
+    source["carriers"]["count"] = count
+    (fault,) = faults_of(source)
+    assert fault.startswith("mapping: carriers.count: given ")
+    alone = {key: source[key] for key in ("carriers",)}
+    alone["cable"] = {**source["ropes"][next(iter(source["ropes"]))], "kinks": "sharp"}
+    assert any(fault.startswith("mapping: carriers.count: given ") for fault in faults_of(alone))

@@ -269,7 +269,7 @@ class Scenario(Section):
         if self.ropes:  # rope by rope, as they are read
             rows = {name: row for row, name in enumerate(self.ropes)}
             carriages = dict(sorted(carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
-        if carriers is None:
+        if carriers is None or carriers.count != carriers.count:  # of a file whose count is a fault
             return carriages
         spacing = self.spacing
         first = 0.5 * spacing if carriers.first is None else carriers.first
