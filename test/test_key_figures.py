@@ -131,6 +131,30 @@ def test_stopping_distance_is_half_the_square_of_speed_over_deceleration():
     assert (stop.time, stop.limit, stop.source, stop.kept) == (5.0, 20.0, "scenario: limits.stopping_distance", True)
 
 
+def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():
+    """6 m/s, a standstill after 15 m, then a swing of 0.8 m; later frames of a new trip belong to no stop."""
+    figures = KeyFigures(scenario())
+
+    def sit(moment, way, speed):
+        swing = 0.8 * np.sin(moment - 10.0) if moment > 10.0 else 0.0
+        figures.update(snapshot(moment, place=way, speed=speed, body=(way + swing, 0.0)))
+
+    for moment in np.arange(0.0, 5.001, PERIOD):
+        sit(moment, 6.0 * moment, 6.0)
+    figures.command(AppliedCommand(5.0, Command("emergency_stop", {}), "test"))
+    for moment in np.arange(5.0 + PERIOD, 20.0, PERIOD):
+        passed = min(moment - 5.0, 5.0)
+        sit(moment, 30.0 + 6.0 * passed - 0.6 * passed**2, 6.0 - 1.2 * passed)
+    name = "cabin: passenger's stopping distance"
+    slopes = np.sqrt(1.0 + (4.0 * SAG / LENGTH * (1.0 - 2.0 * 45.0 / LENGTH)) ** 2)  # the rope falls there
+    assert gathered(figures)[name].value == pytest.approx(15.8 / slopes, rel=2e-3)
+    figures.command(AppliedCommand(20.0, Command("emergency_stop", {}), "test"))  # once more: it is one stop
+    figures.command(AppliedCommand(20.0, Command("speed", {"cabin": 3.0}), "test"))
+    sit(21.0, 100.0, 3.0)
+    assert gathered(figures)[name].value == pytest.approx(15.8 / slopes, rel=2e-3)
+    assert "cabin: stopping distance" in gathered(figures)
+
+
 def test_stopping_distance_counts_from_the_command_also_between_frames():
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 5.0)

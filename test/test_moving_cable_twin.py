@@ -180,16 +180,17 @@ def test_start_emergency_stop_and_release(sign):
 
 @pytest.mark.parametrize(("space", "speed"), [(2, 1.0), (2, -1.0), pytest.param(3, 1.0, marks=pytest.mark.long)])
 def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
-    """Its way is the one of its clamp in space, up to where that stands for the first time."""
+    """Its way is that of its clamp, up to where that stands for the first time; a passenger swings on."""
     scenario = load_scenario(short_scenario().resolved(), {"space": space})
     simulation, figures = Simulation(scenario), KeyFigures(scenario)
     simulation.command("haul_rope", speed=speed)
     figures.update(simulation.advance_to(4.0))
     figures.command(simulation.emergency_stop())
-    places = [simulation.snapshot.columns.joint_position.copy()]
+    places, loads = [simulation.snapshot.columns.joint_position], [simulation.snapshot.columns.body_position]
     for frame in range(1, 201):
         figures.update(simulation.advance_to(4.0 + 0.01 * frame))
-        places.append(simulation.snapshot.columns.joint_position.copy())
+        places.append(simulation.snapshot.columns.joint_position)
+        loads.append(simulation.snapshot.columns.body_position)
     found = {figure.name: figure for figure in figures.figures()}
     assert found["haul_rope: stopping distance"].value == pytest.approx(0.4, rel=0.02)
     name, _, how = found["chair: stopping distance"].place.partition(", ")
@@ -199,6 +200,12 @@ def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
     last = int(np.argmax(steps <= 1e-5))
     assert found["chair: stopping distance"].value == pytest.approx(steps[:last].sum(), rel=0.02)
     assert 0.6 < found["chair: stopping time"].value < 2.0  # 0.8 s of the rim
+    seat = found["chair: passenger's stopping distance"]
+    row = simulation.layout.vehicle_rows[seat.place.partition(", ")[0]]
+    gone = np.array(loads)[:, row] - loads[0][row]
+    assert seat.value == pytest.approx((gone @ (way[5] - way[0]) / np.linalg.norm(way[5] - way[0])).max(), rel=0.05)
+    assert seat.value > found["chair: stopping distance"].value + 0.05
+    assert (seat.limit, seat.time) == (None, 4.0)
 
 
 def test_reset_puts_rope_and_carriers_back():

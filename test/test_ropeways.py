@@ -138,6 +138,10 @@ def test_an_emergency_stop_of_the_whole_lift_has_its_way_and_time():
     chair, duration = found["chair: stopping distance"], found["chair: stopping time"]
     assert chair.place.startswith("chair_")  # the one that goes on farthest: the rope gives way
     assert 2.62 < chair.value < 3.2
+    seat = found["chair: passenger's stopping distance"]
+    assert chair.value + 0.2 < seat.value < 4.0
+    assert seat.place.startswith("chair_")
+    assert seat.place.endswith("its load along the rope, swing included")
     assert duration.value == pytest.approx(2.5 / 1.2, abs=0.3)
     assert found["haul_rope: drive power, lowest"].value < 0.0
     torque, force = found["drive: drive torque, highest"], found["haul_rope: drive force"]

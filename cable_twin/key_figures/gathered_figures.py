@@ -12,6 +12,7 @@ from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.loop_figures import LoopFigures
 from cable_twin.key_figures.passing_figures import PassingFigures
 from cable_twin.key_figures.rope_figures import FiguresOfRope
+from cable_twin.key_figures.seat_stops import SeatStops
 from cable_twin.key_figures.stops import CarriedStops
 from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
@@ -33,6 +34,7 @@ class KeyFigures:
         self._ropes = {name: FiguresOfRope(scenario.of_rope(name)) for name in scenario.cables}
         self._dissipation, self._time = Dissipation(scenario), nan  # s, of the last frame
         self._scenario, self._carried = scenario, CarriedStops(scenario)
+        self._seats = SeatStops(scenario)
         self._couplings, self._loops = CouplingFigures(scenario), LoopFigures(scenario)
         self._riding = (f"{scenario.carriers.name}: ",) if scenario.carriers and scenario.ropes else ()
         meeting = len(scenario.ropes) > 1 and len(scenario.vehicles) > 1 and scenario.dim == 3
@@ -41,6 +43,7 @@ class KeyFigures:
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot; they come in the order of time."""
         self._carried.update(snapshot)
+        self._seats.update(snapshot)
         self._time = snapshot.time
         self._dissipation.update(snapshot.time, snapshot.solver)
         for name, rope in self._ropes.items():
@@ -56,6 +59,7 @@ class KeyFigures:
             rope.command(applied)
         self._loops.command(applied)
         self._carried.command(applied)
+        self._seats.command(applied)
 
     def touches(self) -> list[Touch]:
         """Vehicles that have met: the last touch of each with one after it on its rope."""
@@ -65,7 +69,10 @@ class KeyFigures:
         """All figures that have a value so far."""
         lost = self._dissipation.figure(self._time)
         of_solver = [] if isnan(lost.value) else [lost]
-        carried = self._carried.figures(lambda figure, key: limited(self._scenario, figure, key))
+        carried = [
+            *self._carried.figures(lambda figure, key: limited(self._scenario, figure, key)),
+            *self._seats.figures(),
+        ]
         found: dict[str, KeyFigure] = {}
         for name, rope in self._ropes.items():
             for own in rope.figures():

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Columns, Snapshot
+from cable_twin.snapshot import Snapshot
 
 STANDSTILL = 1e-3  # m/s
 SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle on a haul rope swings so after one
@@ -139,7 +140,7 @@ class CarriedStops:
             for row, (name, one) in enumerate(scenario.vehicles.items())
             if self._drives and (one.joint == "clamped" or one.clamped_to)
         }
-        self._names, self._rows = list(carried), np.array([*carried.values()], np.int64)
+        self._names, self._rows = list(carried), np.array([*carried.values()], np.intp)
         own = [name for name in carried if name in scenario.carriages]
         self._groups = {name: [self._names.index(name)] for name in own}
         if riding := [row for row, name in enumerate(self._names) if name not in scenario.carriages]:
@@ -166,7 +167,7 @@ class CarriedStops:
             return  # a frame without poses
         on = c.attached[self._rows] == 1.0
         if self._begun is not None:
-            steps = np.sum((place - self._place) * self._along(snapshot, c), axis=1)
+            steps = np.sum((place - self._place) * along_rope(snapshot, self._rows), axis=1)
             self._go_on(time, np.where(on & self._on, steps, nan))
         self._time, self._place, self._on = time, place, on
         self._speed = np.where(on, c.speed[self._rows], 0.0)
@@ -223,16 +224,17 @@ class CarriedStops:
                     KeyFigure(f"{name}: stopping time", last, "s", time, f"{kind}, until the last one stands"),
                 )
 
-    def _along(self, snapshot: Snapshot, c: Columns) -> FloatArray:
-        """Unit vectors (vehicles, 3) along the rope at all vehicles."""
-        found = np.full((len(self._names), 3), nan)
-        arc, parts = snapshot.layout.arc_lengths, list(snapshot.layout.ropes.values())
-        for number, row in enumerate(self._rows.tolist()):
-            part = parts[int(np.nan_to_num(c.vehicle_rope[row]))]
-            if c.attached[row] == 1.0 and not isnan(c.arc_length[row]):
-                after = min(max(int(np.searchsorted(arc[part], c.arc_length[row])), 1), part.stop - part.start - 1)
-                found[number] = c.rope_position[part.start + after] - c.rope_position[part.start + after - 1]
-        return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+def along_rope(snapshot: Snapshot, rows: NDArray[np.intp]) -> FloatArray:
+    """Unit vectors (n, 3) along the rope at vehicles with these numbers (n,); NaN where one is on no rope."""
+    found = np.full((len(rows), 3), nan)
+    c, arc, parts = snapshot.columns, snapshot.layout.arc_lengths, list(snapshot.layout.ropes.values())
+    for number, row in enumerate(rows.tolist()):
+        part = parts[int(np.nan_to_num(c.vehicle_rope[row]))]
+        if c.attached[row] == 1.0 and not isnan(c.arc_length[row]):
+            after = min(max(int(np.searchsorted(arc[part], c.arc_length[row])), 1), part.stop - part.start - 1)
+            found[number] = c.rope_position[part.start + after] - c.rope_position[part.start + after - 1]
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-__all__ = ["CarriedStops", "Stop", "Stops", "StopsOf"]
+__all__ = ["STANDSTILL", "CarriedStops", "Stop", "Stops", "StopsOf", "along_rope"]
