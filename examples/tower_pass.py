@@ -108,9 +108,7 @@ def trip(link: Link, options: argparse.Namespace, passing: float) -> SpeedPlan:
     highest = 0.5 * slope * (math.sqrt(least**2 + 4.0 * room / slope) - least) if room > 0.0 else 0.0
     top = min(options.speed, highest)
     if top < passing:
-        raise ExperimentError(
-            f"--at {options.at:g} m: {before:.1f} m to its window are too short to pass it at {passing:g} m/s"
-        )
+        raise ExperimentError(f"the {before:.1f} m before {options.at:g} m are too short to reach it")
     up, down, stop = top / slope, (top - passing) / slope, passing / slope
     cruise = (before - 0.5 * top * up - 0.5 * (top + passing) * down) / top
     sign = math.copysign(1.0, distance)
@@ -157,7 +155,7 @@ def choose(link: Link, options: argparse.Namespace) -> tuple[float, SpeedPlan, C
         except ExperimentError as error:
             if passing == candidates[-1] and not tried:
                 raise
-            print(f"tower_pass.py: not at {passing:.2f} m/s: {error}", flush=True)
+            print(f"tower_pass.py: {passing:.2f} m/s is not possible: {error}", flush=True)
             continue
         calm = predict(link, options, plan)
         print(f"tower_pass.py: passing at {passing:.2f} m/s: {calm}", flush=True)

@@ -12,7 +12,7 @@ from cable_twin.records import SolverReport
 from cable_twin.scenario import Grading, Scenario
 from cable_twin.units import with_unit
 
-ENERGY_LOST = "energy lost by the solver over kinetic energy exchanged"
+ENERGY_LOST = "energy lost by the solver, relative"
 BLOCK = 5.0  # s of simulated time over which losses are added up
 SIGNIFICANT = 0.02  # of the block that moved most: less is the end of a motion, on which nothing depends
 QUIET = 0.01  # m/s, with which all mass may move and count as standing still

@@ -32,6 +32,7 @@ from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
+from cable_twin.recording.web_view import why_not
 
 LONGEST_TITLE = 24  # letters of what --output called a run, in a legend
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
@@ -173,7 +174,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
                 try:
                     made = MadeRecording(readings)
                 except (OSError, ImportError) as error:  # rerun may be left out of an installation
-                    tell("review", f"no rerun recording: {error}; --rerun off makes none")
+                    tell("review", f"no rerun recording: {why_not(error)}; --rerun off makes none")
                     code = NOT_WRITTEN
         try:
             comparisons = compare(*(reading.values() for reading in readings))
@@ -205,7 +206,7 @@ def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
         try:
             serve(recordings)
         except (OSError, ImportError) as error:
-            tell("review", f"--rerun web: {error}")
+            tell("review", f"--rerun web: {why_not(error)}")
             return NOT_WRITTEN
     elif recordings:
         show(recordings, bags)

@@ -14,7 +14,7 @@ from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import View
-from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port
+from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port, why_not
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
 
@@ -66,12 +66,12 @@ def open_logs(
             break
         except Exception as error:  # rerun has no class of its own; the bag is worth having without it
             missing = "live view, a file only" if live else "rerun recording"
-            faults.append(f"recording: no {missing}: {' '.join(str(error).split())}")
+            faults.append(f"recording: no {missing}: {why_not(error)}")
     if rerun == "web" and view is not None and view.url is not None:
         try:
             web = WebView(view.url)
         except (OSError, ImportError) as error:
-            faults.append(f"recording: no web view: {error}")
+            faults.append(f"recording: no web view: {why_not(error)}")
     views = () if view is None else (view,)
     return Logs(log, views, view.url if view is not None else None, web, faults)
 

@@ -94,10 +94,17 @@ def _program() -> list[str]:
     return [setpriv, "--pdeathsig", "TERM", *command] if setpriv else command
 
 
+def why_not(error: Exception) -> str:
+    """Reason in one line why rerun cannot be used, with what to install where it is missing."""
+    if isinstance(error, ImportError):
+        return f"rerun is not installed ({error}): pip install rerun-sdk"
+    return " ".join(str(error).split())
+
+
 def _answers(port: int) -> bool:
     with socket.socket() as probe:
         probe.settimeout(0.5)
         return probe.connect_ex((LIVE_ADDRESS, port)) == 0
 
 
-__all__ = ["LIVE_ADDRESS", "LIVE_PORT", "WebView", "free_port", "live_url"]
+__all__ = ["LIVE_ADDRESS", "LIVE_PORT", "WebView", "free_port", "live_url", "why_not"]

@@ -142,7 +142,10 @@ def test_without_rerun_it_shows_the_rest_and_says_so_in_a_line(runs, tmp_path, m
     assert main([str(directory)]) == 1
     printed = capsys.readouterr()
     assert "cabin: stopping distance" in printed.out
-    assert re.fullmatch(r"review: no rerun recording: .*; --rerun off makes none\n", printed.err)
+    assert re.fullmatch(
+        r"review: no rerun recording: rerun is not installed .* install rerun-sdk; --rerun off makes none\n",
+        printed.err,
+    )
 
 
 def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, capsys):
