@@ -339,7 +339,7 @@ def test_limits_that_a_lift_gives_hold_also_where_they_equal_those_of_track_rope
     given = {"limits.rope_safety_factor": None, **changes} | ({"space": 3} if lift == "in space" else {})
     found = load_scenario(one_strand("chairlift") if lift == "one strand" else "chairlift", given)
     held = {
-        key: limited(found, KeyFigure(key, 20.0, "-", 0.0), key, "at least", clamped=True)
+        key: limited(found, KeyFigure(key, 20.0, "-", 0.0), key, clamped=True)
         for key in ("tension_per_transverse_load", "rope_safety_factor")
     }
     assert [figure.limit for figure in held.values()] == [ratio, factor]

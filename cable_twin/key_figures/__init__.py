@@ -9,14 +9,12 @@ from cable_twin.key_figures.buffers import BUFFER_FORCE
 from cable_twin.key_figures.dissipation import ENERGY_LOST
 from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.gathered_figures import KeyFigures, compile_figures
-from cable_twin.key_figures.limits import SOURCES
 from cable_twin.key_figures.space_figures import DERAILED
 
 __all__ = [
     "BUFFER_FORCE",
     "DERAILED",
     "ENERGY_LOST",
-    "SOURCES",
     "KeyFigure",
     "KeyFigures",
     "compile_figures",

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, cast, get_args
+from typing import cast, get_args
 
 from cable_twin.key_figures.extremes import Extremes
+from cable_twin.scenario.limits import Bound
 
-Bound = Literal["at most", "at least"]
 TOLERANCE = 1e-3  # of a limit
 
 
@@ -100,4 +100,4 @@ def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound
     return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
 
 
-__all__ = ["Bound", "KeyFigure", "figure_from_values", "figure_of", "values_of", "wind_at", "with_limit"]
+__all__ = ["KeyFigure", "figure_from_values", "figure_of", "values_of", "wind_at", "with_limit"]

@@ -10,7 +10,8 @@ import numpy as np
 
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.key_figures.extremes import lowest
-from cable_twin.key_figures.figure import KeyFigure, figure_of, with_limit
+from cable_twin.key_figures.figure import KeyFigure, figure_of
+from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.passing_measures import Passing, take_passing
 from cable_twin.key_figures.space_figures import LOOKS
 from cable_twin.mechanics.language.by_reference import pack
@@ -18,8 +19,6 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.vehicles import Body
 from cable_twin.snapshot import Layout, Snapshot
-
-ASSUMED = "assumed: as much as somebody leans out, with a reserve"
 
 
 class Hull(NamedTuple):
@@ -79,10 +78,7 @@ class PassingFigures:
 
     def figures(self) -> list[KeyFigure]:
         """One of each pair that was near each other."""
-        found, limits = [], self._scenario.limits
-        limit = limits.vehicle_separation
-        own = limit != type(limits).model_fields["vehicle_separation"].default
-        source = "scenario: limits.vehicle_separation" if own else ASSUMED
+        found = []
         for one, other in combinations_with_replacement(range(len(self._groups)), 2):
             row = one * len(self._groups) + other
             if self.memory.clearance.value(row) >= 0.0:
@@ -90,7 +86,7 @@ class PassingFigures:
                 figure = figure_of(self.memory.clearance, row, f"clearance between {names}, least", "m")
                 who, beside = (self._vehicles[number] for number in self.memory.pair[row].tolist())
                 place = f"{who} at {figure.place}" if one != other else f"{who} and {beside}, {figure.place}"
-                figure = with_limit(replace(figure, place=place), limit, source, "at least")
+                figure = limited(self._scenario, replace(figure, place=place), "vehicle_separation")
                 found.append(replace(figure, band=LOOKS))
         return found
 

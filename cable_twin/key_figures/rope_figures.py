@@ -12,7 +12,7 @@ import numpy as np
 from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.extremes import Extremes
-from cable_twin.key_figures.figure import Bound, KeyFigure, figure_of, with_limit
+from cable_twin.key_figures.figure import KeyFigure, figure_of, with_limit
 from cable_twin.key_figures.limits import limited
 from cable_twin.key_figures.rope_measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space_figures import LOOKS, SpaceFigures
@@ -124,7 +124,7 @@ class FiguresOfRope:
         breaking_force = self._scenario.cable.breaking_force
         if breaking_force is not None and highest.value > 0.0:
             factor = replace(highest, name="rope safety factor", value=breaking_force / highest.value, unit="-")
-            yield self._limited(factor, "rope_safety_factor", "at least")
+            yield self._limited(factor, "rope_safety_factor")
         if self._first_tension > 0.0:
             ratio = highest.value / self._first_tension
             amplified = replace(
@@ -137,7 +137,7 @@ class FiguresOfRope:
             yield self._limited(figure_of(self._memory.sag, number, name, "m", "x"), "sag")
         kept = self._memory if self._space is None else self._space.memory
         clearance = figure_of(kept.clearance, 0, "rope clearance over the terrain", "m", "x")
-        yield replace(self._limited(clearance, "rope_clearance", "at least"), band=LOOKS)
+        yield replace(self._limited(clearance, "rope_clearance"), band=LOOKS)
 
     def _of_supports(self) -> Iterator[KeyFigure]:
         cable, memory = self._scenario.cable, self._memory
@@ -148,12 +148,12 @@ class FiguresOfRope:
             margin = figure_of(memory.margin, number, f"{name}: deropement margin, load over that at rest", "-")
             if margin.value == 0.0 and load.value == 0.0:
                 margin = replace(margin, place="does not touch")
-            yield replace(self._limited(margin, "deropement_margin", "at least"), band="sampled at every solver step")
+            yield replace(self._limited(margin, "deropement_margin"), band="sampled at every solver step")
             roller = figure_of(memory.roller_load, number, f"{name}: load of a roller, lowest", "N")
             count = int(memory.rollers[number])
             touches = f"mean of {count} rollers" if count > 1 else "one roller"
             roller = replace(roller, place="does not touch" if load.value == 0.0 else touches)
-            yield replace(self._limited(roller, "roller_load", "at least"), band="sampled at every solver step")
+            yield replace(self._limited(roller, "roller_load"), band="sampled at every solver step")
             if self._space is not None and name not in ENDS:
                 yield from self._space.of_tower(name, number)
             low, high = None, None
@@ -202,9 +202,9 @@ class FiguresOfRope:
         yield worst(memory.haul_force, members, f"{name}: haul force", "N")
         ratio = worst(memory.tension_ratio, members, f"{name}: tension over transverse load", "-")
         clamped = self._scenario.vehicles[self._vehicles[members[0]]].joint == "clamped"
-        yield limited(self._scenario, ratio, "tension_per_transverse_load", "at least", clamped=clamped)
+        yield limited(self._scenario, ratio, "tension_per_transverse_load", clamped=clamped)
         height = worst(kept.clearance.after_first(), members, f"{name}: clearance over the terrain", "m", "x")
-        yield replace(self._limited(height, "vehicle_clearance", "at least"), band=LOOKS)
+        yield replace(self._limited(height, "vehicle_clearance"), band=LOOKS)
         yield from self._stops.figures(name, self._limited)
 
     def _worst(
@@ -215,9 +215,9 @@ class FiguresOfRope:
         figure = figure_of(extremes, worst, name, unit, at)
         return figure if len(members) == 1 else replace(figure, place=f"{self._vehicles[worst]}, {figure.place}")
 
-    def _limited(self, figure: KeyFigure, key: str, bound: Bound = "at most") -> KeyFigure:
+    def _limited(self, figure: KeyFigure, key: str) -> KeyFigure:
         """The figure with the limit of the scenario, and where that comes from."""
-        return limited(self._scenario, figure, key, bound)
+        return limited(self._scenario, figure, key)
 
 
 def drive_figures(

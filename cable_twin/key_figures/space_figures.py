@@ -72,7 +72,7 @@ class SpaceFigures:
             if number >= 0.0:
                 where = figure.place.replace(f"mast {number:.1f} m", self._masts[int(number)])
                 figure = replace(figure, place=where)
-            yield replace(limited(figure, "tower_clearance", "at least"), band=LOOKS)
+            yield replace(limited(figure, "tower_clearance"), band=LOOKS)
 
 
 __all__ = ["DERAILED", "LOOKS", "SpaceFigures"]

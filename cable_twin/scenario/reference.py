@@ -175,9 +175,11 @@ def _models(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
 def _entries(model: type[BaseModel]) -> Iterator[Entry]:
     """The keys of one model."""
     for name, field in model.model_fields.items():
-        unit = field.json_schema_extra.get("unit", "") if isinstance(field.json_schema_extra, dict) else ""
+        extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+        unit, source = str(extra.get("unit", "")), str(extra.get("source", ""))
         meaning = (field.description or "").removesuffix(f" ({unit})")
-        yield Entry(name, str(unit), _default(field), allowed(field, unit=False), meaning)
+        sourced = f"{meaning}; {source}" if source else meaning
+        yield Entry(name, unit, _default(field), allowed(field, unit=False), sourced)
     if model is Tower:
         yield TOWER_OF_ROPES
 

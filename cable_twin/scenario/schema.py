@@ -17,6 +17,7 @@ from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwh
 from cable_twin.scenario.carriers import CarrierKind, Carriers
 from cable_twin.scenario.couplings import Connector, Pantograph
 from cable_twin.scenario.drives import RopeDrive
+from cable_twin.scenario.limits import KeyFigureLimits
 from cable_twin.scenario.line import Cable, TerrainSides, Tower
 from cable_twin.scenario.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
 from cable_twin.scenario.vehicles import Carriage, Payload
@@ -57,43 +58,6 @@ class Solver(Section):
     tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-9, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)
-
-
-class KeyFigureLimits(Section):
-    """Limits of key figures; null is no limit unless the key says otherwise. `key_figures` names the source of each."""
-
-    rope_safety_factor: float | None = quantity(
-        "-", "lowest breaking force over tension; null: 3.15, and 4.5 for a rope that moves; 0: no limit", None, ge=0
-    )
-    haul_rope_safety_factor: float | None = quantity("-", "the same of haul ropes beside others", 4.5, gt=0)
-    tension_per_transverse_load: float | None = quantity(
-        "-",
-        "lowest tension over load across the rope; null: 10 for carriages that roll on it, no limit for clamped ones; "
-        "0: no limit",
-        None,
-        ge=0,
-    )
-    swing: float | None = quantity("rad", "highest swing of a carriage along the track", 0.35, gt=0)
-    lateral_swing: float | None = quantity("rad", "highest swing across the track, in space", 0.2, gt=0)
-    tower_clearance: float | None = quantity("m", "least distance of a vehicle from a mast, in space", 0.5, ge=0)
-    vehicle_separation: float | None = quantity(
-        "m", "least distance of vehicles on different ropes from each other, in space", 1.0, ge=0
-    )
-    acceleration: float | None = quantity("m/s^2", "highest acceleration of the last body of a carriage", 1.5, gt=0)
-    stopping_distance: float | None = quantity("m", "longest way to a standstill", None, gt=0)
-    stopping_time: float | None = quantity("s", "longest time to a standstill", None, gt=0)
-    sag: float | None = quantity("m", "largest depth of the cable below its chord, of each span", None, gt=0)
-    dynamic_amplification: float | None = quantity("-", "highest tension over that at the start", None, gt=0)
-    rope_clearance: float | None = quantity("m", "least height of the cable over the terrain", 0.0, ge=0)
-    vehicle_clearance: float | None = quantity("m", "least height of a vehicle over the terrain", 0.0, ge=0)
-    support_load: float | None = quantity("N", "highest force of the cable on a support", None, gt=0)
-    deropement_margin: float | None = quantity("-", "least load of a tower over its load at rest", 0.1, ge=0, le=1)
-    roller_load: float | None = quantity(
-        "N", "least load of a roller of a tower, mean of those of the tower", 500.0, ge=0
-    )
-    energy_lost: float | None = quantity(
-        "-", "largest energy lost by the solver in 5 s over the kinetic energy exchanged", 0.005, gt=0
-    )
 
 
 class Scenario(Section):
