@@ -57,7 +57,7 @@ def stages_table(effort: Effort, progress: Progress) -> tuple[list[Table], list[
         f"{count} frames of {PERIOD * 1e3:g} ms in each round. Solve: all frames in one call. Observe: the difference "
         "to one call a frame, which reads a snapshot each time. Encode: what is published in a frame.",
         "MCAP and rerun: writing, compressing and closing, in the recorder's thread of the node; the threads of rerun "
-        "itself come on top.",
+        "itself come on top. Capture and restore: the whole state, without reading a snapshot of it; no frame does so.",
     ]
     if "publish" in stages:
         notes.append(
@@ -72,7 +72,7 @@ def _round(scenario: str, drive: str, speed: float, count: int) -> dict[str, Tim
     """Every stage over the same frames."""
     times = [(index + 1) * PERIOD for index in range(count)]
     stages: dict[str, Timing] = {}
-    ahead, simulation = (_under_way(scenario, drive, speed) for _ in range(2))
+    ahead, simulation = (_under_way(scenario, drive, speed, on_demand=alone) for alone in (True, False))
     stages["solve"] = timed(lambda: ahead.advance_to(times[-1]))
     snapshots: list[Snapshot] = []
     stages["solve and observe"] = timed(lambda: snapshots.extend(map(simulation.advance_to, times)))
@@ -100,11 +100,19 @@ def _round(scenario: str, drive: str, speed: float, count: int) -> dict[str, Tim
         stages["MCAP"] = timed(lambda: _write(log, encoder, snapshots, logged))
         view = open_view(simulation.scenario, Path(name) / "log.rrd", live=False)
         stages["rerun"] = timed(lambda: _draw(view, snapshots))
+    stages["capture"] = timed(lambda: _repeat(ahead.capture, count))
+    full = ahead.capture()
+    stages["restore"] = timed(lambda: _repeat(lambda: ahead.restore(full), count))
     return stages
 
 
-def _under_way(scenario: str, drive: str, speed: float) -> Simulation:
-    simulation = Simulation(load_scenario(scenario))
+def _repeat(call: Callable[[], object], count: int) -> None:
+    for _ in range(count):
+        call()
+
+
+def _under_way(scenario: str, drive: str, speed: float, *, on_demand: bool) -> Simulation:
+    simulation = Simulation(load_scenario(scenario), on_demand=on_demand)
     simulation.command(drive, speed=speed)
     return simulation
 
