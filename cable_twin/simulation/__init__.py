@@ -1,4 +1,4 @@
-"""One twin: the only owner of state and solver time, what commands do to it, and what it shows."""
+"""One twin: only owner of state and solver time, effect of commands on it, and its snapshots."""
 
 from cable_twin.simulation.twin import SAMPLES, EquilibriumError, Meanwhile, Simulation, SnapshotError, SolverError
 

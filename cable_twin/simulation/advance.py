@@ -1,4 +1,4 @@
-"""Solver steps in parts, with what has to be done between them at times that no caller can shift."""
+"""Solver steps in batches, with loading, stations and vehicle contacts handled between, at fixed simulated times."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def in_parts(
 
 
 def _joined(before: Outcome, last: Outcome) -> Outcome:
-    """What came of two calls."""
+    """Sum of the outcomes of two calls of the integrator."""
     return last._replace(
         steps=before.steps + last.steps,
         iterations=before.iterations + last.iterations,
@@ -72,18 +72,18 @@ def _joined(before: Outcome, last: Outcome) -> Outcome:
 
 
 def _has_more_to_do(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> bool:
-    """Whether steps are to be interrupted now and then."""
+    """Whether steps have to be interrupted for loading, stations or vehicles that can meet."""
     return any(part.loading or part.rooms for part in parts) or any(meeting.possible for meeting in meetings)
 
 
 def meeting_found(parts: Sequence[Ropeway], meetings: Sequence[Meeting]) -> str:
-    """The line about two vehicles that are pressed through each other, or nothing."""
+    """Message about two vehicles pressed through each other, empty without such a pair."""
     lines = (meeting.found(part.state) for part, meeting in zip(parts, meetings, strict=True))
     return next((line for line in lines if line), "")
 
 
 def report_of(outcome: Outcome) -> SolverReport:
-    """What a snapshot tells of it."""
+    """Solver report of a snapshot from the outcome of an integrator call."""
     return SolverReport(
         int(outcome.steps),
         int(outcome.iterations),
@@ -95,7 +95,7 @@ def report_of(outcome: Outcome) -> SolverReport:
 
 
 def undamped(solver: Solver) -> str:
-    """What to say of a step that failed where the solver hardly damps what joints and a stiff cable ring with."""
+    """Explanation of a failed step by too little numerical damping of joints and a stiff cable, empty where damped."""
     if solver.spectral_radius <= SURE_RADIUS:
         return ""
     return (

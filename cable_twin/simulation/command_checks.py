@@ -1,4 +1,4 @@
-"""What commands the twin takes: each is refused whole, with what was given and what is allowed."""
+"""Checks of commands: each is accepted or refused whole, with the given value and the allowed range."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _not_commanded(name: str, scenario: Scenario) -> str:
 
 
 def check_room(command: Command, scenario: Scenario) -> None:
-    """Refuse a payload that no motion makes possible.
+    """Refuse a payload of an unknown carriage, without a payload in the scenario, or beyond the capacity.
 
     Raises:
         CommandError: unknown carriage, no room, beyond the capacity.
@@ -73,7 +73,7 @@ def check_room(command: Command, scenario: Scenario) -> None:
 
 
 def check_station(command: Command, scenario: Scenario, system: System, state: State) -> None:
-    """Refuse a payload for a carriage that does not stand in a station.
+    """Refuse a payload for a carriage under way or outside the stations.
 
     Raises:
         CommandError: outside the stations, under way.
@@ -97,7 +97,7 @@ def check_station(command: Command, scenario: Scenario, system: System, state: S
 
 
 def check_wind(command: Command, scenario: Scenario) -> None:
-    """Refuse a wind that none is: axes and m/s.
+    """Refuse a wind with invalid axes or speeds (m/s).
 
     Raises:
         CommandError: other axes than x and z, and y in space, not finite, too strong, or felt by nothing.
@@ -106,7 +106,7 @@ def check_wind(command: Command, scenario: Scenario) -> None:
 
 
 def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) -> None:
-    """Refuse speeds by axis that no wind has."""
+    """Refuse wind speeds (m/s) by axis that are incomplete, too high, across a planar track or without any effect."""
     if not {"x", "z"} <= {*values} <= {"x", "y", "z"}:
         raise CommandError(f"{kind} given with {printable(', '.join(values)) or 'no axis'}; needed are x and z, in m/s")
     for axis, speed in values.items():
@@ -125,7 +125,7 @@ def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) ->
 
 
 def check_gust(command: Command, scenario: Scenario) -> None:
-    """Refuse a gust that none is: axes, m/s and s.
+    """Refuse a gust with invalid axes, speeds (m/s) or duration (s).
 
     Raises:
         CommandError: as a wind, or with a duration that is none.

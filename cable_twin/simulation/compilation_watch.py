@@ -1,4 +1,4 @@
-"""How far a first compilation is: what this process and the one beside it have compiled, by the size of each kernel."""
+"""Progress of a first compilation: share compiled by this process and its helper, weighted by kernel size."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Time (s) left at the speed so far; None at the begin and for the last part, where that says nothing."""
+        """Remaining time (s) at the mean speed so far; None near begin and end, where an estimate means nothing."""
         return self.elapsed * (1.0 - self.share) / self.share if KNOWN[0] < self.share < KNOWN[1] else None
 
 
 def work_ahead(engine: Engine) -> dict[tuple[str, str], float]:
-    """What a first start compiles, by kind and name of the kernel, in bytes of Python's code."""
+    """Kernels compiled by a first start, by kind and name, with their size in bytes of Python bytecode."""
     ahead: dict[tuple[str, str], float] = {}
     for caller in called_at_start(engine):
         kernels = kernels_below(engine, caller)
@@ -51,13 +51,13 @@ _expected: list[Engine] = []  # what is compiled is this process's, as numba's e
 
 
 def expect_kernels(engine: Engine) -> None:
-    """Say what is about to start, and with it what a first start compiles: for whoever watches it."""
+    """Announce the engine about to start, and with it the kernels of a first start, to `watching_compilation`."""
     _expected[:] = [engine]
 
 
 @contextmanager
 def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
-    """Tell, some times a second, how far it is, as soon as a kernel is compiled within this block: from another thread.
+    """Report compilation progress some times a second from another thread, from the first compiled kernel on.
 
     Where all are there already, nothing is told.
     """
@@ -85,7 +85,7 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
 
 
 class _Watch(event.Listener):
-    """Notes what numba compiles in this process."""
+    """Listener for kernels that numba compiles in this process."""
 
     def __init__(self) -> None:
         self.begun: float | None = None
@@ -95,7 +95,7 @@ class _Watch(event.Listener):
         self._kernels: list[Kernel] = []
 
     def share(self, since: float) -> float:
-        """Share of the work that is done: by this process or the one beside it, or before."""
+        """Share (0 to 1) of the compilation done by this process, by its helper, or before."""
         if _expected and not self._ahead:  # once: asked for some times a second, for which what compiles has to wait
             (engine,) = _expected
             called = called_at_start(engine)
@@ -106,17 +106,17 @@ class _Watch(event.Listener):
 
     @property
     def kernel(self) -> str:
-        """What it compiles now; small change of numba's own aside."""
+        """Name of the kernel under compilation, without small functions of numba itself."""
         named = (name for name in reversed(self._under_way) if name.isidentifier() and not name.startswith(NAMELESS))
         return next(named, "")
 
     def on_start(self, event: Any) -> None:
-        """Take what it begins with."""
+        """Record the begin of a compilation."""
         self.begun = self.begun or monotonic()
         self._under_way = [*self._under_way, event.data["dispatcher"].py_func.__name__]
 
     def on_end(self, event: Any) -> None:
-        """Take what it is done with."""
+        """Record the end of a compilation."""
         dispatcher = event.data["dispatcher"]
         kind = FROM_KERNELS if "no_cpython_wrapper" in dispatcher.targetoptions else FROM_PYTHON
         self.done.add((kind, title_of(dispatcher.py_func)))

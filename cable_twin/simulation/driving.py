@@ -1,4 +1,4 @@
-"""What a command does to the drives and brakes of carriages, in the arrays of the state."""
+"""Effects of commands on drives and brakes of carriages, in the arrays of the state."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def drive(state: State, index: int, kind: str, value: float) -> None:
 
 
 def drive_mode(state: State, index: int) -> int:
-    """Mode of a drive, be it on the carriage itself or on a sheave."""
+    """Mode of a drive on a carriage, or of the drive sheave of its haul rope."""
     return int(state.sheave_mode[index] if state.drive_mode[index] == HAULED else state.drive_mode[index])
 
 
 def brake(system: System, state: State, index: int) -> None:
-    """Stop one carriage with what its scenario says: its drive, brakes on it, or the track-rope brake alone."""
+    """Stop one carriage by the means of its scenario: its drive, brakes on it, or the track-rope brake alone."""
     drives = system.carriages
     if drives.clamped[index]:
         return
@@ -69,7 +69,7 @@ def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
 
 
 def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str, Command]:
-    """Give what starts with a speed that speed; returns the commands that keep it, by carriage or drive."""
+    """Set the initial speeds of the scenario; returns the commands that keep them, by carriage or drive."""
     held = {}
     for name, drive in scenario.drives.items():
         if drive.speed != 0.0:

@@ -1,4 +1,4 @@
-"""What each kind of command does: when it is refused, and what it changes. What it carries: `cable_twin.commands`."""
+"""Checks and effects of each kind of command, for the table of kinds in `cable_twin.commands`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ GUST_DURATION = 10.5  # s, in IEC 61400-1
 
 
 class Effect(NamedTuple):
-    """What a kind of command does; a check raises CommandError."""
+    """Checks and effects of one kind of command; a check raises CommandError."""
 
     change: Callable[[Ropeway, Command], None]  # on each rope
     check: Callable[[Command, Scenario], None] | None = None  # refuses what no motion makes possible
@@ -77,7 +77,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
 
 
 def _share(command: Command, part: Ropeway) -> Command:
-    """What of a command is for one rope and what is on it: all that names nobody, else what names something of it."""
+    """Share of a command for one rope: values for its vehicles and drives, all of a command without names."""
     kind = KINDS[command.kind]
     if kind.axes or not kind.quantity:
         return command

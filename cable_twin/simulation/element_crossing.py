@@ -1,4 +1,4 @@
-"""A vehicle that crosses an element in too few steps: the error of its joint grows from node to node (theory.md)."""
+"""Growth of joint forces from node to node where a vehicle crosses an element in too few steps (theory.md)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from 
 
 
 def growing_steps(spectral_radius: float, length: float, speed: float, wave: float) -> tuple[float, float]:
-    """Between which two steps (s) of generalized-alpha the force of a joint that passes nodes may grow.
+    """Interval of step sizes (s) of generalized-alpha in which the joint force at nodes may grow.
 
     Those with speed h/l > ln(1/ρ)/5.6 and wave h/l < 0.45/ln(1/ρ); none where the first is not below the second.
 
@@ -30,7 +30,7 @@ def growing_steps(spectral_radius: float, length: float, speed: float, wave: flo
 
 
 def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
-    """Speed (m/s) up to which the vehicles of one scenario go, with the drives of the other; 0 without any limit."""
+    """Highest speed (m/s) of the vehicles of one scenario with the drives of another; 0 without any limit."""
     moved = [one for one in vehicles.vehicles.values() if one.joint != "fixed"]
     limits = [drive.limits.speed for drive in drives.drives.values()] if moved else []
     limits += [one.drive.limits.speed for one in moved]
@@ -38,7 +38,7 @@ def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
 
 
 def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
-    """Warn of a step with which that may come about on the shortest elements, where the rope is as tight as `rope`."""
+    """Warn of a step size with which joint forces may grow on the shortest elements, at the least tension of `rope`."""
     step, radius = system.solver.step, system.solver.spectral_radius
     speed, length = highest_speed(vehicles, drives), float(system.cable.element_length.min())
     wave = sqrt(max(float(rope.tensions.min()), 0.0) / system.cable.mass_per_length)

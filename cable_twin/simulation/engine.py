@@ -1,4 +1,4 @@
-"""What takes solver steps: the ropes of a scenario with what is on them, and what couples them."""
+"""Engine that takes solver steps: ropes of a scenario with their vehicles, and the couplings between ropes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment o
 
 
 class Engine:
-    """The ropes of a scenario with what is on them, and what couples them.
+    """Ropes of a scenario with their vehicles, and the couplings between ropes.
 
     Attributes:
         parts: one a rope, with what is on it.
@@ -153,7 +153,7 @@ class Engine:
             return part.sharpen(self._scenario.rope_key(name))
 
     def _find_rest(self) -> None:
-        """Bring each rope to rest by itself, then all of them together."""
+        """Find the equilibrium of each rope by itself, then of all ropes together."""
         for (name, part), work in zip(self._by_name(), self._works, strict=True):
             if self._coupled and part.is_taut:
                 lay_taut(part.system, part.state)
@@ -168,7 +168,7 @@ class Engine:
         self.commands = self.loop.set_in_motion()
 
     def _rest_together(self) -> None:
-        """Bring ropes, each of which rests by itself, to rest with all that couples them."""
+        """Find the common equilibrium of coupled ropes, each of which is in equilibrium by itself."""
         self._raise_pantographs()
         modes = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
@@ -182,7 +182,7 @@ class Engine:
             self.bundle.wires.tension[row] = part.mean_tension()
 
     def _settle(self) -> None:
-        """Bring all ropes to rest together, as if nothing rubbed.
+        """Find the common equilibrium of all ropes without friction.
 
         Raises:
             EquilibriumError: there is no such rest.
@@ -201,7 +201,7 @@ class Engine:
             settle()
 
     def _raise_pantographs(self) -> None:
-        """Let heads touch their ropes, as they are laid now, with the force that they have at their height."""
+        """Raise pantograph heads to their ropes, with the uplift force at their height."""
         moving, pantographs = self.moving, self.bundle.pantographs
         for row, one in enumerate(self._scenario.pantographs.values()):
             part = self.parts[int(pantographs.rope[row])]
@@ -213,11 +213,11 @@ class Engine:
             moving.stages.position[row] = head + yielded
 
     def arguments(self, steps: int) -> tuple[Any, ...]:
-        """What the integrator gets to take so many steps."""
+        """Arguments of the integrator for a number of steps."""
         return *self._ropes.arguments, steps
 
     def typical(self) -> dict[str, Any]:
-        """Arguments that kernels below the integrator get, by their names there; only their types count."""
+        """Arguments of kernels below the integrator by parameter name; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
@@ -236,14 +236,14 @@ class Engine:
         return outcome  # type: ignore[no-any-return]
 
     def couple(self) -> None:
-        """Let the sections of each rope have what other ropes exert on it now."""
+        """Write the forces from other ropes into the sections of each rope."""
         if not self._exerting:
             return
         first = self.parts[0]
         give_forces(self.bundle, self.moving, first.system, first.state, first.sections)
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors, pantographs and bullwheels, and of clamps that hold to no rope now."""
+        """Fill the columns of connectors, pantographs, bullwheels and opened clamps."""
         if not self._coupled:
             return
         first, moving = self.parts[0], self.moving
@@ -258,7 +258,7 @@ class Engine:
         self.loop.observe(columns)
 
     def drive(self, command: Command) -> None:
-        """Give drives of bullwheels, of those that it names, a speed (m/s) or a force (N)."""
+        """Apply a speed (m/s) or force (N) command to the bullwheel drives that it names."""
         for name, value in command.values.items():
             if name in self.loop.drives:
                 self.loop.drive(name, command.kind, value)
@@ -270,7 +270,7 @@ class Engine:
         self.commands.clear()
 
     def release(self, _: Command) -> None:
-        """End it."""
+        """Release the emergency stop of the bullwheels."""
         self.loop.release()
 
     def go_back(self, _: Command) -> None:
@@ -279,7 +279,7 @@ class Engine:
         write(self._start, self.moving)
 
     def energy(self) -> Energy:
-        """Energy (J) of the bullwheels; that of pantographs and connectors is not counted."""
+        """Energy (J) of the bullwheels, without pantographs and connectors."""
         return self.loop.energy()
 
     def begin(self) -> None:
@@ -289,11 +289,11 @@ class Engine:
         self._start, self._first_commands = clone(self.moving), dict(self.commands)
 
     def kept(self) -> tuple[Kept, ...]:
-        """A copy of the motion of what couples ropes, now and at the start; none where nothing does."""
+        """Copy of the motion of couplings between ropes, now and at the start; empty without couplings."""
         return (Kept(self.moving), Kept(self._start)) if self._coupled else ()
 
     def restore(self, full: FullState) -> None:
-        """Go to a full state that fits: of ropes, pantographs, clamps, bullwheels, and what their drives are told."""
+        """Restore ropes, pantographs, clamps, bullwheels and drive commands from a full state that fits."""
         restore_ropes(self.parts, full)
         for kept, record in zip(full.couplings, (self.moving, self._start), strict=False):
             write(kept, record)
@@ -304,13 +304,13 @@ class Engine:
 
 
 def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:
-    """One a rope, from the scenario and the system of each."""
+    """Ropeway of each rope, from its scenario and its system."""
     whole = leave_out_absent([with_buffers(*pair) for pair in zip(systems, scenarios, strict=True)])
     return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:
-    """The same systems, all of one type, for kernels that are compiled without what none of them has.
+    """Systems of one common type, for kernels compiled without the features that none of these systems has.
 
     There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
     may be left out, and with a rope by itself also what lets it go by, and vehicles meet.

@@ -1,4 +1,4 @@
-"""The first start on a machine: two processes compile it, as numba compiles one kernel at a time in each.
+"""First start on a machine, compiled by two processes, as numba compiles one kernel at a time in each.
 
 Both take parts, from those that call no others on, and find those of the other one in the cache. Then one of them puts
 the integrator together, and the other one what finds the rest and what reads the state.
@@ -34,7 +34,7 @@ PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 
 @contextlib.contextmanager
 def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
-    """Compile what a scenario needs, and have its integrator compiled elsewhere, where there is a second core for it.
+    """Compile the kernels of a scenario, its integrator in a second process where a second core is free.
 
     On leaving, that is in the cache; if the other process failed, it will be compiled on its first call as ever.
 
@@ -75,7 +75,7 @@ def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _without_collector() -> Iterator[None]:
-    """A compiler makes objects by the million and drops few: looking for those takes a fifteenth of its time."""
+    """Pause garbage collection, a fifteenth of compilation time: compilers make many objects and drop few."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -86,12 +86,12 @@ def _without_collector() -> Iterator[None]:
 
 
 def called_at_start(engine: Engine) -> tuple[Kernel, ...]:
-    """Kernels that Python calls in a start, the integrator first: compiling that takes longest."""
+    """Kernels called from Python at a start, the integrator first, as its compilation takes longest."""
     return engine.integrator, *engine.at_rest, cast(Kernel, observe)
 
 
 def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel, ...]]:
-    """All that kernels of an engine call, and what those call, each with its own callees: callers before callees.
+    """Direct and indirect callees of kernels of an engine, each with its own callees: callers before callees.
 
     What its scenario has none of is left out.
     """
@@ -118,7 +118,7 @@ def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel
 
 
 def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel, ...]]]:
-    """Kernels of a start that others call, with the types of their arguments and what they call of these.
+    """Kernels of a start with callers in other kernels, with their argument types and their callees in this table.
 
     Those of the integrator come first, and callees before callers. Arguments go by their names; a kernel that has
     others is compiled with its caller.
@@ -137,7 +137,7 @@ def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel
 
 
 def compile_parts(engine: Engine, board: Path) -> None:
-    """Compile what another process at the same board has not begun with, each after its callees where that can be.
+    """Compile kernels not yet begun by another process at the same board, callees first where possible.
 
     Args:
         engine: of the scenario that starts.
@@ -162,7 +162,7 @@ def compile_parts(engine: Engine, board: Path) -> None:
 
 
 def _end_with_parent(parent: int, directory: Path) -> None:
-    """Be gone with the start that wanted this, and with its files: one that a signal ends leaves nothing behind."""
+    """End together with the parent process and remove its files, also where a signal ended the parent."""
 
     def leave(number: int, frame: Any) -> None:
         shutil.rmtree(directory, ignore_errors=True)
@@ -176,7 +176,7 @@ def _end_with_parent(parent: int, directory: Path) -> None:
 
 
 def main() -> None:
-    """Compile the integrator of a scenario for a process that starts it, and what parts that leaves."""
+    """Compile the integrator of a scenario for a starting process, then the remaining kernels."""
     parent, scenario, board = sys.argv[1:]
     _end_with_parent(int(parent), Path(board).parent)
     gc.disable()

@@ -1,4 +1,4 @@
-"""Loading and unloading: what gets in or out of a carriage takes its time, a small part of it at a time.
+"""Loading and unloading of carriages over time, in small increments.
 
 All at once, 12 t of a cabin that are 5.6 t a moment later are thrown upwards with g times their ratio, and the rope
 shakes for minutes; no load gets out like that.
@@ -16,20 +16,20 @@ from cable_twin.simulation.ropeway import Ropeway
 
 
 def load(ropeway: Ropeway, masses: Mapping[str, float]) -> None:
-    """Let vehicles be loaded, each in the time of its scenario, until they carry `masses` (kg)."""
+    """Begin loading vehicles to `masses` (kg), each over the loading time of its scenario."""
     at_once = {name: mass for name, mass in masses.items() if _room(ropeway, name).loading_time == 0.0}
     ropeway.loading.update(masses)
     put_in(ropeway, at_once)
 
 
 def load_on(ropeway: Ropeway, time: float) -> None:
-    """Let what gets in or out go on by `time` (s)."""
+    """Continue all loading and unloading by `time` (s)."""
     if ropeway.loading:
         put_in(ropeway, _next_loads(ropeway, time))
 
 
 def exchange(ropeway: Ropeway) -> None:
-    """Let carriers that have come into a station carry what one does that leaves it."""
+    """Set the payload of carriers that have entered a station to that of carriers leaving it."""
     here = ropeway.stations_now()
     came = ~np.isnan(here) & (here != ropeway.stations)
     ropeway.stations = here
@@ -43,7 +43,7 @@ def exchange(ropeway: Ropeway) -> None:
 
 
 def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
-    """What vehicles that are being loaded carry (kg) after another `time` (s)."""
+    """Payloads (kg) of vehicles under loading after another `time` (s)."""
     loads = {}
     for name, wanted in ropeway.loading.items():
         room, carried = _room(ropeway, name), float(ropeway.state.payload[ropeway.rows[name]])
@@ -53,7 +53,7 @@ def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
 
 
 def put_in(ropeway: Ropeway, loads: Mapping[str, float]) -> None:
-    """Let vehicles carry `loads` (kg) from now on; those that carry what they shall are loaded."""
+    """Set payloads of vehicles to `loads` (kg); loading ends for vehicles at their wanted payload."""
     before = ropeway.system.carriages.centre_offset
     for name, mass in loads.items():
         ropeway.state.payload[ropeway.rows[name]] = mass

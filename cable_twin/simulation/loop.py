@@ -1,4 +1,4 @@
-"""The strands of a closed loop and their bullwheels: their rest, their drives, what they show."""
+"""Strands of a closed loop and their bullwheels: equilibrium, drives and outputs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Loop:
         motion.mode[self._drive_rows] = SPEED
 
     def settle(self, relax: Any) -> None:
-        """Find the rest of all strands, of which each rests by itself; `relax` brings all ropes to rest as they lie.
+        """Find the equilibrium of a loop of strands; `relax` finds that of all ropes between given ends.
 
         Raises:
             EquilibriumError: there is none, or a bullwheel cannot hold it by friction.
@@ -74,7 +74,7 @@ class Loop:
         self._check_travel()
 
     def _out_of_balance(self, lengths: FloatArray, rest: Callable[[], None]) -> str:
-        """What pulls a bullwheel too little or too much, a line each; nothing where the strands rest by no pull."""
+        """Bullwheels with too little or too much tensioning force, a line each; empty without any equilibrium."""
         sheaves, motion = self._bundle.sheaves, self.motion
         motion.rope.position[:] = motion.carriage.position[:] = 0.0
         try:
@@ -98,7 +98,7 @@ class Loop:
         return "\n".join(lines)
 
     def _lay(self) -> None:
-        """Give the strands the ends that the bullwheels have, and put what is clamped to them where it is then."""
+        """Move strand ends to their bullwheels, and clamped vehicles to their places on the moved strands."""
         motion, sheaves = self.motion, self._bundle.sheaves
         parts, passed = list(self._parts.values()), 0.0
         for sheave in range(len(self._names)):
@@ -133,7 +133,7 @@ class Loop:
         self.motion.rope.position[:] = 0.0
 
     def _check_adhesion(self) -> None:
-        """Refuse a start that friction cannot hold."""
+        """Refuse a start with a tension ratio at a bullwheel beyond rope friction."""
         for row, (on, off) in enumerate(self.motion.tension.tolist()):
             used, most = max(on / off, off / on), float(self._bundle.sheaves.adhesion[row])
             if min(on, off) <= 0.0 or used > most:
@@ -144,7 +144,7 @@ class Loop:
                 )
 
     def _check_travel(self) -> None:
-        """Refuse a start at which a counterweight or a cylinder would be outside its travel."""
+        """Refuse a start with a counterweight or a cylinder outside its travel."""
         for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
             device, travel = sheave.tensioning, float(self.motion.carriage.position[row])
             if device is None or device.travel[0] <= travel <= device.travel[1]:
@@ -159,7 +159,7 @@ class Loop:
             )
 
     def set_in_motion(self) -> dict[str, Command]:
-        """Give the rope the speed it starts with; returns the commands that keep it, by drive."""
+        """Give the rope its initial speed; returns the commands that keep that speed, by drive."""
         held = {}
         for name in self._drives:
             if (drive := self._scenario.drives[name]).speed != 0.0:
@@ -192,7 +192,7 @@ class Loop:
 
     @property
     def rolled_back(self) -> bool:
-        """Whether it has begun an emergency stop by itself, for it went back too far."""
+        """Whether a rollback has triggered the emergency stop of the loop."""
         return bool(self.motion.rolled_back.any())
 
     def stop(self) -> None:
@@ -201,7 +201,7 @@ class Loop:
             as_python(stop_wheel)(self._bundle.sheaves, self.motion, sheave)
 
     def release(self) -> None:
-        """End it."""
+        """Release the emergency stop of the bullwheels."""
         motion = self.motion
         motion.braking[:] = motion.by_forces[:] = motion.rolled_back[:] = 0
         motion.rim.acceleration[:] = 0.0
@@ -231,7 +231,7 @@ class Loop:
             columns.drive_commanded_force[number] = motion.force[row] if mode == FORCE else 0.0
 
     def energy(self) -> Energy:
-        """Energy (J) of the wheels, the rope on them, and what tensions them."""
+        """Energy (J) of the bullwheels, the rope on them, and their tensioning devices."""
         motion, sheaves = self.motion, self._bundle.sheaves
         kinetic = 0.5 * (sheaves.inertia @ motion.rim.velocity**2 + sheaves.wrapped @ motion.rope.velocity**2)
         moved = sheaves.tensioning == COUNTERWEIGHT

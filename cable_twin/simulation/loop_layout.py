@@ -1,4 +1,4 @@
-"""Where the strands of a loop are laid before their rest is found, and what is refused there."""
+"""Initial layout of the strands of a loop before the search for equilibrium, and its checks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cable_twin.simulation.ropeway import Ropeway, of_rope
 
 
 class LoopLayout:
-    """The strands of one scenario by themselves, in closed form; there may be none.
+    """Strands of one scenario without other ropes, in closed form; there may be none.
 
     Args:
         scenario: what runs.
@@ -30,7 +30,7 @@ class LoopLayout:
         self._rows = [row for row, name in enumerate(self._names) if name in self._strands]
 
     def check_bare(self) -> None:
-        """Refuse towers that the bare strands do not touch, with the tension that they have over their bullwheels.
+        """Refuse towers without contact to the bare strands at the tension over their bullwheels.
 
         Raises:
             EquilibriumError: naming one, or a strand that has no rest even by itself.
@@ -49,7 +49,7 @@ class LoopLayout:
                 check_rest(here, towers, loaded=True, cure=self._cure(row))
 
     def lay_out(self, motion: BullwheelMotion) -> None:
-        """Let bullwheels begin nearly where they will rest: there, if vehicles were spread evenly over their strands.
+        """Start bullwheels near their equilibrium: that with vehicles spread evenly over their strands.
 
         Where there is no such rest, they begin as the strands are by themselves, and what finds none later says why.
         """
@@ -71,7 +71,7 @@ class LoopLayout:
             part.state.rope.position[1 - side] = motion.rope.position[sheave]
 
     def ends(self, name: str, motion: BullwheelMotion) -> FloatArray | None:
-        """Places (2, dim) in m of the ends of a strand where its bullwheels are, None of another rope."""
+        """Ends (2, dim) in m of a strand at the places of its bullwheels, None of any other rope."""
         if name not in self._strands:
             return None
         row = self._names.index(name)
@@ -85,7 +85,7 @@ class LoopLayout:
     def _rest(
         self, sheaves: Bullwheels, strands: Mapping[int, System], start: BullwheelMotion | None = None
     ) -> BullwheelMotion:
-        """Bullwheels as they stand where strands are at rest in closed form, looked for from `start`."""
+        """Bullwheel motion at the closed-form equilibrium of strands, searched for from `start`."""
         motion = bullwheels_at_rest(len(self._wheels))
         if start is not None:
             motion.rope.position[:], motion.carriage.position[:] = start.rope.position, start.carriage.position
@@ -100,7 +100,7 @@ class LoopLayout:
                     rest_over_supports(system)
 
     def _cure(self, row: int) -> Cure:
-        """What lets a strand touch its towers: another pull of what tensions its loop, else another length of it."""
+        """Remedy for a strand off its towers: another tensioning force, or another length of a fixed loop."""
         sheaves, strands = self._sheaves, self._bare()
         tensioned = np.flatnonzero(sheaves.tensioning != FIXED)
 

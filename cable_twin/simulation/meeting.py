@@ -1,4 +1,4 @@
-"""Vehicles that can meet on one rope: the buffers between them, and when even these have not kept them apart."""
+"""Vehicles that can meet on one rope: buffers between them, and detection of vehicles pressed through each other."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Pair(NamedTuple):
 
 
 class Meeting:
-    """Watches that vehicles which can meet keep their order: buffers hold all but a drive without a limit of its force.
+    """Watch for exchanged order of vehicles that can meet: only a drive without force limit overcomes buffers.
 
     Attributes:
         possible: whether there are vehicles that could meet.
@@ -53,7 +53,7 @@ class Meeting:
                 )
 
     def found(self, state: State) -> str:
-        """The line about two vehicles that are pressed through each other, or nothing."""
+        """Message about two vehicles pressed through each other, empty without such a pair."""
         if not self.possible:
             return ""
         places, push = state.joints.position, state.push[:, 0]
@@ -68,7 +68,7 @@ class Meeting:
 
 
 def with_buffers(system: System, scenario: Scenario) -> System:
-    """The same system with the buffers between the vehicles of a scenario of one rope."""
+    """System with added buffers between the vehicles of a scenario of one rope."""
     pairs = list(_pairs(scenario))
     count = len(scenario.vehicles)
     entries = sorted(
@@ -90,7 +90,7 @@ def with_buffers(system: System, scenario: Scenario) -> System:
 
 
 def _pairs(scenario: Scenario) -> Iterator[Pair]:
-    """Vehicles that can meet: neighbours on the rope; those next to points, which may pass each other, all of these.
+    """Pairs of vehicles that can meet: neighbours on the rope, also beyond points, which vehicles may pass.
 
     Bodies count as they hang upright; two points, of a `size` of 0, do not meet. What is clamped to a moving cable
     keeps its distance, and so does what rides a loop.
@@ -112,14 +112,14 @@ def _pairs(scenario: Scenario) -> Iterator[Pair]:
 
 
 def _in_series(stiffness: float, damping: float, other_stiffness: float, other_damping: float) -> tuple[float, float]:
-    """Stiffness (N/m) and damping (s/m) of two buffers that press on each other; inf is the stiffness of none."""
+    """Stiffness (N/m) and damping (s/m) of two buffers in series; a stiffness of inf means no buffer."""
     both = 1.0 / (1.0 / stiffness + 1.0 / other_stiffness)
     # each yields its share of depth and rate, and takes as much power as k d c d_dot² of that
     return both, damping * (both / stiffness) ** 2 + other_damping * (both / other_stiffness) ** 2
 
 
 def _reach(carriage: Carriage) -> tuple[float, float]:
-    """How far (m) its bodies reach from the joint, towards the start and the end of the track."""
+    """Extent (m) of the bodies of a carriage from its joint, towards the start and the end of the track."""
     low, high, pin = 0.0, 0.0, 0.0
     for body in carriage.bodies.values():
         centre = pin - body.upper_pivot[0]

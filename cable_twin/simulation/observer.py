@@ -1,4 +1,4 @@
-"""What a simulation shows: snapshots out of the arrays of its state."""
+"""Snapshots of a simulation out of the arrays of its state."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Observer:
             self._of_ropes.append((part, packed, layout.arc_lengths[points], pack(columns)))
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
-        """Read everything that a snapshot holds.
+        """Read a snapshot from the present state.
 
         Args:
             time: s.

@@ -1,4 +1,4 @@
-"""A cable without bending stiffness bears no pressure: a start that has some is a balance that nothing holds."""
+"""Check for compression at the start of a cable without bending stiffness: such an equilibrium is unstable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROUNDING = 1e-9  # strain
 
 
 def check_pressure(system: System, rope: CableSamples) -> None:
-    """Refuse a start under more pressure than rounding, or elements that fold under the weight of the cable, explain.
+    """Refuse a start with compression beyond rounding errors and beyond elements that fold under the cable's weight.
 
     Raises:
         EquilibriumError: the cable is pressed, and has no bending stiffness.

@@ -1,4 +1,4 @@
-"""What can be asked of a simulation beside its snapshots: shape, tension, clearance, energy, modes."""
+"""Queries of a simulation beside its snapshots: shape, tension, clearance, energy, modes."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Readings:
         return Clearance(min(ropes.values(), key=lambda place: place.height), vehicles, ropes)
 
     def _clearance_of(self, name: str, part: Ropeway) -> Clearance:
-        """The same of one rope with what is on it."""
+        """Least heights above the ground of one rope and its vehicles, with their places."""
         cable, lookout, snapshot = part.system.cable, self._lookouts[name], self.snapshot.of_rope(name)
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
         seen = snapshot.layout.columns(snapshot.numbers.copy())  # kernels want what may be written
@@ -94,7 +94,7 @@ class Readings:
         return clearance_seen(lookout, name, [*part.scenario.vehicles], seen.attached)
 
     def energy(self) -> Energy:
-        """Mechanical energy (J) of ropes, what is on them and bullwheels now; of connectors and pantographs, none."""
+        """Mechanical energy (J) of ropes, vehicles and bullwheels now, without connectors and pantographs."""
         each = [energies(part.system, part.state) for part in self._parts] + [astuple(self._engine.energy())]
         return Energy(*np.sum(each, axis=0).tolist())
 
@@ -130,7 +130,7 @@ class Readings:
         return natural_modes(self._ropeway.system, self._ropeway.state, count)
 
     def _show(self, report: SolverReport) -> None:
-        """Let the snapshot be that of now; `report` is what the solver did for it."""
+        """Update the present snapshot; `report` is the solver report for it."""
         self._report = report
         self._seen = None if self._on_demand else self._observe()
 
@@ -139,17 +139,17 @@ class Readings:
         return self._observer.snapshot(time, self._report)
 
     def _time_at(self, clock: int) -> float:
-        """Time (s) after `clock` steps, as a whole number of nanoseconds so that a log gives it back exactly."""
+        """Time (s) after `clock` steps, rounded to whole nanoseconds for an exact round trip through a log."""
         return round(clock * self._ropeway.system.solver.step * 1e9) / 1e9
 
     @cached_property
     def _lookouts(self) -> dict[str, Ground | Surroundings]:
-        """The ground below each rope, and in space what is around it, made when somebody asks for the clearance."""
+        """Ground below each rope, in space with the obstacles around it, built at the first query of clearance."""
         look = surroundings_of if self._ropeway.scenario.dim == 3 else ground_of
         return {name: look(part.scenario) for name, part in zip(self._observer.layout.ropes, self._parts, strict=True)}
 
     def _places(self, rope: str | None, arc_lengths: FloatArray) -> tuple[Ropeway, FloatArray]:
-        """A rope and places on it, copied, as kernels want what may be written.
+        """Ropeway of a rope, and a writable copy of places on it for kernels.
 
         Raises:
             ValueError: there is no such rope, or it has no such place.
@@ -162,7 +162,7 @@ class Readings:
         return part, places
 
     def _part(self, rope: str | None) -> Ropeway:
-        """A rope with what is on it, by name; the first one without.
+        """Ropeway of a rope by name; without a name, of the first rope.
 
         Raises:
             ValueError: there is none of that name.

@@ -1,4 +1,4 @@
-"""What commands act on: parameters and state of one scenario, and what is in force."""
+"""Ropeway of one rope, target of commands: parameters, state and commands in force."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
 class Ropeway:
-    """A ropeway before its rest is found; then, with `begin`, as it starts.
+    """One rope with its vehicles, before its equilibrium is found; after `begin`, at its start.
 
     Attributes:
         scenario: what it is.
@@ -52,7 +52,7 @@ class Ropeway:
     """
 
     def __init__(self, scenario: Scenario, system: System) -> None:
-        """Lay it out: vehicles at their places, with their payloads; `system` is that of the scenario without those."""
+        """Place vehicles on the rope, with their payloads; `system` is that of the scenario without payloads."""
         self.scenario = scenario
         self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
         self._empty = system
@@ -85,7 +85,7 @@ class Ropeway:
                 as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
 
     def check_bare(self, *, loaded: bool = False) -> None:
-        """Refuse a bare cable that has no rest where it is to start: what can be told without any kernel.
+        """Refuse a bare cable without an equilibrium at its start, by checks without any kernel.
 
         Args:
             loaded: whether anything hangs on it besides its own vehicles and loads.
@@ -98,7 +98,7 @@ class Ropeway:
             lay_cable(self.system, self.state)
 
     def lay(self, work: Workspace, ends: FloatArray | None, *, coupled: bool) -> None:
-        """Bring the cable to where it starts, with its ends at `ends` (2, dim) in m where those are not its own.
+        """Bring the cable to its initial shape, with its ends at `ends` (2, dim) in m where given.
 
         Args:
             work: scratch space.
@@ -117,7 +117,7 @@ class Ropeway:
             settle(self.system._replace(cable=moved), self.state, work, coupled=coupled)
 
     def sharpen(self, key: str = "cable") -> bool:
-        """Let joints yield what elements round off, by the tension that the rope has now; whether they do at all.
+        """Set the joint compliance of sharp kinks by the present tension; returns whether the rope has sharp kinks.
 
         Args:
             key: where the scenario has the rope.
@@ -142,7 +142,7 @@ class Ropeway:
         return True
 
     def take_over_rest(self) -> None:
-        """Start drives and haul ropes from what holds everything now.
+        """Initialise drives and haul ropes with the holding forces of the equilibrium.
 
         Raises:
             EquilibriumError: a haul rope would have to push.
@@ -175,14 +175,14 @@ class Ropeway:
         self.carry(self.state.payload)
 
     def carry(self, masses: FloatArray) -> None:
-        """Put payloads (vehicles,) in kg into the system, where they are others than those that are in it."""
+        """Put payloads (vehicles,) in kg into the system, if they have changed."""
         if self._carried is not None and np.array_equal(masses, self._carried):
             return
         self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
         self._carried = masses.copy()
 
     def stop(self) -> None:
-        """Begin the emergency stop of the rope and of what drives on it: no more commands, and none is in force."""
+        """Begin the emergency stop of the rope and its driven vehicles, and drop the commands in force."""
         if not self.stopped:
             self.state.braking_time[:] = 0.0
         self.stopped = True
@@ -193,7 +193,7 @@ class Ropeway:
             brake(self.system, self.state, row)
 
     def check_travel(self, together: list[Ropeway], find_rest: Callable[[], None]) -> None:
-        """Refuse a counterweight that lies at its upper limit at rest, where it tensions nothing.
+        """Refuse a counterweight at its upper travel limit in equilibrium, where it does not tension the rope.
 
         Args:
             together: all ropes that rest together, this one too.
@@ -223,14 +223,14 @@ class Ropeway:
 
     @property
     def is_taut(self) -> bool:
-        """Whether the rope is shorter than the way between two ends that hold it, with nothing between them."""
+        """Whether the rope is shorter than the distance of its two fixed ends, with no tower between them."""
         cable = self.scenario.cable
         held = {end.support for end in (cable.start, cable.end)} <= {"pinned", "hydraulic"}
         apart = float(np.linalg.norm(np.subtract(cable.end.position, cable.start.position)))
         return held and not self.scenario.towers and cable.unstrained_length < apart
 
     def typical(self, work: Workspace) -> dict[str, Any]:
-        """Arguments that kernels get for one rope, by the names that they have there; only their types count."""
+        """Arguments of kernels for one rope by parameter name; only their types count."""
         system, state = self.system, self.state
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
@@ -249,7 +249,7 @@ class Ropeway:
         return float(np.average(self._element_tensions(), weights=self.system.cable.element_length))
 
     def _element_tensions(self) -> FloatArray:
-        """Means (elements,) in N of the tension of the elements, by their strains, as sharp kinks take them."""
+        """Mean tensions (elements,) in N of the elements from their strains, for the compliance of sharp kinks."""
         count = self.system.cable.element_count
         tensions = np.empty((-(-count // WIDTH), WIDTH))
         element_tensions(self.system.cable, self.state, tensions)
@@ -268,7 +268,7 @@ class Ropeway:
 
 @contextmanager
 def of_rope(name: str) -> Iterator[None]:
-    """Have what is said of a rope name its keys as the scenario does."""
+    """Name the keys of a rope in errors as the scenario does."""
     try:
         yield
     except EquilibriumError as error:
@@ -276,7 +276,7 @@ def of_rope(name: str) -> Iterator[None]:
 
 
 def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
-    """Go to what a full state has of each rope with what is on it, and of what is commanded there."""
+    """Restore the state of each rope and its vehicles, and their commands, from a full state."""
     for part, state, start in zip(parts, full.now, full.before, strict=True):
         write(state, part.state)
         write(start, part.start)

@@ -1,4 +1,4 @@
-"""What joins a rope to another one, clamps of carriages and connectors: where their rest begins, what is read of it."""
+"""Clamps of carriages and connectors, which join two ropes: initial state, checks and readout."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FARTHEST = 0.1  # of the shorter rope: from a carriage to where it is clamped, b
 
 
 def along_track(scenario: Scenario, parts: list[Ropeway]) -> list[FloatArray]:
-    """About where along the track (m) the nodes of each rope are, as if it hung straight from end to end."""
+    """Approximate places (m) along the track of the nodes of each rope, on a straight line from end to end."""
     found = []
     for part, rope in zip(parts, scenario.ropes.values(), strict=True):
         start, end = rope.start.position[0], rope.end.position[0]
@@ -28,7 +28,7 @@ def along_track(scenario: Scenario, parts: list[Ropeway]) -> list[FloatArray]:
 
 
 def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) -> None:
-    """Let go of all joints that clamps hold; each rope is at rest by itself.
+    """Release the drives of all joints held by clamps; each rope is in equilibrium by itself.
 
     Raises:
         EquilibriumError: a carriage is far from its place on the other rope; the line names it.
@@ -53,7 +53,7 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
 
 
 def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
-    """Look at how far each connector has to reach; each rope is at rest by itself.
+    """Check the distance that each connector has to span; each rope is in equilibrium by itself.
 
     Raises:
         EquilibriumError: its ends are much farther apart than it is long; the line names it.
@@ -74,14 +74,14 @@ def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
 
 
 def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
-    """Let friction of all clamped carriages, and drives to come, begin where they have come to rest."""
+    """Start friction and drives of all clamped carriages from their places in equilibrium."""
     for row, carriage in zip(clamps.rope.tolist(), clamps.carriage.tolist(), strict=True):
         state = parts[row].state
         state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
 
 
 def clamp_rows(scenario: Scenario) -> list[int]:
-    """Row among all vehicles of the one that each clamp is of."""
+    """Row among all vehicles of the vehicle of each clamp."""
     numbers = {name: row for row, name in enumerate(scenario.vehicles)}
     return [numbers[name] for _, _, name, _ in clamped(scenario)]
 
@@ -89,7 +89,7 @@ def clamp_rows(scenario: Scenario) -> list[int]:
 def observe_clamps(
     rows: list[int], parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
 ) -> None:
-    """Fill what no rope knows alone: that a clamp holds to none, and what rails carry of its pull.
+    """Fill the pull of clamps: zero for opened clamps, and without the share carried by station rails.
 
     `rows` are those of `clamp_rows`.
     """
@@ -107,7 +107,7 @@ def observe_clamps(
 
 
 def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) -> None:
-    """Take what the rails of a station carry of a carriage, `mass` (kg), out of the pull of its clamp."""
+    """Subtract the weight of the carriage `mass` (kg) carried by station rails from the pull of its clamp."""
     place, carried = float(columns.arc_length[row]), mass * track.scenario.gravity
     before, after = _position(track, place - BESIDE), _position(track, place + BESIDE)
     along = carried * float((after - before)[-1] / np.linalg.norm(after - before))
@@ -117,7 +117,7 @@ def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) ->
 
 
 def _position(part: Ropeway, place: float) -> FloatArray:
-    """Where (dim,) in m a rope is at an arc length (m)."""
+    """Position (dim,) in m of a rope at an arc length (m)."""
     found = np.empty((1, 3))
     sample_positions(part.system.cable, part.state, np.array([place]), found)
     return found[0] if part.scenario.dim == 3 else found[0, ::2]

@@ -1,4 +1,4 @@
-"""Vehicles that bend a rope with sharp kinks more than those are measured for (theory.md, sharp kinks)."""
+"""Check for rope bends under vehicles beyond the validated range of sharp kinks (theory.md, sharp kinks)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.scenario import Scenario
 def worst_bend(
     scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray
 ) -> tuple[float, str, float]:
-    """The largest EA F² / T³ (-), the vehicle that has it, and F (N): its weight across the rope, fully loaded.
+    """Largest EA F² / T³ (-), its vehicle, and F (N): weight of the fully loaded vehicle across the rope.
 
     Looked at is each element to which the vehicle may come, with the tension that it has now.
 
@@ -44,7 +44,7 @@ def worst_bend(
 
 
 def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray, key: str) -> None:
-    """Warn where that is more than was measured; `key` is that of the rope, what else is given as for `worst_bend`."""
+    """Warn of a bend beyond the validated range; `key` is that of the rope, other arguments as in `worst_bend`."""
     bend, name, force = worst_bend(scenario, system, slopes, tensions)
     if bend > MEASURED:
         warnings.warn(

@@ -1,4 +1,4 @@
-"""A slack rope in the frames of too few elements: what `element_frame` takes for strain where a rope is curved."""
+"""Check for a slack rope of too few elements with `element_frame`, which takes curvature for strain."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is
 
 
 def warn_of_frames(system: System, rope: CableSamples) -> None:
-    """Warn where elements in the frame of their chord turn so much that this alone is a part of the tension.
+    """Warn of elements that turn so far in their chord frame that the false strain is a share of the tension.
 
     An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
     which shortens them there by φ²/24 on average: EA φ²/24 beside T.

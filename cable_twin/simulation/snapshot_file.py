@@ -1,4 +1,4 @@
-"""The full state of a simulation as one file: what a run needs to go on from there with the same bits.
+"""Full state of a simulation in one file, from which a run continues bit for bit.
 
 The file is a numpy archive (.npz, nothing pickled) with a checksum over each part: `header`, a JSON text with format,
 versions, scenario and what is commanded, and the arrays `state/FIELD` and `start/FIELD` for every field of `State`, so
@@ -38,12 +38,12 @@ ANY_ERROR = Exception, MemoryError  # zipfile, zlib, numpy and json have dozens 
 
 
 class SnapshotError(ValueError):
-    """A file from which no simulation can start: one line with the file and what is wrong."""
+    """Snapshot file from which no simulation can start: one line with the file and its fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class FullState:
-    """Everything that changes while a scenario is simulated, at one simulated time."""
+    """Complete state of the simulation of a scenario, at one simulated time."""
 
     scenario: Scenario
     time: float  # s
@@ -69,7 +69,7 @@ class FullState:
 
     @property
     def between(self) -> Mapping[str, Any]:
-        """Arrays of what couples ropes, now and at the start, by name; of what there is."""
+        """Arrays of the couplings between ropes, now and at the start, by name; empty arrays are left out."""
         if self.foreign is not None:
             return self.foreign
         both = zip(("now", "start"), self.couplings, strict=False)
@@ -90,7 +90,7 @@ class FullState:
         return self.scenario is scenario and self.foreign is None
 
     def check(self, scenario: Scenario, systems: Sequence[System], own: FullState) -> None:
-        """Refuse a simulation whose scenario, or whose arrays, are others; and numbers that it cannot go on from.
+        """Refuse a simulation with another scenario or other arrays, and numbers that it cannot continue from.
 
         Args:
             scenario: of the simulation.
@@ -116,7 +116,7 @@ class FullState:
             self._check_orders(scenario)
 
     def _check_numbers(self, systems: Sequence[System]) -> None:
-        """Refuse what kernels would index memory with, or could not reckon with."""
+        """Refuse indices beyond the arrays of kernels, and numbers outside their ranges."""
         sizes: dict[str, float] = {}
         for part, number, state in self._numbered():
             system = systems[int(number or 1) - 1]
@@ -137,7 +137,7 @@ class FullState:
                 raise SnapshotError(f"{BETWEEN}/{part}/{fault}")
 
     def _check_orders(self, scenario: Scenario) -> None:
-        """Refuse what is commanded where it cannot be."""
+        """Refuse commands and loadings of unknown carriages and drives, or of invalid kinds."""
         driven = [*scenario.vehicles, *scenario.drives]
         if strange := [name for name in self.commands if name not in driven]:
             raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
@@ -153,13 +153,13 @@ class FullState:
                 raise SnapshotError(f"{name} being loaded with {mass:g} kg; allowed: a finite number from 0 on")
 
     def _numbered(self) -> Iterator[tuple[str, str, State]]:
-        """Each state with its part and the number of its rope, none for the first."""
+        """States with their part and the number of their rope, empty for the first rope."""
         for part in PARTS:
             for number, state in enumerate(getattr(self, f"{part}s")):
                 yield part, str(number + 1) if number else "", state
 
     def write(self, target: Path | IO[bytes]) -> None:
-        """Write it; a file appears whole or not at all.
+        """Write the full state to a file, whole or not at all.
 
         Args:
             target: Path, whose directory exists, or a binary stream.
@@ -197,7 +197,7 @@ class FullState:
 
 
 def read_full_state(source: Path | IO[bytes], name: str) -> FullState:
-    """Read what `FullState.write` has written.
+    """Read a full state written by `FullState.write`.
 
     Args:
         source: Path, or a binary stream.
@@ -258,7 +258,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
 
 
 def _check_archive(stream: IO[bytes]) -> None:
-    """Refuse an archive that would unpack to more than it is."""
+    """Refuse an archive with compressed or too large members."""
     with zipfile.ZipFile(stream) as archive:
         for member in archive.infolist():
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > LARGEST:
@@ -268,7 +268,7 @@ def _check_archive(stream: IO[bytes]) -> None:
 
 
 def _check_header(header: Any) -> None:
-    """Refuse other people's archives and newer formats."""
+    """Refuse archives of other programs and newer formats."""
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise SnapshotError("not a snapshot of cable_twin: its header is another one")
     given = header.get("format_version")
@@ -283,7 +283,7 @@ def _check_header(header: Any) -> None:
 
 
 def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
-    """Put one state together; fields that one version has and the other has not are named."""
+    """Build one state from its arrays, with an error that names missing and unknown fields."""
     given = {key.partition("/")[2] for key in arrays if key.startswith(f"{part}/")}
     if missing := [field for field in FIELDS if field not in given]:
         raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
@@ -293,7 +293,7 @@ def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
 
 
 def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
-    """Refuse arrays that are not as those of a simulation, by the same names."""
+    """Refuse arrays with other shapes or types than in a simulation."""
     for name, target in own.items():
         array = given[name]
         if array.shape != target.shape or array.dtype != target.dtype:
@@ -304,7 +304,7 @@ def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
 
 
 def _sizes(system: System, ropes: int) -> dict[str, float]:
-    """What texts in the ranges of a state of a system stand for."""
+    """Values of the symbolic limits in the ranges of a state."""
     length = system.cable.unstrained_length
     return {
         "last element": system.cable.element_count - 1,
@@ -316,7 +316,7 @@ def _sizes(system: System, ropes: int) -> dict[str, float]:
 
 
 def _state_faults(system: System, state: State) -> Iterator[str]:
-    """What no range tells: joints that are not on the elements that are named, and turns of bodies in space."""
+    """Faults beyond ranges: joints off their elements, and quaternions of bodies in space without unit length."""
     nodes, places = system.cable.node_arc_length, state.joints.position
     starts, ends = nodes[state.joint_element], nodes[state.joint_element + 1]
     near = system.cable.element_length.max()  # within a step it goes on to the next one

@@ -1,4 +1,4 @@
-"""The twin without its doors: the only owner of state and solver time. Deterministic, and no ROS needed."""
+"""Twin without interfaces: only owner of state and solver time, deterministic, without ROS."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Simulation(Readings):
     def load(
         cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None
     ) -> Simulation:
-        """Go on from a file of `save`, or a stream of one, with the same bits as the simulation that was saved.
+        """Continue bit for bit from a file or stream of `save`.
 
         Raises:
             SnapshotError: one line: no such file, not a snapshot, damaged, or from a version with another state.
@@ -131,12 +131,12 @@ class Simulation(Readings):
 
     @property
     def state(self) -> State:
-        """What the solver moves, to be read: a view, which goes on with it; `capture` gives what may be written."""
+        """State of the solver as a read-only view, which advances with the solver; `capture` gives a writable copy."""
         return self._shown
 
     @property
     def parts(self) -> Mapping[str, Ropeway]:
-        """Parameters and present state of each rope with what is on it, by name; of one cable as "cable"."""
+        """Parameters and present state of each rope with its vehicles, by name; of one cable as "cable"."""
         return dict(zip(self.scenario.cables, self._parts, strict=True))
 
     @property
@@ -151,7 +151,7 @@ class Simulation(Readings):
 
     @property
     def layout(self) -> Layout:
-        """Which number of a snapshot is what."""
+        """Names and places of the numbers of a snapshot."""
         return self._observer.layout
 
     @property
@@ -171,7 +171,7 @@ class Simulation(Readings):
         return self._at_start
 
     def save(self, path: str | Path) -> None:
-        """Write the full state to a file, from which `load` goes on with the same bits.
+        """Write the full state to a file, from which `load` continues bit for bit.
 
         Raises:
             OSError: the disk refuses; there is no file then.
@@ -179,7 +179,7 @@ class Simulation(Readings):
         self.capture().write(Path(path))
 
     def capture(self) -> FullState:
-        """A copy of everything that changes while the simulation runs."""
+        """Copy of the full state of the simulation."""
         return FullState(
             self.scenario,
             self.time,
@@ -193,7 +193,7 @@ class Simulation(Readings):
         )
 
     def restore(self, full: FullState) -> None:
-        """Go to what `capture` gave, of this simulation or another one of the same scenario.
+        """Restore a full state from `capture` of this simulation or of another one of its scenario.
 
         Raises:
             SnapshotError: it does not fit the scenario; nothing is changed then.
@@ -223,11 +223,11 @@ class Simulation(Readings):
         return self.apply(Command("force", {name: force}))
 
     def emergency_stop(self, active: bool = True) -> AppliedCommand:
-        """Bring all that is driven to rest at its emergency deceleration, and refuse commands until released."""
+        """Stop all drives at their emergency deceleration, and refuse commands until released."""
         return self.apply(Command("emergency_stop" if active else "release", {}))
 
     def payload(self, name: str, mass: float) -> AppliedCommand:
-        """Let a carriage that stands in a station be loaded, or unloaded, until it carries `mass` (kg).
+        """Load or unload a carriage in a station until it carries `mass` (kg).
 
         Raises:
             CommandError: when it is refused: no room, more than the capacity, under way, outside the stations.
