@@ -97,7 +97,7 @@ def test_stamps_that_a_pause_left_behind_are_told(clocks, clock):
     clocks.run(12.5)
     watch.tell_start(0.0)
     (line,) = logger.lines
-    assert "stamps are 12.500 s behind the clock from now on" in line
+    assert "from now on time stamps are 12.500 s behind the clock" in line
     PaceWatch(logger, clock, Loop(), real_time=False).tell_start(0.0)  # faster or slower, they go their own way
     assert len(logger.lines) == 1
 
