@@ -1,1 +1,1 @@
-"""Where outlines of vehicles are, and how high rope and vehicles are above the ground."""
+"""Outlines of vehicles, and clearance of rope and vehicles over the ground."""

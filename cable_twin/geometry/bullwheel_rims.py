@@ -11,7 +11,9 @@ CORNERS = 24  # of a rim
 
 
 def wheel_rims(scenario: Scenario) -> dict[str, FloatArray]:
-    """Rims (n, 3) in m of all bullwheels by name, where they are without travel: each in the plane of its strands.
+    """Rims (n, 3) in m of all bullwheels by name, at zero tensioning travel, each in the plane of its two strands.
+
+    A bullwheel whose two strand ends coincide stands upright.
 
     One whose strands are in one place stands upright.
     """
@@ -29,7 +31,7 @@ def wheel_centre(scenario: Scenario, name: str) -> FloatArray:
 
 
 def _ends(scenario: Scenario, name: str) -> FloatArray:
-    """Places (2, 3) in m of the ends that it joins."""
+    """Positions (2, 3) in m of the two rope ends joined by a bullwheel."""
     before, after = (joined.partition(".")[0] for joined in scenario.sheaves[name].joins)
     ropes = scenario.ropes
     return np.array(

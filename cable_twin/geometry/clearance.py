@@ -16,7 +16,7 @@ from cable_twin.scenario import Scenario, masts
 
 
 def ground_of(scenario: Scenario) -> Ground:
-    """Ground and outlines of a scenario, as `look_at_ground` takes them; without terrain there are no points of it."""
+    """Ground profile and body outlines of a scenario for `look_at_ground`; no profile points without terrain."""
     outlines = [list(bodies.values()) for bodies in body_outlines(scenario).values()]
     lines = list(chain.from_iterable(outlines))
     return Ground(
@@ -30,7 +30,7 @@ def ground_of(scenario: Scenario) -> Ground:
 
 
 def surroundings_of(scenario: Scenario) -> Surroundings:
-    """Ground, masts and vehicles of a scenario in space, as `look_around` takes them."""
+    """Ground, masts and vehicles of a scenario in space for `look_around`."""
     ground, sides = ground_of(scenario), scenario.terrain_sides
     profiles = ((), ()) if sides is None else (sides.left, sides.right)
     left, right = (np.array(points, dtype=np.float64).reshape(-1, 2) for points in profiles)
@@ -52,19 +52,22 @@ def surroundings_of(scenario: Scenario) -> Surroundings:
 
 
 def _firsts(counts: Iterable[int]) -> IntArray:
-    """Number of the first thing of each group, and one after the last."""
+    """Index of the first item of each group, with the total count appended."""
     return np.cumsum([0, *counts], dtype=np.int64)
 
 
 def clearance_seen(ground: Ground | Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """What `look_at_ground` or `look_around` has found of a rope, by name of the vehicles (vehicles,) on it."""
+    """Clearance of a rope and of the vehicles on it, from the last `look_at_ground` or `look_around`.
+
+    `names` and `attached` (vehicles,) are those of the vehicles on the rope; vehicles off the rope are left out.
+    """
     lowest, *vehicles = (Place(*row) for row in ground.lowest.tolist())
     found = {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on}
     return Clearance(lowest, found, {rope: lowest})
 
 
 def heights_over_ground(scenario: Scenario, points: FloatArray) -> FloatArray:
-    """Heights (n,) in m of points (n, 3) above the terrain of a scenario, which goes on level beyond its ends."""
+    """Heights (n,) in m of points (n, 3) above the terrain of a scenario, continued level beyond its ends."""
     middle, sides = np.array(scenario.terrain, dtype=np.float64), scenario.terrain_sides
     ground = np.interp(points[:, 0], middle[:, 0], middle[:, -1])
     if sides is not None:

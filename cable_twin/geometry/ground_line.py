@@ -1,4 +1,4 @@
-"""A ground line for scenarios without terrain, so that a picture has one."""
+"""Ground line drawn for scenarios without terrain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.records import FloatArray
 
 
 def default_ground(cable: FloatArray, carriages: Sequence[FloatArray]) -> FloatArray:
-    """Return a ground line that no carriage will touch on its way, parallel to the chord of the cable.
+    """Return a ground line below the reach of every carriage along its way, parallel to the chord of the cable.
 
     A load that travels along a taut rope draws a parabola: its sag, and that of the bodies, is scaled to midspan.
 

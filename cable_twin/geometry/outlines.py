@@ -1,4 +1,4 @@
-"""The outline of a body in the plane: as given by its size, else worked out from its pivots and its inertia."""
+"""Outlines of bodies in the vertical plane, from their given size or from pivots and inertia."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LATERAL = 0.8  # width of a box over the shorter of its other sides; assumed, as
 
 
 def body_outlines(scenario: Scenario) -> dict[str, dict[str, FloatArray]]:
-    """Outlines (n, 2) in m of all bodies by name, by name of their carriage; see `body_outline`."""
+    """Outlines (n, 2) in m of all bodies, by name of the carriage and of the body; see `body_outline`."""
     return {
         name: {body_name: body_outline(body) for body_name, body in carriage.bodies.items()}
         for name, carriage in scenario.vehicles.items()
@@ -40,7 +40,7 @@ def body_outline(body: Body) -> FloatArray:
 
 
 def body_box(body: Body) -> FloatArray | None:
-    """Length, width and height (3,) in m of the box around the centre of mass of a body; None where it is a line."""
+    """Length, width and height (3,) in m of the bounding box of a body about its centre of mass; None for a line."""
     outline = body_outline(body)
     if body.size is None and len(outline) < CORNERS:
         return None
@@ -51,7 +51,7 @@ def body_box(body: Body) -> FloatArray | None:
 def outline_from_pivots(
     upper_pivot: ArrayLike, lower_pivot: ArrayLike | None = None, *, gyration_radius: float | None = None
 ) -> FloatArray:
-    """Return an outline of a body that is known by its pivots and inertia only.
+    """Return an outline of a body from its pivots and inertia alone.
 
     A body that carries another one is a line from pivot to pivot through the centre of mass. The last body of a
     chain is a slender rod where its inertia is that of one, else the square box of that inertia, hung from its

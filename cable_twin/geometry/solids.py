@@ -1,4 +1,4 @@
-"""What bodies look like in space: a box each, and bars from it to the pins, as triangles."""
+"""Triangle meshes of bodies in space: one box per body, and bars from the box to the pins."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Bar(NamedTuple):
 
     @property
     def pitch(self) -> float:
-        """Turn (rad) about y that brings z into its direction."""
+        """Rotation (rad) about y from the z axis to the direction of the bar."""
         return float(np.arctan2(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
 
@@ -50,7 +50,7 @@ class Solid(NamedTuple):
 
 
 def body_bars(body: Body) -> list[Bar]:
-    """Bars of a body: from its box, or from the centre of mass where it has none, to its pins."""
+    """Bars of a body from its box, or from its centre of mass without a box, to its pins."""
     box = body_box(body)
     height = 0.0 if box is None else 0.5 * float(box[2])
     top, low = ((v[0], v[-1]) if v else None for v in (body.upper_pivot, body.lower_pivot))
@@ -63,7 +63,7 @@ def body_bars(body: Body) -> list[Bar]:
 
 
 def body_solids(scenario: Scenario) -> Mapping[str, Mapping[str, Solid]]:
-    """Solids of all bodies by name, by name of their vehicle."""
+    """Solids of all bodies, by name of the vehicle and of the body."""
     return {
         name: {body_name: body_solid(body) for body_name, body in vehicle.bodies.items()}
         for name, vehicle in scenario.vehicles.items()
@@ -71,7 +71,7 @@ def body_solids(scenario: Scenario) -> Mapping[str, Mapping[str, Solid]]:
 
 
 def body_solid(body: Body) -> Solid:
-    """A body as triangles: its box and its bars; a small cube where it has neither."""
+    """Triangle mesh of a body: its box and its bars, or a small cube without either."""
     box = body_box(body)
     parts = [] if box is None else [_block(box, (0.0, 0.0), 0.0)]
     for bar in body_bars(body):

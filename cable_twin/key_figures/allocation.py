@@ -1,4 +1,4 @@
-"""The memory of a run, as its scenario needs it."""
+"""Allocation of the extremes of one rope of a scenario."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.scenario import Grading, Scenario
 
 
 def allocate(scenario: Scenario) -> Memory:
-    """Memory of a run of which nothing was seen."""
+    """Memory of the extremes of one rope, empty before the first frame."""
     cable, vehicles, supports = scenario.cable, len(scenario.vehicles), 2 + len(scenario.towers)
     elements = cable.elements
     end_element = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
@@ -51,7 +51,7 @@ def allocate(scenario: Scenario) -> Memory:
 
 
 def drive_extremes(count: int) -> DriveExtremes:
-    """Those of so many drives, none yet."""
+    """Extremes of `count` drives, empty before the first frame."""
     return DriveExtremes(highest(count), highest(count), highest(count), lowest(count))
 
 

@@ -1,4 +1,4 @@
-"""Vehicles that have met: with what force their buffers have pushed them, and how fast, when and where they touched."""
+"""Key figures of vehicle buffers: highest force of each pair in contact, with speed, time and place of the touch."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BUFFER_FORCE = ": buffer force, highest"  # name of the figure of two vehicles, 
 
 
 class BufferFigures:
-    """Keeps the highest force of each vehicle against those after it on the rope, as all solver steps have it.
+    """Highest buffer force of each vehicle against the vehicles after it on the rope, over all solver steps.
 
     Args:
         scenario: what runs, with one rope.
@@ -41,11 +41,11 @@ class BufferFigures:
                 self._hardest[row] = time, touch
 
     def touches(self) -> list[Touch]:
-        """The last touch of each vehicle with one after it."""
+        """Return the last touch of each vehicle with a vehicle after it on the rope."""
         return [*self._last.values()]
 
     def figures(self) -> Iterator[KeyFigure]:
-        """The force of all that have met."""
+        """Yield the highest buffer force of each pair of vehicles in contact so far."""
         for row, (time, touch) in sorted(self._hardest.items()):
             place = f"met at {touch.speed:.3g} m/s at {touch.time:.2f} s, arc length {touch.place:.1f} m"
             name = f"{touch.vehicle} and {touch.other}{BUFFER_FORCE}"

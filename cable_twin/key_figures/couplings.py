@@ -1,4 +1,4 @@
-"""Key figures of what is between ropes: contact of pantographs, pull of connectors, and of clamps along the track."""
+"""Key figures of couplings between ropes: contact force of pantographs, pull of connectors and of clamps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UNFILTERED = "sampled at every frame, unfiltered; EN 50318 filters it with a low
 
 
 class CouplingFigures:
-    """Sums and extremes, the same few numbers however long the run is.
+    """Running statistics of pantograph, connector and clamp forces, in memory independent of the length of the run.
 
     Args:
         scenario: what runs.
@@ -40,7 +40,7 @@ class CouplingFigures:
         self._last = nan  # s
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         if not (self._pantographs or self._connectors or self._clamps):
             return
         c, time = snapshot.columns, snapshot.time
@@ -66,7 +66,7 @@ class CouplingFigures:
         self._last = time
 
     def figures(self) -> list[KeyFigure]:
-        """All figures that have a value so far."""
+        """Return the figures of all pantographs, clamps and connectors; none before the first snapshot."""
         if not self._frames:
             return []
         found = []

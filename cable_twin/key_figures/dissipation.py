@@ -1,4 +1,4 @@
-"""Share of the moving energy that the integrator itself takes out of a motion, judged over whole blocks of time."""
+"""Numerical dissipation: energy lost by the integrator over energy moved, judged in whole blocks of time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ QUIET = 0.01  # m/s, with which all mass may move and count as standing still
 
 
 class Block(NamedTuple):
-    """Energies of one block of time."""
+    """Energy lost and moved in one block of time."""
 
     lost: float  # J
     moved: float  # J
@@ -33,7 +33,7 @@ class Block(NamedTuple):
 
 
 class Dissipation:
-    """Adds up energy lost and moved in blocks of 5 s and keeps the worst share.
+    """Sums of energy lost and moved in blocks of 5 s, and the block of highest relative loss.
 
     A shock loses its energy at once, and the motion that it belongs to comes after it. So a block is judged when the
     next one is whole too, against what moved in either of both, whichever is more: 10 s after it began. What has been
@@ -53,7 +53,7 @@ class Dissipation:
         self._judged = False  # whether any block has been
 
     def update(self, time: float, report: SolverReport) -> None:
-        """Take in what the solver did up to `time` (s)."""
+        """Take in the energy balance of the solver up to `time` (s)."""
         lost, moved, start, _ = self._block
         # what one part gains another one loses: half of the changes is what moves
         block = Block(lost + report.energy_lost, moved + 0.5 * report.energy_moved, start, time)
@@ -64,7 +64,7 @@ class Dissipation:
             self._waiting, self._block = self._block, Block(0.0, 0.0, time, time)
 
     def _judge(self, block: Block, moved_next: float) -> None:
-        """Keep a block if its share is the highest so far; `moved_next` in J is of the block after it."""
+        """Keep a block of the highest relative loss so far; `moved_next` (J) is the energy moved in the next block."""
         self._judged = True
         block = block._replace(moved=max(block.moved, moved_next))
         self._most = max(self._most, block.moved)
@@ -74,7 +74,7 @@ class Dissipation:
             self._worst = block
 
     def figure(self, time: float) -> KeyFigure:
-        """The highest share with its limit; before 10 s have passed, the share so far without one.
+        """Highest relative energy loss with its limit; before 10 s have passed, the loss so far without a limit.
 
         Args:
             time: now, s.
@@ -114,7 +114,7 @@ def _mass(scenario: Scenario) -> float:
 
 
 def cause(scenario: Scenario) -> str:
-    """What lets the solver lose energy, and what to change: through how many elements tension waves pass in a step."""
+    """Text on the cause of numerical dissipation and its remedy: elements passed by tension waves in a step."""
     passed = 0.0
     for cable in scenario.cables.values():
         elements = cable.elements

@@ -1,4 +1,4 @@
-"""One key figure: value, unit, when and where it was reached, and its limit."""
+"""Key figure: value, unit, time and place of the extreme, and limit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOLERANCE = 1e-3  # of a limit
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """One figure with its limit."""
+    """One key figure of a run with its limit."""
 
     name: str
     value: float
@@ -30,12 +30,12 @@ class KeyFigure:
 
     @property
     def kept(self) -> bool | None:
-        """Whether the limit is kept, to a thousandth of it, as a drive keeps its speed; None without a limit."""
+        """True if the limit is kept, to a tolerance of 0.1 % of the limit as for drive speeds; None without a limit."""
         return None if self.limit is None else self._keeps(self.value)
 
     @property
     def verdict(self) -> str:
-        """Whether the limit is kept in words, "not decided" within the uncertainty; nothing without a limit."""
+        """Compliance with the limit in words, "not decided" within the uncertainty; empty without a limit."""
         if self.limit is None:
             return ""
         off = self.uncertainty or 0.0
@@ -50,7 +50,7 @@ class KeyFigure:
 
 
 def values_of(figure: KeyFigure) -> dict[str, str]:
-    """The figure for programs, as a diagnostic status holds it; `figure_from_values` gives it back to the last bit."""
+    """Key figure as the text values of a diagnostic status; inverse of `figure_from_values`, exact to the last bit."""
     values = {"value": repr(float(figure.value)), "unit": figure.unit, "time_s": repr(float(figure.time))}
     values |= {"place": figure.place, "band": figure.band}
     if figure.limit is not None:
@@ -59,7 +59,7 @@ def values_of(figure: KeyFigure) -> dict[str, str]:
 
 
 def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
-    """The figure of this name that `values_of` wrote.
+    """Key figure of a name from the text values written by `values_of`.
 
     Raises:
         ValueError: something is missing or no number; one line.
@@ -80,14 +80,14 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
 
 
 def figure_of(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
-    """The figure without a limit; NaN where there never was a value."""
+    """Key figure of one extreme, without a limit; NaN without a value so far."""
     place = extremes.places[index]
     found = ["" if math.isnan(place) else f"{at} {round(place, 1) + 0.0:.1f} m", wind_at(extremes, index)]
     return KeyFigure(name, extremes.value(index), unit, float(extremes.times[index]), ", ".join(filter(None, found)))
 
 
 def wind_at(extremes: Extremes, index: int) -> str:
-    """The wind at the time of an extreme: speed and, from the track to its left, where it blows to; else nothing."""
+    """Wind at the time of an extreme, as text: speed and heading from the track to its left; empty without a value."""
     x, y, z = extremes.winds[index].tolist()
     speed = math.hypot(x, y, z)
     if math.isnan(speed) or speed == 0.0:
@@ -96,7 +96,7 @@ def wind_at(extremes: Extremes, index: int) -> str:
 
 
 def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound = "at most") -> KeyFigure:
-    """The figure with a limit and where that comes from; as it is where there is none."""
+    """Key figure with a limit and the source of the limit; unchanged for a limit of None."""
     return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
 
 

@@ -1,4 +1,4 @@
-"""The key figures of a run: those of each rope, and of what is between ropes."""
+"""Key figures of a whole run: of each rope, and of the couplings between ropes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEAST = ("tension over transverse load", "clearance over the terrain", "clearanc
 
 
 class KeyFigures:
-    """Gathers the key figures of one run.
+    """Key figures of one run, updated frame by frame.
 
     Args:
         scenario: what runs; its `limits` and the limits of its drives are those of the figures.
@@ -41,7 +41,7 @@ class KeyFigures:
         self._passing = PassingFigures(scenario) if meeting else None
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         self._carried.update(snapshot)
         self._seats.update(snapshot)
         self._time = snapshot.time
@@ -54,7 +54,7 @@ class KeyFigures:
             self._passing.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         for rope in self._ropes.values():
             rope.command(applied)
         self._loops.command(applied)
@@ -62,11 +62,11 @@ class KeyFigures:
         self._seats.command(applied)
 
     def touches(self) -> list[Touch]:
-        """Vehicles that have met: the last touch of each with one after it on its rope."""
+        """Return the last touch of each vehicle with a vehicle after it on its rope."""
         return [touch for rope in self._ropes.values() for touch in rope.buffers.touches()]
 
     def figures(self) -> list[KeyFigure]:
-        """All figures that have a value so far."""
+        """Return all figures with a value so far."""
         lost = self._dissipation.figure(self._time)
         of_solver = [] if isnan(lost.value) else [lost]
         carried = [
@@ -86,7 +86,7 @@ class KeyFigures:
         return [*found.values(), *self._loops.figures(), *carried, *self._couplings.figures(), *passing, *of_solver]
 
     def _named(self, rope: str, figure: str) -> str:
-        """What a figure of one rope is called: by itself as it is, among those of other ropes with the name of that."""
+        """Name of a figure of one rope: unchanged for a single rope, with the name of its rope among several."""
         if not self._scenario.ropes:
             return figure
         if figure.startswith(OF_ROPE):
@@ -95,12 +95,12 @@ class KeyFigures:
 
 
 def compile_figures(scenario: Scenario, first: Snapshot) -> None:
-    """Compile what the key figures of a run need, with its first snapshot: before it begins, and not in its frames."""
+    """Compile the kernels of the key figures on the first snapshot of a run, before its frames are due."""
     KeyFigures(scenario).update(first)
 
 
 def _worse(one: KeyFigure, other: KeyFigure) -> KeyFigure:
-    """Which of two figures of one name, on two strands, went farther."""
+    """Return the more extreme of two figures of equal name on two strands."""
     least = one.bound == "at least" or one.name.endswith(LEAST)
     return other if (other.value < one.value) == least and other.value != one.value else one
 

@@ -1,4 +1,4 @@
-"""Limits of key figures: those of the scenario, or usual ones where it gives none (`scenario.limits`)."""
+"""Limits of key figures: given by the scenario, else standard values (`scenario.limits`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BY_WHAT_IT_IS = ("rope_safety_factor", "tension_per_transverse_load")
 
 
 def standard_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> float | None:
-    """Limit of a key of `limits` where a scenario gives none: for some by what a rope, or a vehicle, is."""
+    """Standard limit of a key of `limits`, for some keys by the kind of rope or vehicle."""
     if key == "rope_safety_factor":
         return HAUL_ROPE_SAFETY_FACTOR if scenario.drives or scenario.strand else TRACK_ROPE_SAFETY_FACTOR
     if key == "tension_per_transverse_load":
@@ -24,7 +24,7 @@ def standard_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> fl
 
 
 def limited(scenario: Scenario, figure: KeyFigure, key: str, *, clamped: bool = False) -> KeyFigure:
-    """The figure with the limit of a scenario of that key of `limits`, and where that comes from.
+    """Key figure with the scenario's limit of a key of `limits`, or the standard one, and its source.
 
     Args:
         scenario: That has limits.

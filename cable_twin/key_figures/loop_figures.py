@@ -1,4 +1,4 @@
-"""Key figures of closed loops: their bullwheels and drives, and what hangs on each strand."""
+"""Key figures of closed loops: bullwheels, their drives, and the load on each strand."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STILL = 1e-3  # m, of slip, below which there was none
 
 
 class LoopFigures:
-    """Extremes at bullwheels, the same few numbers however long the run is.
+    """Extremes at the bullwheels of closed loops, in memory independent of the length of the run.
 
     Args:
         scenario: what runs; without bullwheels it has none of these figures.
@@ -61,7 +61,7 @@ class LoopFigures:
         self._stops = StopsOf(self._drives if sheaves else (), self._motions.__getitem__, RIM)
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         if not self._sheaves:
             return
         if self._layout is not snapshot.layout:  # each frame is copied into the same columns
@@ -76,11 +76,11 @@ class LoopFigures:
         self._stops.update(snapshot.time)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         self._stops.command(applied)
 
     def figures(self) -> list[KeyFigure]:
-        """All figures that have a value so far."""
+        """Return all figures of bullwheels, drives and strands with a value so far."""
         if not self._sheaves:
             return []
         found = [figure for name in self._drives for figure in self._of_drive(name)]

@@ -1,4 +1,4 @@
-"""What of a frame counts for the figures of closed loops, in one call."""
+"""Extremes of closed loops from one frame, in a single kernel call."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SLACK = 1.0  # N, of a strand that has less: so that the ratio of both is a numb
 
 @by_reference
 class LoopMemory(NamedTuple):
-    """What is kept from frame to frame, and what of the scenario it takes."""
+    """Extremes of bullwheels, drives and strand loads between frames, with the constants of the scenario."""
 
     drives: DriveExtremes
     radii: FloatArray  # (sheaves,) m
@@ -36,7 +36,7 @@ class LoopMemory(NamedTuple):
 
 @kernel
 def take_loop(memory, columns):
-    """Take in a frame; they come in the order of time."""
+    """Take in the columns of a frame for the extremes of closed loops, in order of time."""
     time = columns.time[0]
     for drive in range(columns.drive_position.size):
         place, speed = columns.drive_position[drive], columns.drive_speed[drive]

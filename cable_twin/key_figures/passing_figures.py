@@ -1,4 +1,4 @@
-"""Key figures of vehicles on different ropes in space that pass each other."""
+"""Key figures of passing vehicles on different ropes in space: least clearance of each pair."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from cable_twin.snapshot import Layout, Snapshot
 
 
 class Hull(NamedTuple):
-    """The box of a body, in its axes from the centre of mass without payload."""
+    """Bounding box of a body in its axes, from the centre of mass without payload."""
 
     middle: FloatArray  # (3,) m
     half: FloatArray  # (3,) m
 
 
 def hull_of(body: Body) -> Hull:
-    """The box of a body, or the bar that it is."""
+    """Bounding box of a body; for a bar, a box of width 0."""
     box = body_box(body)
     if box is not None:
         return Hull(np.zeros(3), 0.5 * box)
@@ -40,7 +40,7 @@ def hull_of(body: Body) -> Hull:
 
 
 class PassingFigures:
-    """Keeps how near vehicles on different ropes come to each other.
+    """Least clearance between vehicles on different ropes.
 
     Args:
         scenario: what runs, of several ropes in space.
@@ -68,7 +68,7 @@ class PassingFigures:
         self._layout: Layout | None = None  # of the frames so far
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         if snapshot.layout is not self._layout:
             self._layout = snapshot.layout
             self._numbers = np.empty(self._layout.size)
@@ -77,7 +77,7 @@ class PassingFigures:
         take_passing(self._packed, self._columns)
 
     def figures(self) -> list[KeyFigure]:
-        """One of each pair that was near each other."""
+        """Return one clearance figure for each pair of groups of vehicles that came near each other."""
         found = []
         for one, other in combinations_with_replacement(range(len(self._groups)), 2):
             row = one * len(self._groups) + other

@@ -1,4 +1,4 @@
-"""How near vehicles on different ropes in space come to each other, with the wind at that time.
+"""Least clearance between vehicles on different ropes in space, with the wind at its time.
 
 A vehicle is the boxes of its bodies, as they are drawn; one without a box is the bar between its pins. Distances of
 boxes are exact; between two looks, `CLEARANCE_PERIOD` apart, nothing is seen.
@@ -20,7 +20,7 @@ NEAR = 30.0  # m between two joints, from which on a pair is looked at
 
 @by_reference
 class Passing(NamedTuple):
-    """What is kept from frame to frame, and scratch."""
+    """Least clearances between frames, boxes of the bodies, and scratch arrays."""
 
     group: IntArray  # (vehicles,) all carriers are one
     first_body: IntArray  # (vehicles + 1,)
@@ -37,7 +37,7 @@ class Passing(NamedTuple):
 
 @kernel
 def take_passing(memory, columns):
-    """Take in a frame; they come in the order of time."""
+    """Take in the columns of a frame for the clearances of passing vehicles, in order of time."""
     time = columns.time[0]
     if time < memory.next_look[0]:
         return
@@ -64,7 +64,7 @@ def take_passing(memory, columns):
 
 @kernel
 def vehicle_distance(memory, columns, one, other, least):
-    """Distance (m) of two vehicles, or `least` where that is not more."""
+    """Distance (m) between two vehicles, capped at `least` (m)."""
     for body in range(memory.first_body[one], memory.first_body[one + 1]):
         place_box(memory, columns, body, 0)
         for beside in range(memory.first_body[other], memory.first_body[other + 1]):
@@ -81,7 +81,7 @@ def vehicle_distance(memory, columns, one, other, least):
 
 @kernel
 def place_box(memory, columns, body, side):
-    """Put the box of one body where that is."""
+    """Place the bounding box of one body at its position and orientation in the frame."""
     turn, axes = columns.body_orientation[body], memory.axes[side]
     i, j, k, w = turn[0], turn[1], turn[2], turn[3]
     axes[0, 0], axes[0, 1], axes[0, 2] = 1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j - k * w), 2.0 * (i * k + j * w)

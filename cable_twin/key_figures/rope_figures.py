@@ -1,4 +1,4 @@
-"""The key figures of a rope: frames go to what keeps their extremes, and figures are made of those with limits."""
+"""Key figures of one rope: extremes of its frames, turned into figures with limits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MEANS = (
 
 
 class FiguresOfRope:
-    """Gathers the key figures of one rope and what is on it.
+    """Key figures of one rope, its supports, drives and vehicles.
 
     Args:
         scenario: what runs; its `limits` and the limits of its drives are those of the figures.
@@ -54,7 +54,7 @@ class FiguresOfRope:
         self._layout: Layout | None = None  # of the frames so far
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         if snapshot.layout is not self._layout:
             self._take_layout(snapshot.layout)
         passed = snapshot.time - self._last
@@ -71,7 +71,7 @@ class FiguresOfRope:
         self._stops.update(self._time)
 
     def _take_layout(self, layout: Layout) -> None:
-        """Make room for frames of this layout, each to be copied into the same columns.
+        """Allocate the columns that each frame of a layout is copied into.
 
         Raises:
             ValueError: it is not that of the scenario.
@@ -90,13 +90,13 @@ class FiguresOfRope:
         return float(self._columns.time[0])
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         if applied.command.kind == "reset":  # nothing before it is a part of the motion
             self._memory.passed_times[:] = math.nan
         self._stops.command(applied)
 
     def figures(self) -> list[KeyFigure]:
-        """All figures that have a value so far."""
+        """Return all figures of the rope with a value so far."""
         found = [
             *self._of_rope(),
             *self._of_supports(),
@@ -109,7 +109,7 @@ class FiguresOfRope:
         return [figure for figure in found if not math.isnan(figure.value)]
 
     def _motion(self, name: str) -> tuple[float, float]:
-        """Place (m) and speed (m/s) of what is driven, in the last frame."""
+        """Position (m) and speed (m/s) of a drive or a driven vehicle in the last frame."""
         c = self._columns
         if name in self._drives:
             index = self._drives.index(name)
@@ -175,7 +175,7 @@ class FiguresOfRope:
         yield from self._stops.figures(name, self._limited)
 
     def _groups(self) -> list[tuple[str, list[int]]]:
-        """Vehicles that share their figures: each carriage alone, all carriers together."""
+        """Groups of vehicles with common figures: each carriage alone, all carriers together."""
         own = [(name, [number]) for number, name in enumerate(self._scenario.carriages)]
         carriers = self._scenario.carriers
         if carriers is None:
@@ -183,7 +183,7 @@ class FiguresOfRope:
         return [*own, (carriers.name, list(range(len(own), len(own) + carriers.count)))]
 
     def _of_vehicles(self, name: str, members: Sequence[int]) -> Iterator[KeyFigure]:
-        """Figures of a carriage, or of the worst of several."""
+        """Figures of a carriage, or of the worst vehicle of a group."""
         memory, worst = self._memory, self._worst
         kept = memory if self._space is None else self._space.memory  # with the wind at the time
         carriage = self._scenario.carriages.get(name)
@@ -210,20 +210,20 @@ class FiguresOfRope:
     def _worst(
         self, extremes: Extremes, members: Sequence[int], name: str, unit: str, at: str = "arc length"
     ) -> KeyFigure:
-        """Figure of the worst of some vehicles, which is named where there are several."""
+        """Figure of the worst vehicle of a group, with its name in a group of several."""
         worst = extremes.worst(list(members))
         figure = figure_of(extremes, worst, name, unit, at)
         return figure if len(members) == 1 else replace(figure, place=f"{self._vehicles[worst]}, {figure.place}")
 
     def _limited(self, figure: KeyFigure, key: str) -> KeyFigure:
-        """The figure with the limit of the scenario, and where that comes from."""
+        """Key figure with the limit of the scenario and the source of the limit."""
         return limited(self._scenario, figure, key)
 
 
 def drive_figures(
     extremes: DriveExtremes, name: str, index: int, limits: Limits, source: str, at: str = "arc length"
 ) -> Iterator[KeyFigure]:
-    """Figures of one drive against its limits; `source` is where those are, `at` what its place is called."""
+    """Figures of one drive against its limits; `source` names the limits, `at` the coordinate of the place."""
     speed = figure_of(extremes.speed, index, f"{name}: speed", "m/s", at)
     yield with_limit(speed, limits.speed, f"{source}.speed")
     force = figure_of(extremes.force, index, f"{name}: drive force", "N", at)

@@ -1,4 +1,4 @@
-"""A frame taken in: what every column means for the extremes, in one call that costs a few microseconds."""
+"""Extremes of one rope from a frame, in a single kernel call of a few microseconds."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class DriveExtremes(NamedTuple):
 
 @by_reference
 class Memory(NamedTuple):
-    """What is kept from frame to frame, and what of the scenario it takes.
+    """Extremes of one rope between frames, with the constants of the scenario.
 
     Vehicles that are off the cable do not count. Nor do forces and accelerations of a carrier on the first and the last
     element of a moving cable: the end of the model is a point, and a mass that moves over it a singular load, where a
@@ -66,7 +66,7 @@ class Memory(NamedTuple):
 
 @kernel
 def take_frame(memory, arc_lengths, columns):
-    """Take in a frame; they come in the order of time.
+    """Take in the columns of a frame for the extremes of a rope, in order of time.
 
     Args:
         memory: takes it.
@@ -92,7 +92,7 @@ def take_frame(memory, arc_lengths, columns):
 
 @kernel
 def take_sag(memory, time, columns):
-    """Take in the depths below the chord of each span, from support to support; a rope that is upright has none.
+    """Take in the sag below the chord of each span between supports; an upright rope has no sag.
 
     Deepest of all is where a vehicle hangs, which is between points. A span without a point takes the next one, so that
     no span goes without.
@@ -121,7 +121,7 @@ def take_sag(memory, time, columns):
 
 @inlined_kernel
 def below_chord(corners, span, x, z):
-    """How far (m) a point is below the chord of a span."""
+    """Depth (m) of a point below the chord of a span."""
     rise = (corners[span + 1, 1] - corners[span, 1]) / (corners[span + 1, 0] - corners[span, 0])
     return corners[span, 1] + rise * (x - corners[span, 0]) - z
 
@@ -155,7 +155,7 @@ def take_drive(extremes, index, time, place, speed, force):
 
 @kernel
 def take_vehicles(memory, time, arc_lengths, columns):
-    """Take in all vehicles."""
+    """Take in speed, swing, forces and acceleration of all vehicles."""
     looks = begin_look(memory, time, columns)
     for vehicle in range(columns.arc_length.size):
         body = memory.ground.first_body[vehicle + 1] - 1  # the last one
@@ -184,7 +184,7 @@ def take_vehicles(memory, time, arc_lengths, columns):
 
 @kernel
 def begin_look(memory, time, columns):
-    """Whether a frame has places and is due; it is the newest of `passed` then."""
+    """Store the time of a frame with positions as the newest of `passed` once a look is due; returns whether it did."""
     newest = memory.passed_last[0]
     if time < memory.passed_times[newest] + LOOK * (1.0 - 1e-6):
         return False
@@ -198,7 +198,7 @@ def begin_look(memory, time, columns):
 
 @kernel
 def take_acceleration(memory, vehicle):
-    """Take in how much the mean velocity over `MEAN` differs from that over the same time before."""
+    """Take in the acceleration of a vehicle: difference of mean velocities over two successive times `MEAN`."""
     newest = memory.passed_last[0]
     middle = latest(memory, memory.passed_times[newest] - MEAN)
     if middle < 0:
@@ -221,7 +221,7 @@ def take_acceleration(memory, vehicle):
 
 @kernel
 def latest(memory, time):
-    """Number of the newest place up to a time (s); -1 where there is none."""
+    """Index of the newest stored position up to a time (s); -1 without one."""
     found = -1
     for number in range(PLACES):
         at = memory.passed_times[number]
@@ -232,7 +232,7 @@ def latest(memory, time):
 
 @kernel
 def tension_ratio(arc_lengths, rope, tensions, place, force):
-    """Tension over the part of a force (3,) in N across the rope, at an arc length (m); NaN without any.
+    """Tension over the transverse part of a force (3,) in N on the rope at an arc length (m); NaN without a force.
 
     The tension is that of the slacker side, as the points beside it have it: it jumps where a load is.
     """

@@ -1,4 +1,4 @@
-"""How far passengers are carried on after a command to stop: they swing on when clamp and rim stand."""
+"""Stopping distance of passengers, who swing on after clamp and rim have stopped."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SETTLED = 30.0  # s without going farther than before, after which a stop is ove
 
 
 class SeatStops:
-    """The stop that counts, of the load of each vehicle: its farthest way forward along the rope from the command on.
+    """Farthest forward travel along the rope of the load of each vehicle after a command to stop.
 
     The load is the place of the payload, or the centre of mass of the last body. Its way is summed along the rope from
     frame to frame, and swings forward and back; what counts is the farthest until the vehicle is told to move again.
@@ -63,7 +63,7 @@ class SeatStops:
         self._counts: dict[str, str] = {}  # its kind
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         c, last = snapshot.columns, self._last
         if not self._names or isnan(c.body_position[self._bodies[0], 0]):
             return  # a frame without poses
@@ -73,7 +73,7 @@ class SeatStops:
                 self._go_on(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         kind, values = applied.command.kind, applied.command.values
         for number, movers in enumerate(self._movers):
             told = movers & set(values)
@@ -85,11 +85,11 @@ class SeatStops:
                 self._over[number], self._stands[number] = True, False
 
     def figures(self) -> Iterator[KeyFigure]:
-        """Yield the way of each carriage, and of the carrier whose load went farthest."""
+        """Yield the stopping distance of each carriage, and of the carrier whose load went farthest."""
         yield from self._found.values()
 
     def _begin(self, number: int, kind: str, time: float) -> None:
-        """Begin the stop of one vehicle, by number, where it moves and has not been told to stand before."""
+        """Begin the stop of one vehicle, by index, unless it stands or a stop of equal kind was commanded before."""
         last = self._last
         again = self._stands[number] and (kind == "stop" or self._kinds[number] == kind)
         if last is None or again:
@@ -104,7 +104,7 @@ class SeatStops:
             self._place[number] = self._loads(last)[number]
 
     def _go_on(self, snapshot: Snapshot) -> None:
-        """Add what was gone since the last frame to the stops that are under way."""
+        """Add the travel since the last frame to the stops under way."""
         place = self._loads(snapshot)
         numbers = np.flatnonzero(~self._over)
         along = along_rope(snapshot, self._rows[numbers])
@@ -118,7 +118,7 @@ class SeatStops:
         self._tell(farther)
 
     def _tell(self, farther: NDArray[np.intp]) -> None:
-        """Make figures anew of groups in which loads, by number, have gone farther."""
+        """Renew the figures of groups with loads, by index, that have gone farther."""
         for name, numbers in self._groups.items():
             moved = [number for number in farther.tolist() if number in numbers]
             if not moved:
@@ -138,7 +138,7 @@ class SeatStops:
             )
 
     def _loads(self, snapshot: Snapshot) -> FloatArray:
-        """Places (vehicles, 3) in m of the loads."""
+        """Positions (vehicles, 3) in m of the loads."""
         c = snapshot.columns
         turn, offset = c.body_orientation[self._bodies], self._offsets
         twice = 2.0 * np.cross(turn[:, :3], offset)
@@ -148,7 +148,10 @@ class SeatStops:
 
 
 def _load(vehicle: Carriage) -> tuple[int, FloatArray]:
-    """Return the number of the body that carries a load, and where (3,) m from its centre of mass in its axes."""
+    """Return the index of the load-bearing body and the offset (3,) in m of the load from its centre of mass.
+
+    The offset is in the axes of the body.
+    """
     names, payload = list(vehicle.bodies), vehicle.payload
     if payload is None:
         return len(names) - 1, np.zeros(3)

@@ -1,4 +1,4 @@
-"""Figures of a scenario in space: swing across the track, grooves of towers, clearances, each with the wind there."""
+"""Key figures of a rope in space: lateral swing, grooves of towers and clearances, each with the wind at its time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Worst = Callable[..., KeyFigure]  # figure of the worst of some vehicles
 
 
 class SpaceFigures:
-    """Keeps what a plane has not.
+    """Key figures of one rope that exist in space only.
 
     Args:
         scenario: what runs, in space.
@@ -63,7 +63,7 @@ class SpaceFigures:
             yield with_limit(one, 0.0, IN_PLACE)
 
     def of_vehicles(self, name: str, members: Sequence[int], worst: Worst, limited: Limited) -> Iterator[KeyFigure]:
-        """Figures of a carriage, or of the worst of several."""
+        """Figures of a carriage, or of the worst vehicle of a group."""
         yield limited(worst(self.memory.roll, members, f"{name}: swing across the track", "rad"), "lateral_swing")
         if self._masts:
             extremes = self.memory.to_masts

@@ -1,4 +1,4 @@
-"""Extremes of what only a scenario in space has, each with the wind at its time: swing across, grooves, clearances."""
+"""Extremes of a rope in space, each with the wind at its time: lateral swing, grooves and clearances."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 
 @by_reference
 class Across(NamedTuple):
-    """What is kept from frame to frame."""
+    """Extremes of lateral swing, grooves and clearances between frames."""
 
     around: Surroundings
     roll: Extremes  # (vehicles,) rad, either way
@@ -31,7 +31,7 @@ class Across(NamedTuple):
 
 
 def allocate_across(around: Surroundings, vehicles: int, supports: int) -> Across:
-    """Memory of a run of which nothing was seen."""
+    """Memory of the extremes of a rope in space, empty before the first frame."""
     return Across(
         around=around,
         roll=highest(vehicles),
@@ -47,7 +47,7 @@ def allocate_across(around: Surroundings, vehicles: int, supports: int) -> Acros
 
 @kernel
 def take_across(memory, columns):
-    """Take in a frame; they come in the order of time."""
+    """Take in the columns of a frame for the extremes of a rope in space, in order of time."""
     time, wind, around = columns.time[0], columns.wind, memory.around
     for vehicle in range(columns.arc_length.size):
         if columns.attached[vehicle] != 0.0:

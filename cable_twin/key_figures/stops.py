@@ -1,4 +1,4 @@
-"""Stops, from the command to standstill: of what is driven, and of what a driven rope carries."""
+"""Stopping distance and time, from the command to standstill, of drives and of vehicles on a driven rope."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ class Stop:
 
 
 class Stops:
-    """The stop that counts of one thing that is driven: the last emergency stop, else the last stop."""
+    """Decisive stop of one drive: the last emergency stop, else the last stop."""
 
     def __init__(self) -> None:
         self.stop: Stop | None = None
         self._braking: Stop | None = None
 
     def begin(self, kind: str, time: float, place: float, speed: float) -> None:
-        """A command to stop: the emergency stop goes before a stop that is under way."""
+        """Begin a stop at a command; an emergency stop replaces a normal stop under way."""
         if not abs(speed) > SLOWEST:
             return
         if self._braking is None or (kind == "emergency stop" and self._braking.kind != kind):
             self._braking = Stop(kind, time, place, speed)
 
     def cancel(self) -> None:
-        """It is told to move again, or put elsewhere."""
+        """Discard the stop under way, after a command to move or a reset."""
         self._braking = None
 
     @property
     def braking(self) -> bool:
-        """Whether a stop is under way."""
+        """True while a stop is under way."""
         return self._braking is not None
 
     def update(self, time: float, place: float, speed: float) -> None:
-        """Take in where it is (m) and how fast (m/s)."""
+        """Take in position (m) and speed (m/s) at a time (s)."""
         stop = self._braking
         if stop is None or isnan(place + speed) or (abs(speed) > STANDSTILL and speed * stop.speed > 0.0):
             return
@@ -65,7 +65,7 @@ class Stops:
 
 
 class StopsOf:
-    """Those of all that is driven, by name.
+    """Decisive stops of several drives, by name.
 
     Args:
         names: of what is driven.
@@ -88,7 +88,7 @@ class StopsOf:
             self._find_braking()
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         kind, values, seen = applied.command.kind, applied.command.values, not isnan(self._time)
         for name, stops in self._stops.items():
             if kind == "reset":
@@ -102,7 +102,7 @@ class StopsOf:
         self._find_braking()
 
     def figures(self, name: str, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
-        """Way and time of the stop that counts of one of them; `limited` gives them the limit of a key."""
+        """Yield distance and time of the decisive stop of one drive; `limited` adds the limit of a key."""
         stop = self._stops[name].stop if name in self._stops else None
         if stop is not None:
             place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
@@ -118,13 +118,13 @@ class StopsOf:
         self._braking = [name for name, stops in self._stops.items() if stops.braking]
 
     def _motion_at(self, name: str, time: float) -> tuple[float, float]:
-        """Place (m) and speed (m/s) at a time (s) shortly after the last frame, which goes on as it was."""
+        """Position (m) and speed (m/s) at a time (s) shortly after the last frame, extrapolated at constant speed."""
         place, speed = self._motion(name)
         return place + speed * (time - self._time), speed
 
 
 class CarriedStops:
-    """The stop that counts of what a driven rope carries: how far and how long each vehicle goes on in space.
+    """Decisive stop of vehicles on a driven rope: distance and time of each vehicle in space.
 
     The rim of a drive stops as it is told; the rope slips on it, gives way and swings. A vehicle goes on until it
     stands itself, or turns back, for the first time. Its way is along the rope, of frames that show where it is.
@@ -158,7 +158,7 @@ class CarriedStops:
         self._counts = ""  # kind of that stop
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot; they come in the order of time."""
+        """Take in one snapshot, in order of time."""
         if not self._names:
             return
         c, time = snapshot.columns, snapshot.time
@@ -173,7 +173,7 @@ class CarriedStops:
         self._speed = np.where(on, c.speed[self._rows], 0.0)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command where it took effect."""
+        """Take in a command at the time of its effect."""
         kind, values = applied.command.kind, applied.command.values
         told = self._drives & set(values)
         if kind == "emergency_stop" or (kind == "speed" and told and not any(values[name] for name in told)):
@@ -182,7 +182,7 @@ class CarriedStops:
             self._begun = None
 
     def figures(self, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
-        """Way and time of each carriage, and of the carrier that went farthest; `limited` gives them their limits."""
+        """Yield distance and time of each carriage and of the farthest carrier, with limits from `limited`."""
         for distance, duration in self._stops.values():
             yield limited(distance, "stopping_distance")
             yield limited(duration, "stopping_time")
@@ -196,7 +196,7 @@ class CarriedStops:
         self._end[:] = nan
 
     def _go_on(self, time: float, steps: FloatArray) -> None:
-        """Add the steps (vehicles,) in m since the last frame to the ways of all that have not come to a stand."""
+        """Add the steps (vehicles,) in m since the last frame to the distances of all vehicles still in motion."""
         on = np.sign(self._start) * steps
         moves = np.isnan(self._end) & (np.abs(self._start) > STANDSTILL)
         goes = moves & (on > STANDSTILL * (time - self._time))
@@ -226,7 +226,7 @@ class CarriedStops:
 
 
 def along_rope(snapshot: Snapshot, rows: NDArray[np.intp]) -> FloatArray:
-    """Unit vectors (n, 3) along the rope at vehicles with these numbers (n,); NaN where one is on no rope."""
+    """Unit vectors (n, 3) along the rope at vehicles of given indices (n,); NaN for vehicles off the rope."""
     found = np.full((len(rows), 3), nan)
     c, arc, parts = snapshot.columns, snapshot.layout.arc_lengths, list(snapshot.layout.ropes.values())
     for number, row in enumerate(rows.tolist()):
