@@ -1,1 +1,1 @@
-"""The ROS 2 side: the node `sim` and the terminal command `drive`."""
+"""ROS 2 interface: the node of `sim` and the terminal command `drive`."""

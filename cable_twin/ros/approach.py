@@ -1,4 +1,4 @@
-"""The way to a place: a trapezoid of speed within the limits of a drive, and a stop there. Knows nothing of rclpy.
+"""Point-to-point motion: a trapezoidal speed profile within the limits of a drive, and a stop there, without rclpy.
 
 The way is that of the ramp which the drive follows, so that an elastic haul rope is not rocked by a loop over it. How
 far the vehicle is from there, the stretch of that rope, is filtered and added: so it has arrived where the drive rests
@@ -24,7 +24,7 @@ STATIONS = ("start", "end", "lower_station", "upper_station")
 
 
 class Approach:
-    """Speeds that bring a carriage, or the cable of a drive, to a place.
+    """Speed profile that brings a carriage, or the cable of a drive, to a place.
 
     Args:
         scenario: that runs.
@@ -57,7 +57,7 @@ class Approach:
         self._nearest, self._side = (math.inf, math.nan), 0.0  # m, and when; on the side of the sign of that
 
     def speed(self, time: float, place: float, way: float, speed: float) -> float | None:
-        """Speed (m/s) that is due; None: it has arrived.
+        """Speed (m/s) due now; None after arrival.
 
         Args:
             time: s, simulated.
@@ -83,11 +83,11 @@ class Approach:
         return self._last[1]
 
     def go_on_from(self, before: Approach) -> None:
-        """Take over the speed, and what swings, of one to another place."""
+        """Take over the speed and the swing filter of an approach to another place."""
         self._last, self._filters, self._filtered = before._last, before._filters, before._filtered
 
     def stalled(self, time: float, place: float) -> str:
-        """Why it gets nowhere, in a line; nothing while it comes nearer."""
+        """Message about an approach without progress, empty during progress."""
         left = self.target - place
         distance, passed = abs(left), left * self._side < 0.0
         if passed or distance < self._nearest[0] - 1e-3 or distance <= TOLERANCE:
@@ -100,7 +100,7 @@ class Approach:
         )
 
     def _filter(self, time: float, beside: float) -> float:
-        """Place beside the way (m), through two filters of the first order: little of it swings with the vehicle."""
+        """Offset (m) of the place from the ramp, after two first-order filters that suppress vehicle swing."""
         if math.isnan(self._filtered):
             self._filters, self._filtered = (beside, beside), time
         share = 1.0 - math.exp(-max(time - self._filtered, 0.0) / self._filter_time)

@@ -1,4 +1,4 @@
-"""Work on what others have sent, in a process of its own within limits: it can neither hold the twin up nor end it."""
+"""Processing of foreign input in a separate process within limits, unable to delay or end the twin."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ PACKAGE_PARENT = Path(__file__).resolve().parents[2]
 
 
 class BesideError(RuntimeError):
-    """The process gave no answer: why, in a line."""
+    """Failed answer of the separate process: the reason, in a line."""
 
 
 def ask_beside(module: str, request: Any, seconds: float) -> Any:
-    """Have a module of this package, which calls `answer`, work on a request; both are what JSON holds.
+    """Have a module of this package process a request by `answer`; request and answer are JSON values.
 
     Args:
         module: as "ros.scenario_reading".
@@ -57,7 +57,7 @@ def ask_beside(module: str, request: Any, seconds: float) -> Any:
 
 
 def answer(work: Callable[[Any], Any]) -> None:
-    """Be the process: work on the request that comes, within the limit of memory."""
+    """Process the request on standard input within the memory limit, as the separate process."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     json.dump(work(json.load(sys.stdin)), sys.stdout)

@@ -1,4 +1,4 @@
-"""The bottom row of a terminal, drawn anew a few times a second by a thread of its own, with all other output above it.
+"""Status bar in the bottom row of a terminal, redrawn a few times a second by its own thread, below all other output.
 
 The row is taken out of what the terminal scrolls, as apt does, so that nobody who writes a line can tear it: rcl logs
 from C, rerun from Rust. Knows nothing of a twin.
@@ -22,7 +22,7 @@ ALL, ROW, BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"  # scroll all rows; erase the ro
 
 
 class BottomRow:
-    """Shows a text as long as it runs; nothing where the streams are no terminal.
+    """Status bar with a text in the bottom row, inactive where a stream is not a terminal.
 
     Args:
         text: What to show in so many characters; called by the thread.
@@ -39,12 +39,12 @@ class BottomRow:
         self._thread = threading.Thread(target=self._run, name="bottom row", daemon=True)
 
     def start(self) -> None:
-        """Begin to show it."""
+        """Begin to show the status bar."""
         if self._usable:
             self._thread.start()
 
     def stop(self) -> None:
-        """Give the row back, if the terminal takes it within a second."""
+        """Give the bottom row back to the terminal, within a second at most."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(1.0)
@@ -60,7 +60,7 @@ class BottomRow:
             return  # the terminal is gone
 
     def _in_foreground(self) -> bool:
-        """Whether the terminal is ours; it is the shell's, and its editors', after `sim &`."""
+        """Whether this process is in the terminal's foreground; after `sim &` the shell and its editors are."""
         try:
             return os.tcgetpgrp(self._terminal) == os.getpgrp()
         except OSError:
@@ -78,21 +78,21 @@ class BottomRow:
             self._write(before)
 
     def _taken(self, size: os.terminal_size) -> str:
-        """What takes the row, with the cursor above it; nothing where there is no room."""
+        """Escape sequence that reserves the bottom row, with the cursor above; empty in a too small terminal."""
         if size.lines < FEWEST_ROWS or size.columns < FEWEST_COLUMNS:
             return ""
         self._size = size
         return f"\n{HERE}\x1b[1;{size.lines - 1}r{BACK}\x1b[1A"
 
     def _given_back(self) -> str:
-        """What lets the terminal scroll all rows again, with nothing below the cursor."""
+        """Escape sequence that lets the terminal scroll all rows again and clears all below the cursor."""
         if self._size is None:
             return ""
         self._size = None
         return f"{HERE}{ALL}{BACK}{BELOW}"
 
     def _rendered(self, width: int) -> str:
-        """The text in the colours that this terminal has, in one row of so many characters."""
+        """Text of the status bar in the terminal's colours, cropped to a width in characters."""
         console = Console(file=StringIO(), force_terminal=True, width=width, legacy_windows=False)
         with console.capture() as capture:
             console.print(self._text(width), end="", no_wrap=True, overflow="crop", crop=True, highlight=False)

@@ -1,4 +1,4 @@
-"""What the commands `sim` and `drive` share: ROS arguments, signals, the hint without ROS 2."""
+"""Shared parts of the commands `sim` and `drive`: ROS arguments, signals, the hint without ROS 2."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ INSTALL_HINT = (
 
 
 class Ending:
-    """Signals that ask for an end, once or often, as a flag; while `starting` they end the process at once.
+    """Flag set by ending signals, such as SIGINT, once or often; while `starting` they end the process at once.
 
     rclpy's own handlers would end the context before the logs are closed, and `ros2 launch` sends SIGINT twice.
     """
@@ -36,7 +36,7 @@ class Ending:
         return self._flag.is_set()
 
     def close(self) -> None:
-        """Let signals do nothing any more: all is closed, and Python on its way out would put their defaults back."""
+        """Ignore signals from now on: all is closed, and Python would restore their defaults during its own exit."""
         for number in self._signals:
             signal.signal(number, signal.SIG_IGN)
 
@@ -47,7 +47,7 @@ class Ending:
 
 
 def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Options of the command, and what is for ROS: `--ros-args` and all behind it, up to `--` if there is one."""
+    """Split arguments into own ones and those of ROS, from `--ros-args` up to `--` or the end."""
     arguments = list(argv)
     if "--ros-args" not in arguments:
         return arguments, []
@@ -57,7 +57,7 @@ def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def rcl_fault(error: Exception) -> str:
-    """What rcl did not like, in a line without the place in its source."""
+    """Message of an rcl error in one line, without the place in its source."""
     text = re.sub(r",? at /\S+:\d+", "", " ".join(str(error).split()))
     if "unknown" in type(error).__name__.lower():
         return f"unknown ROS arguments {text}"
@@ -68,7 +68,7 @@ def rcl_fault(error: Exception) -> str:
 
 
 def print_hint(command: str, error: ImportError) -> None:
-    """Say what to install."""
+    """Print installation instructions after a failed import."""
     print(INSTALL_HINT.format(command=command, reason=error, pip=typed("pip")), file=sys.stderr)
 
 

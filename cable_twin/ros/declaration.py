@@ -1,4 +1,4 @@
-"""The table of parameters as parameters of a node."""
+"""Declaration of the parameter table as parameters of a node."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDE
 
 
 class ParameterError(ValueError):
-    """Parameters that the node cannot start with, a line each."""
+    """Invalid parameters of the node, a line each."""
 
 
 def declare_parameters(node: Node) -> dict[str, Any]:
-    """Declare every parameter of the table and return what was given, by name.
+    """Declare every parameter of the table and return given values by name.
 
     Raises:
         ParameterError: a value is of another kind, or out of its range.
@@ -68,7 +68,7 @@ def declare_parameters(node: Node) -> dict[str, Any]:
 
 
 def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of the scenario by dotted key that the parameter `set` changes.
+    """Changed scenario values by dotted key, from the parameter `set`.
 
     Raises:
         ParameterError: a line of it is no KEY=VALUE, or the scenario is that of a snapshot.
@@ -84,13 +84,13 @@ def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_installed(message_type: str) -> bool:
-    """Whether rclpy can send a type such as "tf2_msgs/msg/TFMessage", or has a package of such types."""
+    """Whether the package of a message type such as "tf2_msgs/msg/TFMessage", or a named package, is installed."""
     found = find_spec(message_type.partition("/")[0])
     return found is not None and found.origin is not None  # None: the directory of its sources
 
 
 def as_meant(parameters: list[RosParameter]) -> list[RosParameter]:
-    """What somebody sets while the node runs, with whole numbers where any is allowed."""
+    """Convert parameters set at run time: integers become doubles where the table has doubles."""
     doubles = {parameter.name for parameter in PARAMETERS if isinstance(parameter.default, float)}
     return [
         RosParameter(one.name, value=float(one.value))
@@ -119,7 +119,7 @@ def topic_rates(node: Node, values: Mapping[str, Any], frame_rate: float) -> tup
 
 
 def count_frame_steps(node: Node, frame_rate: float, step: float) -> int:
-    """Solver steps (s) in a frame at a rate (Hz), which is said where it cannot be kept."""
+    """Number of solver steps (s) in a frame at a rate (Hz), with a warning where the rate is not exact."""
     period = 1.0 / frame_rate
     steps = max(round(period / step), 1)
     if abs(steps * step - period) > 1e-9:
@@ -131,7 +131,7 @@ def count_frame_steps(node: Node, frame_rate: float, step: float) -> int:
 
 
 def own_topics(values: Mapping[str, Any], scenario: Scenario) -> tuple[str, ...]:
-    """Carriers that get topics of their own.
+    """Carriers with topics of their own.
 
     Raises:
         ParameterError: the scenario has none of that name.
@@ -150,7 +150,7 @@ def own_topics(values: Mapping[str, Any], scenario: Scenario) -> tuple[str, ...]
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """What other nodes are told about a parameter."""
+    """Descriptor of a parameter: description, choices and range."""
     descriptor = ParameterDescriptor(
         description=parameter.help,
         additional_constraints=f"one of: {', '.join(parameter.choices)}" if parameter.choices else "",

@@ -1,4 +1,4 @@
-"""What RViz is told once: the vehicles as a URDF, and the frames that stand still.
+"""Messages sent to RViz once: the vehicles as a URDF, and the static frames.
 
 Links are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of mass
 without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin from
@@ -40,7 +40,7 @@ def pivot_frame(vehicle: str, body: str) -> str:
 
 
 def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
-    """Frames that stand still: name, frame that each is seen from (None: the fixed one), place x, y, z (m) in it."""
+    """Static frames: name, parent frame (None: the fixed frame), place x, y, z (m) in the parent."""
     for rope, cable in scenario.cables.items():
         for name, end in zip(scenario.end_names(rope), (cable.start, cable.end), strict=True):
             yield name, None, scenario.placed(rope, end.position)
@@ -52,7 +52,7 @@ def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
 
 
 def still_transforms(scenario: Scenario, stamp_ns: int, *, frame_id: str = "map", prefix: str = "") -> bytes:
-    """Encode the frames that stand still as tf2_msgs/TFMessage.
+    """Encode the static frames as tf2_msgs/TFMessage.
 
     Args:
         scenario: What runs.
@@ -72,7 +72,7 @@ def still_transforms(scenario: Scenario, stamp_ns: int, *, frame_id: str = "map"
 
 
 def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str = "") -> str:
-    """All vehicles of a scenario, and the drive of a moving cable, as a URDF.
+    """URDF of all vehicles of a scenario, and of the drive of a moving cable.
 
     Args:
         scenario: What runs.
@@ -93,7 +93,7 @@ def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str 
 
 
 def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str) -> None:
-    """A way along the rope, drawn straight: place and speed are those along the rope."""
+    """Add a prismatic joint for motion along the rope, drawn straight but with place and speed along the rope."""
     vehicle = scenario.vehicles.get(name)
     rope = None if vehicle is None else vehicle.rope
     cable = scenario.cable if rope is None else scenario.ropes[rope]
@@ -111,14 +111,14 @@ def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, chil
 
 
 def _moved(scenario: Scenario, vehicle: Carriage | None) -> float:
-    """Speed (m/s) of what takes no commands: of the fastest drive of a rope that moves it, 0 of what is fixed."""
+    """Speed limit (m/s) of a vehicle without commands: of the fastest drive, 0 of a fixed vehicle."""
     if vehicle is None or vehicle.joint == "fixed":
         return 0.0
     return max((limits.speed for limits in command_limits(scenario).values()), default=inf)
 
 
 def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> None:
-    """The bodies of a vehicle, each below the one before."""
+    """Add links and joints of the bodies of a vehicle, each below the one before."""
     above, hook = vehicle, in_space((0.0, 0.0))
     for name, body in carriage.bodies.items():
         pivot, centre = pivot_frame(vehicle, name), f"{vehicle}/{name}"
@@ -140,7 +140,7 @@ def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> Non
 
 
 def _shapes(link: Element, body: Body) -> None:
-    """What a body looks like: a bar from its pins to its centre, and a box where it is one."""
+    """Add the visuals of a body: a bar from each pin to its centre, and a box where the body has an extent."""
     for bar in body_bars(body):
         (x, z), wide = bar.centre, THICK * bar.length
         _visual(link, f"{wide:.6g} {wide:.6g} {bar.length:.9g}", f"{x:.9g} 0 {z:.9g}", f"0 {bar.pitch:.9g} 0", 0)

@@ -1,4 +1,4 @@
-"""What the twin says of itself once a second: /diagnostics, a status for each task, and key figures."""
+"""Diagnostics of the twin once a second: a status for each task on /diagnostics, and key figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Judged = tuple[int, str, Mapping[str, str]]  # level, a line for people, and fig
 
 
 class Diagnostics:
-    """Gathers and sends them.
+    """Collector and publisher of the diagnostics of a node.
 
     Args:
         node: whose full name they have; their hardware is the scenario.
@@ -52,7 +52,7 @@ class Diagnostics:
         self._node, self._simulation, self._loop, self._output, self._clock = node, simulation, loop, output, clock
 
     def publish(self) -> None:
-        """Send them, and say in the log what is new."""
+        """Publish the diagnostics, and log new events."""
         statistics = self._loop.take_statistics().summary()
         self.recording.look()
         stamp_ns = self._clock.stamp_ns(self._loop.simulated_time)
@@ -95,7 +95,7 @@ class Diagnostics:
         return (ERROR, fault, values) if fault else (OK, "all steps converged", values)
 
     def _commands(self) -> Judged:
-        """Whether the twin takes commands, and how many it has taken and refused."""
+        """Status of the commands: accepted or under an emergency stop, with counts of applied and refused ones."""
         stopped = self._simulation.emergency_stopped
         values = {key: str(count) for key, count in self.counts.items()}
         values["emergency_stop"] = str(stopped).lower()

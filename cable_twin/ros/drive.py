@@ -1,4 +1,4 @@
-"""The command `drive`: what a running twin is told from a terminal, without the ros2 command line."""
+"""Command `drive`: commands to a running twin from a terminal, without the ros2 command line."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ drive [-h] [--node NODE] [--wait S] ... and one of
 
 
 def parser() -> OneLineParser:
-    """Options of `drive`: one for each kind of command, and for what else a twin does."""
+    """Parser of the options of `drive`: one for each kind of command, and for services and queries of a twin."""
     result = OneLineParser("drive", "Send commands to a running twin from a terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     result.usage = USAGE  # argparse breaks so long a choice within a word
@@ -110,7 +110,7 @@ def parser() -> OneLineParser:
 
 @faults_reported("drive")
 def main(argv: Sequence[str] | None = None) -> int:
-    """Tell a twin what to do; 0 after the end, 1 when none answers, or it refuses, 130 where nothing came of it."""
+    """Send a command to a twin; returns 0 at the end, 1 without a twin or after a refusal, 130 after an interrupt."""
     own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     arguments = parser()
     options = arguments.parse_args(own)
@@ -153,7 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
-    """What does not go together, none where all does."""
+    """Message about incompatible options, empty for compatible ones."""
     if options.to is not None and options.name is None:
         return "--to needs the name of a carriage or drive before it"
     if options.at_most is not None and (options.to is None or options.at_most <= 0.0):
@@ -184,12 +184,12 @@ def _option(kind: Kind) -> str:
 
 
 def _waiting(text: str) -> Status:
-    """On a terminal, what is waited for: DDS takes seconds to find others."""
+    """Show a progress message on a terminal while DDS takes seconds to find other nodes."""
     return Console(stderr=True).status(text)
 
 
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
-    """Repeat a command until the end; returns what went wrong."""
+    """Repeat a drive command until the end; returns the error message, empty without an error."""
     from cable_twin.ros.repeated_drive import Driver  # noqa: PLC0415 - an emergency stop does not wait for these
     from cable_twin.ros.trip import Trip  # noqa: PLC0415
 
@@ -206,7 +206,7 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
 
 
 def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
-    """Do once what is asked for and print what came of it; returns what went wrong."""
+    """Send one request and print its answer; returns the error message, empty without an error."""
     if options.list:
         with _waiting("looking for twins"):
             lines = list_twins(node, options.wait, ending)
@@ -227,7 +227,7 @@ def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: End
 
 
 def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> str:
-    """Ask the twin; returns its answer."""
+    """Send one request to the twin; returns the answer."""
     if kind is None:
         if options.step is not None:
             return client.step(options.step)
@@ -271,7 +271,7 @@ def _node(text: str) -> str:
 
 
 def _count(text: str) -> int:
-    """Whole number above zero."""
+    """Positive integer."""
     if not text.isdecimal() or not int(text):
         raise argparse.ArgumentTypeError(f"{text!r} given, a whole number of frames above zero is needed")
     return int(text)

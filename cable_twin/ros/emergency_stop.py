@@ -1,4 +1,4 @@
-"""The service `emergency_stop` of a twin: a DDS participant, an executor and a thread of its own.
+"""Service `emergency_stop` of a twin, with its own DDS participant, executor and thread.
 
 Whatever holds the node up (messages by the thousand, a scenario that is loaded, a disk that stalls), a call comes
 through sockets, queues and a thread that serve nothing else, goes before all that waits for the frame loop, and is
@@ -33,7 +33,7 @@ IDLE = 0.5  # s between two looks whether it is to end
 
 
 class EmergencyStop:
-    """Answers calls for as long as the process lives, be it with one frame loop after the other.
+    """Service `emergency_stop`, available as long as the process lives, also between frame loops.
 
     Args:
         node: of the twin, whose name is in that of the service.
@@ -57,7 +57,7 @@ class EmergencyStop:
             raise self._fault
 
     def serve(self, loop: FrameLoop) -> None:
-        """Stop the drives of a frame loop from now on, at once where a call has come while there was none."""
+        """Stop the drives of a frame loop at calls from now on, and at once for a call received before."""
         with self._lock:
             self._loop = loop
             waiting, self._waiting = self._waiting, None
@@ -65,7 +65,7 @@ class EmergencyStop:
                 loop.submit(waiting, "service", urgent=True)
 
     def leave(self) -> None:
-        """Let the frame loop end: what comes is for the next one."""
+        """Detach the frame loop; calls from now on are for the next one."""
         with self._lock:
             self._loop = None
 
@@ -138,7 +138,7 @@ class EmergencyStop:
 
 
 def _enclave(arguments: Sequence[str]) -> list[str] | None:
-    """Arguments of ROS that say in which enclave a participant is; none where there is no such argument."""
+    """ROS arguments with the enclave of a participant, empty without an enclave."""
     for option, value in pairwise(arguments):
         if option in ("-e", "--enclave"):
             return ["--ros-args", option, value]

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of rclpy for the table of topics, with the names and the QoS that ROS was told."""
+"""Publishers and subscriptions of rclpy for the table of topics, with remapped names and overridden QoS."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKin
 
 
 class Endpoints:
-    """All publishers of a node, and its subscriptions once somebody takes what they bring.
+    """All publishers of a node, and its command subscriptions after `subscribe`.
 
     Attributes:
         senders: by the name of the table, what sends the bytes of a topic.
@@ -33,7 +33,7 @@ class Endpoints:
     """
 
     def __init__(self, node: Node, table: Sequence[Topic]) -> None:
-        """Create the publishers; topics of `INPUTS` are for `subscribe`."""
+        """Create the publishers; topics of `INPUTS` are left to `subscribe`."""
         self._node = node
         self._topics = {topic.name: topic for topic in table}
         self._remapped: dict[str, str] = {}
@@ -47,13 +47,13 @@ class Endpoints:
                 self.senders[topic.name] = self._publishers[topic.name].publish
 
     def subscribe(self, take: Callable[[str, bytes], None]) -> None:
-        """Have the bytes of all topics taken that bring commands, each with the name of its topic."""
+        """Subscribe to all command topics; `take` receives the name of the topic and the bytes of each message."""
         for name in INPUTS:
             self._create(self._topics[name], self._node.create_subscription, partial(take, name), raw=True)
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """The table, with the QoS that each topic has."""
+        """Table of topics with the QoS in use."""
         return tuple(self._topics.values())
 
     @property
@@ -62,7 +62,7 @@ class Endpoints:
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
 
     def check_names(self, topics: Iterable[str]) -> None:
-        """Raise ParameterError where a topic of another scenario cannot have its name: one is too long."""
+        """Refuse topics of another scenario with invalid, such as too long, full names by a ParameterError."""
         try:
             for topic in topics:
                 validate_full_topic_name(self.names.full(topic))
@@ -70,11 +70,11 @@ class Endpoints:
             raise ParameterError(printable(error, 400)) from None
 
     def listeners(self, topic: str) -> int:
-        """How many subscribe to a topic."""
+        """Number of subscriptions to a topic."""
         return self._publishers[topic].get_subscription_count() if topic in self._publishers else 0
 
     def warn_of_unknown(self) -> None:
-        """Name the overrides that were given for what this node does not have."""
+        """Warn of QoS overrides for unknown topics or policies."""
         for name in self._node._parameter_overrides:
             if name.startswith(QOS_OVERRIDES) and not self._node.has_parameter(name):
                 self._node.get_logger().warning(
@@ -83,7 +83,7 @@ class Endpoints:
                 )
 
     def _create(self, topic: Topic, create: Callable[..., Any], *how: Any, **options: Any) -> Any:
-        """Create a publisher or a subscription, and keep what it is called and how it is."""
+        """Create a publisher or a subscription, and record its full name and QoS."""
         quality = QoSProfile(
             depth=topic.depth,
             reliability=ReliabilityPolicy[topic.reliability.upper()],

@@ -1,4 +1,4 @@
-"""What calls the node's callbacks: the executor of events where this rclpy has one, which costs less; waiting in it."""
+"""Executor for the callbacks of a node, the cheaper events executor where rclpy has one, and waiting in a callback."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ async def done(future: Future[Any], *, turn: float = TURN, within: float = math.
 
 
 class _Turn:
-    """Gives other callbacks their turn."""
+    """Awaitable that lets other callbacks run once."""
 
     def __await__(self) -> Generator[None, None, None]:
         yield

@@ -1,4 +1,4 @@
-"""Key figures of a running twin: gathered by the solver's thread, told by another. Knows nothing of rclpy."""
+"""Key figures of a running twin: gathered by the solver's thread, reported by another, without rclpy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cable_twin.snapshot import Snapshot
 
 
 class FigureWatch:
-    """Watches the limits of the key figures.
+    """Watch of the limits of key figures.
 
     Args:
         figures: What gathers them.
@@ -26,23 +26,23 @@ class FigureWatch:
         self._news: list[str] = []
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in a frame."""
+        """Update the key figures with a frame."""
         with self._lock:
             self._figures.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command as it takes effect."""
+        """Update the key figures with an applied command."""
         with self._lock:
             self._figures.command(applied)
 
     def limit(self, name: str) -> float | None:
-        """Limit of the figure of this name, in its unit; None where it has none, or is not there."""
+        """Limit of the key figure of a name, in its unit; None without such a figure or limit."""
         with self._lock:
             figures = self._figures.figures()
         return next((figure.limit for figure in figures if figure.name == name), None)
 
     def statuses(self) -> list[Status]:
-        """A status for each figure: a warning where its limit is passed."""
+        """Status of each key figure: a warning for an exceeded limit."""
         with self._lock:
             figures, touches = self._figures.figures(), self._figures.touches()
         for touch in touches:
@@ -56,11 +56,11 @@ class FigureWatch:
         return figure_statuses(figures)
 
     def take_news(self) -> list[str]:
-        """A line for each figure whose limit was passed for the first time, and of vehicles that met, since then."""
+        """New messages: a line for each figure with a first exceeded limit, and for vehicles that have met."""
         taken, self._news = self._news, []
         return taken
 
     def judged(self) -> tuple[int, str, dict[str, str]]:
-        """Level, message and figures about all limits: a warning that names those which were passed."""
+        """Level, message and figures for the task `limits`: a warning that names exceeded limits."""
         values = {figure.name: describe(figure) for figure in self._passed.values()}
         return (WARNING, f"limits exceeded: {', '.join(values)}", values) if values else (OK, "all limits kept", {})

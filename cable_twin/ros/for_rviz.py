@@ -1,4 +1,4 @@
-"""What RViz draws of a twin beside the topics of each frame: markers, frames that stand still, vehicles as a URDF."""
+"""Topics for RViz beside the state topics: markers, static frames, vehicles as a URDF."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cable_twin.snapshot import Columns
 
 
 class ForRviz:
-    """What there is for it, with the message packages that are installed.
+    """Topics for RViz, as far as their message packages are installed.
 
     Attributes:
         present: options of `topics`; `/tf` is in logs also where its messages are not installed.
@@ -28,7 +28,7 @@ class ForRviz:
     """
 
     def __init__(self, simulation: Simulation, frames: FrameNames) -> None:
-        """Prepare it for a simulation and the names of its frames."""
+        """Prepare the RViz topics of a simulation, with the names of its frames."""
         self._scenario = simulation.scenario
         self._names = {"frame_id": frames.frame_id, "prefix": frames.frame_prefix}
         markers = find_spec("visualization_msgs") is not None
@@ -39,7 +39,7 @@ class ForRviz:
         self._sent = self._seen = 0  # markers that were sent, in all and until the last look
 
     def watching(self, endpoints: Endpoints) -> dict[str, Callable[[bytes], None]]:
-        """The senders of topics by name, of which that of markers is watched."""
+        """Senders of topics by name, with sent markers counted."""
         if MARKERS not in self.makers:
             return dict(endpoints.senders)
         self._listeners, send = partial(endpoints.listeners, MARKERS), endpoints.senders[MARKERS]
@@ -51,7 +51,7 @@ class ForRviz:
         return {**endpoints.senders, MARKERS: sending}
 
     def look(self, loop: FrameLoop, output: Output) -> None:
-        """Have markers made while somebody shows them, and sent again where none have come since the last call.
+        """Build markers only while subscribed, and send the present ones where none were sent since the last call.
 
         They are a fifth of what a frame without logs costs; the twin may be paused, or slow.
         """
@@ -62,7 +62,7 @@ class ForRviz:
         self._seen = self._sent
 
     def once(self) -> list[tuple[str, bytes]]:
-        """Messages that are sent once, for whoever comes."""
+        """Messages sent once, latched for late subscribers."""
         described = serialize(String(robot_description(self._scenario, **self._names)))
         still = still_transforms(self._scenario, time.time_ns(), **self._names)
         return [(ROBOT_DESCRIPTION, described), (TF_STATIC, still)]

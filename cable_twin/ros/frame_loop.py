@@ -1,4 +1,4 @@
-"""The solver's thread: frames at absolute deadlines, commands at frame boundaries. Knows nothing of rclpy.
+"""Real-time frame loop in the solver's thread: frames at absolute deadlines, commands at frame boundaries, no rclpy.
 
 A frame is computed and encoded ahead and published when its simulated time is due, so that lateness is that of the
 clock and not of the solver. A command takes effect at the boundary after its arrival. No step is ever skipped: a loop
@@ -33,7 +33,7 @@ _Request = tuple[Command | Goal | Callable[[], Any], str, Future[Any]]
 
 
 class FrameLoop:
-    """Runs a simulation frame by frame in a thread of its own.
+    """Real-time loop of a simulation: frame by frame, in its own thread.
 
     Args:
         simulation: whose only user this becomes.
@@ -112,7 +112,7 @@ class FrameLoop:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread after the frame in hand; requests that still wait are cancelled."""
+        """End the thread after the present frame; waiting requests are cancelled."""
         self._stopping.set()
         self._asked.set()
         if self._thread.is_alive():
@@ -124,21 +124,21 @@ class FrameLoop:
             queue.clear()
 
     def submit(self, command: Command | Goal, source: str, *, urgent: bool = False) -> Future[AppliedCommand | None]:
-        """Hand over a command; the future gives it as applied, None for a goal, or the `CommandError`.
+        """Queue a command; the future gives the applied command, None for a goal, or the `CommandError`.
 
         At a frame boundary an `urgent` one goes before all that are not.
         """
         return self._ask(command, source, self._urgent if urgent else self._requests)
 
     def pause(self, paused: bool) -> None:
-        """Stop simulated time, also one that is stepped, or let it run."""
+        """Pause simulated time, stepping included, or resume."""
         self._paused = paused
         for stepping in tuple(self._stepping) if paused else ():
             stepping.count = 0
         self._asked.set()
 
     def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
-        """Take frames while paused, as fast as possible; the future gives how many, fewer where it failed or paused.
+        """Compute frames while paused, as fast as possible; the future gives their number, fewer after a fault.
 
         After each one `on_frame` gets how many there were, and says whether to go on.
         """
@@ -152,7 +152,7 @@ class FrameLoop:
         return self.call(self._simulation.capture)
 
     def call(self, function: Callable[[], Any]) -> Future[Any]:
-        """Have something done at the next frame boundary that raises nothing; the future gives what it returns."""
+        """Call a function that raises nothing at the next frame boundary; the future gives its result."""
         return self._ask(function, "")
 
     def _ask(
@@ -164,12 +164,12 @@ class FrameLoop:
         return future
 
     def take_statistics(self) -> FrameStatistics:
-        """What happened since the last call."""
+        """Frame statistics since the last call."""
         taken, self._statistics = self._statistics, FrameStatistics(LatenessHistogram(self._clock_period))
         return taken
 
     def _guard(self) -> None:
-        """Tell what ends the thread, which would else die in silence while the node lives on."""
+        """Report an exception that ends the thread, which the node would otherwise outlive in silence."""
         wake_promptly()
         try:
             self._run()
@@ -213,7 +213,7 @@ class FrameLoop:
                 anchor = None
 
     def _advance(self) -> Snapshot | None:
-        """Compute the next frame; a failed step stops simulated time and says so."""
+        """Compute the next frame; a failed step pauses simulated time and reports a fault."""
         before = self._simulation.time
         try:
             snapshot = self._simulation.advance_to(before + self.frame_period)
@@ -245,7 +245,7 @@ class FrameLoop:
         self.total_lateness.add(late)
 
     def _obey(self) -> None:
-        """Apply what waits, urgent commands first; what comes meanwhile and is not urgent, at the next boundary."""
+        """Handle queued requests, urgent commands first; later requests wait for the next boundary unless urgent."""
         for _ in range(len(self._requests)):
             while self._urgent:
                 self._do(*self._urgent.popleft())
@@ -258,7 +258,7 @@ class FrameLoop:
             self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
 
     def _do(self, command: Command | Goal | Callable[[], Any], source: str, future: Future[Any]) -> None:
-        """Do what was asked for, unless it was given up meanwhile."""
+        """Handle one request, unless its future is cancelled."""
         if not future.set_running_or_notify_cancel():
             return
         if callable(command):
@@ -275,7 +275,7 @@ class FrameLoop:
             future.set_result(applied)
 
     def _drive(self, command: Command, source: str) -> None:
-        """Give a speed towards a goal."""
+        """Apply the due speed of a goal."""
         try:
             self._apply(command, source)
         except CommandError as error:
@@ -302,7 +302,7 @@ class FrameLoop:
             self._hold(command, "")
 
     def _hold(self, command: Command, source: str) -> None:
-        """Let a drive command hold until the time-out; one towards a goal needs nobody who repeats it."""
+        """Start the time-out of a drive command; commands towards a goal have no time-out."""
         until = time.monotonic() + self.command_timeout
         for name, value in command.values.items():
             if source not in (SOURCE, ARRIVAL) and (

@@ -1,4 +1,4 @@
-"""What a frame loop counts, for the diagnostics."""
+"""Statistics of a frame loop, for the diagnostics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.ros.lateness import LatenessHistogram
 
 @dataclass(slots=True)
 class FrameStatistics:
-    """What the loop did since these were last taken."""
+    """Counts of a frame loop since the last call of `take_statistics`."""
 
     lateness: LatenessHistogram
     steps: int = 0
@@ -21,7 +21,7 @@ class FrameStatistics:
     since: float = field(default_factory=time.monotonic)
 
     def summary(self) -> dict[str, float]:
-        """Figures by the names they have in the diagnostics."""
+        """Figures by their names in the diagnostics."""
         elapsed = max(time.monotonic() - self.since, 1e-9)
         return {
             "real_time_factor": self.simulated / elapsed,

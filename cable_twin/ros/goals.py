@@ -1,4 +1,4 @@
-"""Places that carriages and drives of a running twin are on their way to: told once, driven to frame by frame.
+"""Target places of carriages and drives of a running twin: commanded once, driven to frame by frame.
 
 Speeds go to the simulation as anybody's commands do, and into the log, so that a replay needs no goals. Whatever else
 is commanded takes over. Lives in the solver's thread; knows nothing of rclpy.
@@ -20,7 +20,7 @@ GIVEN_UP = "goal abandoned: "
 
 
 class Goals:
-    """What is under way.
+    """Target places under way.
 
     Args:
         simulation: what runs.
@@ -39,7 +39,7 @@ class Goals:
         self.texts: dict[str, str] = {}
 
     def take(self, goal: Goal) -> None:
-        """Begin to go there: all, or with an error none; somebody on the way elsewhere goes on from there.
+        """Begin trips to all places of a goal, or with an error to none; a trip under way continues to its new place.
 
         Raises:
             CommandError: nothing of the name is driven, the place is not on its way, it is too fast, or all is stopped.
@@ -66,7 +66,7 @@ class Goals:
         self._next = min(self._next, simulation.time)
 
     def commands(self) -> Iterator[tuple[Command, str]]:
-        """Speeds that are due at the present time and their source, each to be applied before the next one is taken."""
+        """Speed commands due at the present time with their source, each to be applied before the next is taken."""
         simulation = self._simulation
         if not self._under_way or simulation.time < self._next - 1e-9:
             return
@@ -92,7 +92,7 @@ class Goals:
                 yield Command("speed", {name: value}), SOURCE
 
     def note(self, command: Command, source: str) -> None:
-        """A command has taken effect: one of these, or one that takes over."""
+        """Record a command that has taken effect, and give up goals that it overrides."""
         kind = KINDS[command.kind]
         if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
             for name in list(self._under_way):
@@ -100,7 +100,7 @@ class Goals:
                     self.give_up(name, f"{command.kind.replace('_', ' ')} from {source} took over")
 
     def give_up(self, name: str, why: str) -> None:
-        """Let a goal be."""
+        """Abandon the goal of a carriage or drive."""
         del self._under_way[name]
         self.texts[name] = f"abandoned: {why}"
         self._tell(f"{GIVEN_UP}{name}: {why}", True)

@@ -1,4 +1,4 @@
-"""Commands that come on topics: applied whole, recorded as they came, or refused whole, counted and named."""
+"""Commands from topics: applied whole and recorded unchanged, or refused whole, counted and named."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SECOND = 1.0  # s over which commands are counted
 
 @dataclass(frozen=True, slots=True)
 class CommandLimits:
-    """Commands of topics that are taken.
+    """Limits of accepted commands from topics.
 
     Attributes:
         size: bytes of a message; what is larger is not decoded.
@@ -39,7 +39,7 @@ class CommandLimits:
 
 
 class Incoming:
-    """Takes what comes for a twin.
+    """Subscriber to the command topics of a twin.
 
     Args:
         loop: that carries commands out.
@@ -72,7 +72,7 @@ class Incoming:
         self._second, self._taken = -SECOND, 0  # s, since when commands are counted, and how many there were
 
     def take(self, topic: str, data: bytes) -> None:
-        """A message of a topic of `INPUTS`."""
+        """Accept or refuse a message of a topic of `INPUTS`."""
         try:
             if len(data) > self._limits.size:
                 raise CommandError(f"a message of {len(data)} bytes; allowed: up to {self._limits.size} bytes")
@@ -85,7 +85,7 @@ class Incoming:
         self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic, data))
 
     def _check_age(self, stamp_ns: int) -> None:
-        """Refuse a stamp (ns) of another time than now; without a stamp (0) a command is of now."""
+        """Refuse a stamp (ns) too far from the newest frame; a stamp of 0 is accepted."""
         most, age = self._limits.age, (self._now_ns() - stamp_ns) / NANOSECONDS
         if most > 0.0 and stamp_ns != 0 and abs(age) > most:
             when = "older" if age > 0.0 else "later"
@@ -95,7 +95,7 @@ class Incoming:
             )
 
     def _count(self) -> None:
-        """Refuse what comes too often while time runs; what was refused before does not count and crowds nobody out."""
+        """Refuse commands beyond the rate limit while time runs; commands refused by earlier checks do not count."""
         if self._loop.paused:
             return  # in lockstep a controller goes as fast as the frames, and holds up nobody
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""How late something was that had to be on time: counted in fine bins, so that hours cost no more than seconds."""
+"""Lateness of frames in fine bins, with constant memory over hours."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COARSE_NAMES = (
 
 
 class LatenessHistogram:
-    """Lateness of every frame since it was made. One thread adds, others may read.
+    """Histogram of the lateness of frames; one thread adds, others may read.
 
     Attributes:
         count: how many were added.
@@ -27,7 +27,7 @@ class LatenessHistogram:
     """
 
     def __init__(self, period: float) -> None:
-        """Begin with nothing; `period` (s, may be infinite) is the lateness from which on a frame is missed."""
+        """Start empty; `period` (s, may be infinite) is the lateness beyond which a frame is missed."""
         self.count = 0
         self.missed = 0
         self.maximum = 0.0
@@ -35,7 +35,7 @@ class LatenessHistogram:
         self._counts = np.zeros(BIN_COUNT + 1, dtype=np.int64)
 
     def add(self, late: float) -> None:
-        """Count one frame that was `late` by so many seconds, 0 where it was on time."""
+        """Count one frame with a lateness (s), 0 where on time."""
         self._counts[min(int(late / RESOLUTION), BIN_COUNT)] += 1
         self.count += 1
         self.maximum = max(self.maximum, late)
@@ -43,7 +43,7 @@ class LatenessHistogram:
             self.missed += 1
 
     def percentile(self, percent: float) -> float:
-        """Lateness (s) that `percent` of the frames did not exceed: exact to a bin, the upper edge of which it is."""
+        """Lateness (s) not exceeded by `percent` of the frames: upper edge of its bin."""
         if self.count == 0:
             return 0.0
         cumulated = np.cumsum(self._counts)
@@ -51,13 +51,13 @@ class LatenessHistogram:
         return self.maximum if place >= BIN_COUNT else min((place + 1) * RESOLUTION, self.maximum)
 
     def coarse(self) -> dict[str, int]:
-        """Frames between the limits of `LIMITS_MS`, by names such as "0.5_to_1_ms"."""
+        """Number of frames between the limits of `LIMITS_MS`, by names such as "0.5_to_1_ms"."""
         edges = [0, *(round(limit * 1e-3 / RESOLUTION) for limit in LIMITS_MS)]
         counts = np.add.reduceat(self._counts, edges)
         return {name: int(count) for name, count in zip(COARSE_NAMES, counts, strict=True)}
 
     def summary(self) -> dict[str, float]:
-        """Figures by the names that they have in the diagnostics, the coarse bins among them."""
+        """Figures by their names in the diagnostics, coarse bins included."""
         return {
             "lateness_median_ms": self.percentile(50.0) * 1e3,
             "lateness_p99_ms": self.percentile(99.0) * 1e3,

@@ -1,4 +1,4 @@
-"""Parameters that are set while the twin runs: what is taken, and what comes of it."""
+"""Parameters set while the twin runs: accepted changes and their effects."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from cable_twin.scenario import Scenario, ScenarioError
 
 
 class LiveParameters:
-    """Only parameters of `CHANGING` change; another `scenario` is loaded, and the twin begins anew with it.
+    """Changes of the parameters in `CHANGING`; another `scenario` is loaded, and the twin restarts with it.
 
     Args:
         node: that has them.
@@ -39,7 +39,7 @@ class LiveParameters:
         self._read: tuple[str, Future[Scenario]] | None = None
 
     async def prepare(self, given: Sequence[ParameterMessage]) -> None:
-        """Read the scenario that is named, before `on_set` is to say whether it is taken."""
+        """Read a newly set scenario before `on_set` decides about it."""
         self._read = None
         for one in given:
             source = one.value.string_value
@@ -50,7 +50,7 @@ class LiveParameters:
                 return
 
     def on_set(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Take them all, or none."""
+        """Apply all parameters, or none."""
         given = {parameter.name: parameter.value for parameter in parameters}
         for parameter in PARAMETERS:
             if parameter.name in given and (fault := parameter.fault(given[parameter.name])):
@@ -63,7 +63,7 @@ class LiveParameters:
         return SetParametersResult(successful=True)
 
     def _load(self, wanted: str) -> str:
-        """Begin to load a scenario; returns why not, or nothing."""
+        """Begin to load a scenario; returns the reason of a refusal, empty otherwise."""
         if self._loading.busy:
             return "another scenario is being loaded"
         read, self._read = self._read, None
@@ -83,7 +83,7 @@ class LiveParameters:
 
 
 class LiveParameterService(ParameterService):
-    """The services of parameters, where a scenario is read before it is set while the executor calls others."""
+    """Parameter services of the node that read a new scenario before setting it, without blocking the executor."""
 
     def __init__(self, node: Node, live: LiveParameters) -> None:
         self._live = live
@@ -100,19 +100,19 @@ class LiveParameterService(ParameterService):
 
 
 class _Grouped:
-    """A node whose services do not wait for each other."""
+    """Node proxy whose services do not wait for each other."""
 
     def __init__(self, node: Node) -> None:
         self._node, self._group = node, ReentrantCallbackGroup()
         self.get_name = node.get_name
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
-        """As that of the node, in a group of its own."""
+        """Create a service of the node in the callback group of the parameter services."""
         return self._node.create_service(*arguments, callback_group=self._group, **options)
 
 
 def are_unchanged(node: Node, parameters: list[RosParameter]) -> bool:
-    """Whether all have the values that they are set to, as in a file of `ros2 param dump`."""
+    """Whether all parameters already have their given values, as in a file of `ros2 param dump`."""
     return all(
         node.has_parameter(one.name)
         and (now := node.get_parameter(one.name)).type_ == one.type_
@@ -122,7 +122,7 @@ def are_unchanged(node: Node, parameters: list[RosParameter]) -> bool:
 
 
 def inherited(node: Node, scenario: str, *, paused: bool) -> list[RosParameter]:
-    """Parameters of the node that begins anew with a scenario: those that this one was given, and what changed."""
+    """Parameters of a node restarted with a scenario: overrides and changes of the previous node."""
     kept = dict(node._parameter_overrides) | {name: node.get_parameter(name) for name in CHANGING}
     kept |= {
         name: RosParameter(name, value=value)

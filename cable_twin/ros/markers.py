@@ -1,4 +1,4 @@
-"""The topic `markers`: the twin as RViz and Foxglove draw it, with no knowledge of its own messages.
+"""Topic `markers`: the twin for RViz and Foxglove, without own message types.
 
 Rope coloured by tension, ground, masts and stations with their names, vehicles, and forces as arrows. Names and numbers
 of markers stay the same for a whole run, so each message takes the place of the one before.
@@ -47,10 +47,10 @@ ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
 class Markers:
-    """The message of all markers, filled anew from the columns of a frame."""
+    """Message of all markers, filled from the columns of each frame."""
 
     def __init__(self, scenario: Scenario, layout: Layout, columns: Columns, frame_id: str) -> None:
-        """Lay it out.
+        """Prepare the markers of a scenario.
 
         Args:
             scenario: What runs.
@@ -107,7 +107,7 @@ class Markers:
         self._template = Template(MarkerArray(markers), self._sources, singles=[self._colors])
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns) and what the columns hold now."""
+        """Message with a stamp (ns) and the present contents of the columns."""
         c = self._columns
         self._fill_rope(c)
         np.take(c.body_position, self._boxed, axis=0, out=self._box_position)
@@ -121,7 +121,7 @@ class Markers:
         return message
 
     def _fill_rope(self, c: Columns) -> None:
-        """The samples of the rope, and its kinks at the joints that are on it, in the order along it."""
+        """Fill the samples of the rope, with its kinks at attached joints, in order along the rope."""
         layout = self._layout
         rope, vehicle = layout.joints.T
         last = np.array([part.stop - 1 for part in layout.ropes.values()])[rope]  # of its own rope
@@ -137,7 +137,7 @@ class Markers:
         self._colors[:] = self._tension_colors.rgba(tensions[order], self._rope_of_points)
 
     def _points_of_action(self) -> FloatArray:
-        """Where forces act (vehicles + supports, 3): on joints, on the ends of ropes, on towers."""
+        """Points of action (vehicles + supports, 3) of forces, in m: joints, ends of ropes, towers."""
         c, layout = self._columns, self._layout
         supports = np.empty((len(layout.supports), 3))
         supports[layout.tower_rows] = np.array(self._towers).reshape(-1, 3)
@@ -155,17 +155,17 @@ class Markers:
         return np.array(scales)
 
     def _width(self, scenario: Scenario) -> float:
-        """Width (m) of the rope, that of a rope in sight of its whole length at least."""
+        """Line width (m) of the rope, at least a visible share of its whole length."""
         return max(scenario.cable.diameter or 0.0, 5e-4 * self._span)
 
     def _marks(self) -> list[FloatArray]:
-        """Marks for all sources, of the shape of each."""
+        """Placeholder numbers for all sources, of the shape of each."""
         numbers = marks(sum(source.size for source in self._sources))
         ends = np.cumsum([source.size for source in self._sources])[:-1]
         return [part.reshape(source.shape) for part, source in zip(np.split(numbers, ends), self._sources, strict=True)]
 
     def _still(self, scenario: Scenario) -> list[Marker]:
-        """Ground, masts, stations, and what they are called."""
+        """Markers of ground, masts, stations and their names."""
         c = self._columns
         ground = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)
         if not len(ground):
@@ -201,7 +201,7 @@ class Markers:
         return markers
 
     def _legend(self) -> list[Marker]:
-        """What the colours of several ropes span, a text for each above where the track begins."""
+        """Markers of the colour scale of several ropes: a text for each rope above the begin of the track."""
         x, y, _ = self._columns.rope_position.min(axis=0)
         top, high = float(self._columns.rope_position[:, 2].max()), 0.012 * self._span
         markers = []
@@ -213,7 +213,7 @@ class Markers:
         return markers
 
     def _bodies(self, scenario: Scenario, boxes: Sequence[FloatArray], marked: Sequence[FloatArray]) -> list[Marker]:
-        """Each body as its outline, and what is not a line as a box."""
+        """Markers of each body: its outline, and a box where the body has an extent."""
         bodies = [body for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
         markers = []
         for row, (body, place, turn) in enumerate(zip(bodies, marked[0], marked[1], strict=True)):
@@ -225,7 +225,7 @@ class Markers:
         return markers
 
     def _forces(self, arrows: FloatArray) -> list[Marker]:
-        """Arrows: of the rope on vehicles, and of supports on the rope."""
+        """Markers of forces as arrows: of the rope on vehicles, and of supports on the rope."""
         thick = (0.002 * self._span, 0.005 * self._span, 0.0)  # m, of shaft and head
         count = len(self._layout.vehicles)
         return [
@@ -246,7 +246,7 @@ class Markers:
         turn: Sequence[float] | FloatArray = UPRIGHT,
         points: FloatArray | None = None,
     ) -> Marker:
-        """One marker at a place (3,) in m with a turn (4,), its points (n, 3) in m from there."""
+        """Marker at a place (3,) in m with a rotation (4,), with points (n, 3) in m relative to it."""
         return Marker(
             header=self._header,
             ns=namespace,

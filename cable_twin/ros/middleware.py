@@ -1,4 +1,4 @@
-"""What is asked of the middleware before the first node is made."""
+"""Preparation of the ROS middleware before the first node."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ MAKING = 5.0  # s that nobody needs to make a port, which takes microseconds
 
 
 def prepare_middleware(command: str) -> None:
-    """What a command does before its first context; what it had to remove is a line each on stderr."""
+    """Prepare the middleware before the first context; removed files are reported on stderr, a line each."""
     take_profile()
     for line in remove_unfinished_ports():
         print(f"{command}: {line}", file=sys.stderr)
 
 
 def take_profile() -> None:
-    """Have Fast DDS match endpoints by names, and be found at once, unless the environment has profiles of its own.
+    """Set the Fast DDS profile for fast discovery and matching by type name, unless the environment has profiles.
 
     Fast DDS 3 asks the first participant that shows a type it does not know for its definition, once. Where that one
     leaves before it has answered, all endpoints of this type wait without end, those of the twin too
@@ -43,13 +43,13 @@ def take_profile() -> None:
 
 
 def discovery_time(implementation: str) -> float:
-    """Time (s) within which everybody has been heard of by participants of this middleware, an identifier of rmw."""
+    """Time (s) within which participants of a middleware (rmw identifier) have discovered all others."""
     ours = implementation.startswith("rmw_fastrtps") and os.environ.get(PROFILES) == str(PROFILE)
     return ANNOUNCEMENTS * ANNOUNCED_EVERY if ours else DISCOVERY
 
 
 def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
-    """Remove shared memory of Fast DDS whose maker was killed before it was done; returns a line for each.
+    """Remove unfinished shared memory ports of Fast DDS whose maker was killed; returns a line for each.
 
     Whoever opens such a port waits for its maker, five minutes, deaf to signals, and holds up all who come after.
     Ports from 7000 on are opened by each participant of a machine, whatever its domain, so that a process killed at
@@ -75,7 +75,7 @@ def remove_unfinished_ports(directory: Path = SHARED_MEMORY) -> list[str]:
 
 
 def _unfinished(port: Path) -> tuple[int, int] | None:
-    """Device and inode of a port that nobody makes any more; None of others, and of what cannot be looked at.
+    """Device and inode of an abandoned unfinished port; None of others and of unreadable ones.
 
     Everybody may write to that directory: what is a link, a pipe or a device is left alone, and none of it holds up.
     """
@@ -93,7 +93,7 @@ def _unfinished(port: Path) -> tuple[int, int] | None:
 
 
 def _remove(port: Path, identity: tuple[int, int]) -> bool:
-    """Remove a port, unless another file has taken its name since it was looked at."""
+    """Remove a port, unless another file has taken its name since its inspection."""
     try:
         state = os.lstat(port)
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Names that fit a regular expression of another node, found in a process of its own: some would take hours."""
+"""Names that match a regular expression of another node, found in a separate process, as some take hours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ALLOWED = f"allowed: a regular expression of names, of up to {LONGEST} character
 
 
 class FilterError(ValueError):
-    """An expression that cannot be applied, in a line."""
+    """Regular expression that cannot be applied, in a line."""
 
 
 def matching_names(expression: str, names: Sequence[str]) -> Future[list[str]]:

@@ -1,4 +1,4 @@
-"""The node `cable_twin`: parameters, topics and services around the frame loop."""
+"""Node `cable_twin`: parameters, topics and services around the frame loop."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 
 
 class TwinNode(Node):
-    """Publishes a simulation in real time and takes its commands.
+    """Node that publishes a simulation in real time and takes its commands.
 
     Nothing is opened on the disk before `start`, so that an interrupt before it leaves nothing behind.
 
@@ -165,7 +165,7 @@ class TwinNode(Node):
         self.emergency.serve(self._loop)
 
     def _offer(self) -> None:
-        """Create the services, and what is called now and then."""
+        """Create the services and timers of the node."""
         self._offered = Services(
             self._loop,
             self._log_directory,
@@ -194,7 +194,7 @@ class TwinNode(Node):
         return self._loop.failed
 
     def start(self) -> None:
-        """Open the logs and let simulated time run; a log that cannot be opened is told, and the twin goes on."""
+        """Open the logs and let simulated time run; a log that cannot be opened is reported, and the twin continues."""
         if self._settings["record"]:
             self._start_recording()
         elif self._settings["rerun"] in ("live", "web"):
@@ -241,7 +241,7 @@ class TwinNode(Node):
             self._held_name.close()
 
     def _build_simulation(self) -> Simulation:
-        """Build the simulation, and show how far it is when its kernels must be compiled first."""
+        """Build the simulation, with a progress display while its kernels have to be compiled."""
         given, changes = self._settings["scenario"], changes_of(self._settings)
         with compilation_shown(Console(stderr=True), self.get_logger().info):
             if not self._settings["snapshot"]:
@@ -256,7 +256,7 @@ class TwinNode(Node):
         return simulation
 
     def _check(self, simulation: Simulation) -> None:
-        """Raise ParameterError where the node's parameters do not fit a simulation."""
+        """Raise ParameterError where the parameters of the node do not fit a simulation."""
         own = own_topics(self._settings, simulation.scenario)
         steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
         topic_rates(self, self._settings, 1.0 / (steps * simulation.step))
@@ -288,25 +288,25 @@ class TwinNode(Node):
         self._diagnostics.recording.look()
 
     def _log_directory(self) -> Path:
-        """Where files of this run belong; raises RuntimeError for ~ of a user without a home."""
+        """Directory for the files of this run; raises RuntimeError for ~ of a user without a home."""
         directory = Path(self._settings["record_directory"]) if (run := self._output.run) is None else run.directory
         return directory.expanduser().resolve()
 
     def _await_recorder(self) -> None:
-        """Let the logs be ready before time runs: laying out the view takes many frames' time."""
+        """Wait until the logs are ready before time runs, as the layout of the view takes many frames' time."""
         deadline = time.monotonic() + READY_TIMEOUT
         run = self._output.run
         while run is not None and not run.recorder.idle and time.monotonic() < deadline:
             time.sleep(0.005)
 
     def _on_run(self, first: bool) -> None:
-        """Simulated time begins to run: the epoch is now, or it stays and stamps are behind by the pause."""
+        """Set the epoch at the first start of simulated time; after a pause, report the delay of stamps."""
         if first:
             self._begin()
         self._diagnostics.pace.tell_start(self.simulation.time)
 
     def _begin(self) -> None:
-        """Take the epoch and give the first frame, once: before time runs and before anything changes the twin."""
+        """Set the epoch and give the first frame, once, before time runs and before any change of the twin."""
         with self._begun:
             if self._run_clock.epoch_ns is None:
                 self._output.begin(self._run_clock)
@@ -346,7 +346,7 @@ class TwinNode(Node):
         self._output.send([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
-        """Set parameters as rclpy does, and count what was taken and what was refused, by whomever."""
+        """Set parameters as rclpy does, and count accepted and refused ones from all sources."""
         counts = self._diagnostics.counts
         counts["parameters_refused"] += 1  # until it is taken: rclpy raises for a name that it does not know
         if are_unchanged(self, parameter_list):  # also what is read-only

@@ -1,4 +1,4 @@
-"""The node's parameters: one table for ROS parameters, for the options of `sim` and for their help."""
+"""Table of the node's parameters: for ROS parameters, for the options of `sim` and for their help."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CHANGING = ("scenario", "command_timeout", "step_count")  # may be set while the
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter: what it means, its unit and what it may be."""
+    """One parameter of the node: name, default, description, unit and range."""
 
     name: str
     default: str | bool | int | float
@@ -30,7 +30,7 @@ class Parameter:
 
     @property
     def placeholder(self) -> str:
-        """What stands for the value in a usage line: its unit, or its kind."""
+        """Placeholder for the value in a usage line: unit or type."""
         return (
             self.unit.upper() or {bool: "{true,false}", str: "TEXT", int: "COUNT", float: "NUMBER"}[type(self.default)]
         )
@@ -46,7 +46,7 @@ class Parameter:
         return text
 
     def meant(self, value: Any) -> Any:
-        """A value as it is meant: a whole number where any is allowed, and none in other words."""
+        """Value converted to the type of the parameter: an integer to a double, false to "none"."""
         if isinstance(self.default, float) and isinstance(value, int) and not isinstance(value, bool):
             return float(value)
         if "none" in self.choices and (value is False or value in FALSE):
@@ -54,7 +54,7 @@ class Parameter:
         return value
 
     def fault(self, value: object) -> str | None:
-        """What is wrong with a value, in a line; None when nothing is."""
+        """Message about an invalid value; None for a valid one."""
         if self.pattern and not re.fullmatch(self.pattern, str(value)):
             return f"parameter '{self.name}' is '{value}'; {self.description}"
         if self.choices and value not in self.choices:
@@ -189,5 +189,5 @@ PARAMETERS = (
 
 
 def splitting_of(values: Mapping[str, Any]) -> Splitting:
-    """Gather what the parameters of this name, by the values of all, say about splitting."""
+    """Splitting of the log, from parameters of the corresponding names."""
     return Splitting(**{field.name: values[field.name] for field in fields(Splitting)})

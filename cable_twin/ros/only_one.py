@@ -1,4 +1,4 @@
-"""One twin of a name in a ROS domain: two would take the same commands and publish on the same topics."""
+"""Lock for one twin per name in a ROS domain: two would take and publish on identical topics."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cable_twin.messages import SCENARIO
 
 
 class SecondTwinError(RuntimeError):
-    """A twin of the same name runs already, in one line."""
+    """Twin with an identical name in the ROS domain, in one line."""
 
 
 def hold_name(node: Node) -> socket.socket:
-    """Hold the name of a node as long as this process and what is returned live.
+    """Hold the name of a node for the lifetime of this process and of the returned socket.
 
     On this machine it is held at once, however busy DDS is; twins of other machines are in `check_others`.
 
@@ -36,7 +36,7 @@ def hold_name(node: Node) -> socket.socket:
 
 
 def check_others(node: Node) -> None:
-    """Refuse a name whose twin has been seen meanwhile, on another machine; before the node publishes its scenario.
+    """Refuse the name of a twin on another machine; called before the node publishes its scenario.
 
     Raises:
         SecondTwinError: there is one.

@@ -1,4 +1,4 @@
-"""What leaves the node frame by frame: each message built once, for its publisher and for the log."""
+"""Output of the node frame by frame: each message built once, for its publisher and for the log."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Output:
 
     @property
     def run(self) -> Run | None:
-        """Where it is recorded."""
+        """Recorded run, None without recording."""
         return self._frames.run
 
     @run.setter
@@ -73,7 +73,7 @@ class Output:
         self._frames.run = run
 
     def begin(self, clock: RunClock) -> None:
-        """Let the run begin now: with the first file of the log and the frame that the simulation is at."""
+        """Begin the run, with the first file of the log and the present frame of the simulation."""
         epoch_ns = self._frames.encoder.epoch_ns = clock.begin(self._simulation.time)
         if self.run is not None:
             self.run.begin(epoch_ns)
@@ -81,13 +81,13 @@ class Output:
         self.record(self._once, epoch_ns)
 
     def send_once(self, messages: Messages) -> None:
-        """Publish what stays valid, and record it when the run begins."""
+        """Publish latched messages, and record them at the begin of the run."""
         self._once = messages
         for topic, data in messages:
             self._publishers[topic](data)
 
     def publish(self, frame: Prepared) -> None:
-        """Send a frame: its time has come; then take it in, so that key figures are those of published frames."""
+        """Publish a frame at its due time, then update the key figures, which thus cover published frames."""
         self._send_frame(frame)
         self.figures.update(frame.snapshot)
 
@@ -105,27 +105,27 @@ class Output:
             self.record(self._once, frame.stamp_ns)  # each file of a log stands alone
 
     def listen(self, group: str, listening: bool) -> None:
-        """Publish a group of topics at its rate, or not at all while nobody subscribes."""
+        """Publish a group of topics at its rate, or not at all without subscribers."""
         self._frames.listen(group, listening)
 
     def send_again(self, topic: str) -> None:
-        """Publish a topic of frames as it is now, beside its rate; for the solver's thread."""
+        """Publish a frame topic from the present snapshot, outside its rate; for the solver's thread."""
         for name, data in self._frames.encoder.frame(self._simulation.snapshot, (topic,)):
             self._publishers[name](data)
 
     def send(self, messages: Messages, stamp_ns: int) -> None:
-        """Publish and record what is no part of a frame."""
+        """Publish and record messages outside frames."""
         self._last_ns = stamp_ns
         for topic, data in messages:
             self._publishers[topic](data)
         self.record(messages, stamp_ns)
 
     def record(self, messages: Messages, stamp_ns: int) -> None:
-        """Record what is not published, or has been; nothing before the run begins."""
+        """Record messages without publishing; ignored before the run begins."""
         if self.run is not None and self._frames.frames > 0:
             self.run.recorder.record(messages, stamp_ns)
 
     def apply(self, applied: AppliedCommand) -> None:
-        """Publish and record a command that took effect."""
+        """Publish and record a command that has taken effect."""
         self.figures.command(applied)
         self._publishers[APPLIED_COMMANDS](self._frames.command(applied))

@@ -1,4 +1,4 @@
-"""What moves stamps away from the clock, or frames: told once where it happens. Knows nothing of rclpy but a logger."""
+"""Warnings about time stamps or frames that depart from the clock, logged once each, without rclpy but a logger."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MUCH = 0.02  # s by which stamps are behind that a pause has left
 
 
 class PaceWatch:
-    """Looks at clock and loop now and then.
+    """Periodic comparison of simulated time and frames with the clock.
 
     Args:
         logger: of the node.
@@ -26,7 +26,7 @@ class PaceWatch:
         self._behind = False
 
     def tell_start(self, simulated_time: float) -> None:
-        """Say how far stamps are behind where simulated time (s) begins to run, if they are: after a pause."""
+        """Log the lag of time stamps behind the clock where simulated time (s) continues after a pause."""
         behind = self._clock.behind(simulated_time)
         if self._real_time and behind > MUCH:
             self._logger.info(
@@ -35,7 +35,7 @@ class PaceWatch:
             )
 
     def look(self) -> dict[str, str]:
-        """Say what is new; returns figures by the names they have in the diagnostics."""
+        """Log new departures from the clock; returns figures by their names in the diagnostics."""
         moved = self._clock.take_setting()
         behind = self._clock.behind(self._loop.simulated_time)
         if moved is not None:

@@ -1,4 +1,4 @@
-"""What the node says about its logs: once what failed, once that the disk falls behind, once that it has caught up."""
+"""Log messages of the node about its recording: once each for a fault, a slow disk, and its recovery."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ BEHIND = 2.0  # s of frames that wait for the disk before it is called slow
 
 
 class RecordingWatch:
-    """Looks at a recorder, about once a second.
+    """Periodic check of a recorder, about once a second.
 
     Attributes:
         fault: the newest thing that failed, a line, or nothing.
     """
 
     def __init__(self, logger: Any, recorder: Recorder | None = None, frame_time: float = 0.0, fault: str = "") -> None:
-        """Begin to watch.
+        """Begin to watch a recorder.
 
         Args:
             logger: of the node.
@@ -34,7 +34,7 @@ class RecordingWatch:
             logger.error(fault)
 
     def look(self) -> None:
-        """Say what is new."""
+        """Log new recording faults and recoveries."""
         if self._recorder is None:
             return
         while self._recorder.faults:
@@ -53,7 +53,7 @@ class RecordingWatch:
             self._logger.info(f"recording: the disk has caught up; {missing} missing in the log")
 
     def judge(self) -> tuple[int, str] | None:
-        """Level and message of what is wrong; None when all is well."""
+        """Level and message of a recording fault; None without one."""
         if self.fault:
             return 2, self.fault
         if self._recorder is not None and self._recorder.dropped:

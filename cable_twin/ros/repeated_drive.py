@@ -1,4 +1,4 @@
-"""Drive commands that go on from a terminal, until they are to end."""
+"""Repeated drive commands from a terminal, until an end condition."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and f
 
 
 class Driver:
-    """Sends commands to one carriage or drive again and again, and watches what the twin makes of them.
+    """Repeated commands to one carriage or drive, with the answers of the twin.
 
     Args:
         node: of rclpy.
@@ -63,7 +63,7 @@ class Driver:
         node.create_subscription(DiagnosticArray, f"{twin}/{REFUSED_COMMANDS}", self._on_refused, 50)
 
     def find_twin(self) -> str | None:
-        """Wait for the twin and check the command against its scenario; returns what is wrong."""
+        """Wait for the twin and check the command against its scenario; returns the error message."""
         deadline = time.monotonic() + self._options.wait
         while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
             self._spin(0.05)
@@ -76,7 +76,7 @@ class Driver:
         return refusal(self._scenario, self._options.name, self._kind, self._value)
 
     def run(self) -> str | None:
-        """Send until the end, and tell the twin to stop however that comes; returns what went wrong."""
+        """Send commands until the end, and stop the drive in every case; returns the error message."""
         try:
             fault = self._send_until_the_end()
         except BrokenPipeError:  # nobody reads on: as Ctrl-C
@@ -118,19 +118,19 @@ class Driver:
         return fault
 
     def _next(self, elapsed: float) -> float | None:
-        """Value that is due so many seconds from the first one; None at the end."""
+        """Command value due at a time (s) after the first command; None at the end."""
         options = self._options
         if options.duration is not None and elapsed >= options.duration:
             return None
         return self._value * (1.0 if not options.ramp else min(elapsed / options.ramp, 1.0))
 
     def _fault(self) -> str | None:
-        """Why it cannot go on, in a line; None where it can."""
+        """Refusal message that ends the command, in a line; None otherwise."""
         taken = time.monotonic() - self._answered < REFUSING  # then it was somebody else's that was refused
         return None if taken else self._refusal or None
 
     def _unheard(self) -> str | None:
-        """What is wrong where all was sent and nothing came of it, the stop in the end included."""
+        """Error message where no sent command, the final stop included, was applied; None otherwise."""
         deadline = time.monotonic() + ANSWER
         while not self._applied and not self._ending.is_set():
             if self._refusal or time.monotonic() > deadline:
@@ -139,17 +139,17 @@ class Driver:
         return None
 
     def _note(self) -> str:
-        """What else to say of the state."""
+        """Additional text for the state line."""
         return ""
 
     def _tell_end(self, elapsed: float) -> None:
-        """Say that the end was reached after so many seconds."""
+        """Report the end of the command after an elapsed time (s)."""
 
     def _send(self, value: float) -> None:
         self._publish(**{self._kind.field: [value]})
 
     def _stop(self) -> None:
-        """Tell the twin to stop; a force of zero would let the carriage roll down."""
+        """Send a speed of zero to the twin, as zero force would let the carriage roll down."""
         from rclpy.duration import Duration  # noqa: PLC0415
 
         self._publish(velocity=[0.0])
@@ -194,7 +194,7 @@ class Driver:
             self._note_answer()
 
     def _on_refused(self, message: Any) -> None:
-        """The twin says why it refuses a command."""
+        """Record a refusal message of the twin."""
         for status in message.status:
             if self._answered < math.inf and status.name == self._kind.topic:
                 self._refusal = printable(status.message, LONGEST_MESSAGE)
@@ -204,7 +204,7 @@ class Driver:
 
 
 def refusal(scenario: Mapping[str, Any], name: str, kind: Kind, value: float) -> str | None:
-    """What a twin of a resolved scenario would refuse of a command to a carriage or drive; None where it takes it."""
+    """Expected refusal of a command to a carriage or drive by a resolved scenario; None for a valid command."""
     carriages = {
         key: one.get("drive", {})
         for key, one in scenario["carriages"].items()

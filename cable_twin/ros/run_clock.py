@@ -1,4 +1,4 @@
-"""The clock of a run: which time of day a simulated time has, and how far that is from the one that it is now.
+"""Clock of a run: time of day of a simulated time, and its lag behind the present time.
 
 Stamps are the epoch plus simulated time. The epoch is taken when time starts to run, so that at real_time_factor 1 a
 stamp is the time of day at which its frame is due. It never changes in a run: a log gives simulated times back by it,
@@ -16,7 +16,7 @@ SET = 0.02  # s by which the time of day has moved against the steady clock: it 
 
 
 class RunClock:
-    """Stamps of a run.
+    """Clock that gives the time stamps of a run.
 
     Args:
         time_of_day: ns since 1970.
@@ -31,7 +31,7 @@ class RunClock:
         self._apart = 0
 
     def begin(self, simulated_time: float) -> int:
-        """Let the run begin now, at a simulated time (s); returns the epoch in ns."""
+        """Begin the run now, at a simulated time (s); returns the epoch in ns."""
         now = self._time_of_day()
         self._apart = now - self._steady()
         self.epoch_ns = now - nanoseconds(simulated_time)
@@ -42,11 +42,11 @@ class RunClock:
         return self._time_of_day() if self.epoch_ns is None else self.epoch_ns + nanoseconds(simulated_time)
 
     def behind(self, simulated_time: float) -> float:
-        """How far (s) a stamp is behind the time of day, negative where it is ahead."""
+        """Lag (s) of a time stamp behind the time of day, negative where ahead."""
         return (self._time_of_day() - self.stamp_ns(simulated_time)) / SECOND
 
     def take_setting(self) -> float | None:
-        """By how much (s) the time of day was set, forward positive, since this was last asked; None: it was not."""
+        """Step (s) of the time of day since the last call, forward positive; None without a step."""
         apart = self._time_of_day() - self._steady()
         moved = (apart - self._apart) / SECOND
         if self.epoch_ns is None or abs(moved) < SET:

@@ -1,4 +1,4 @@
-"""Scenarios that other nodes name or send: from allowed directories alone, read and checked in a process of its own.
+"""Scenarios named or sent by other nodes: from allowed directories alone, read and checked in a separate process.
 
 A file that never ends, a pipe or a scenario that takes long holds nothing up, and whatever goes wrong is a refusal.
 What files elsewhere hold, and whether they are there, is not told.
@@ -30,11 +30,11 @@ SUFFIXES = (".yaml", ".yml")
 
 
 class NoScenarioError(ScenarioError):
-    """There is no such scenario, or none that may be named."""
+    """Scenario that does not exist or must not be named."""
 
 
 class ScenarioReader:
-    """Reads for one twin.
+    """Reader of scenarios for one twin, in a separate process.
 
     Args:
         directories: below which files may be, beside those of the package; faults of such a file are told.
@@ -49,7 +49,7 @@ class ScenarioReader:
         self._lock = Lock()
 
     def read(self, source: str, text: str = "") -> Future[Scenario]:
-        """Read a scenario by its name or path, or the text of one; the future may give `ScenarioError`."""
+        """Read a scenario from its name or path, or from its text; the future may give `ScenarioError`."""
         future: Future[Scenario] = Future()
         if not self._lock.acquire(blocking=False):
             future.set_exception(ScenarioError("another scenario is being read"))
@@ -97,7 +97,7 @@ class ScenarioReader:
         return load_scenario(found["scenario"])
 
     def _place(self, source: str) -> tuple[str, bool]:
-        """What to read for a name or path, and whether its faults may be told.
+        """Source to read for a name or path, and whether error messages may quote its contents.
 
         Raises:
             NoScenarioError: it is no scenario, or nowhere where one may be.
@@ -127,7 +127,7 @@ class ScenarioReader:
 
 
 def _resolved(path: Path) -> Path:
-    """Absolute path without links; the root of all, where no scenario is, for what is no path."""
+    """Absolute path without links; for an invalid path the root directory, which holds no scenario."""
     try:
         return path.expanduser().resolve()
     except (OSError, RuntimeError, ValueError):
@@ -135,7 +135,7 @@ def _resolved(path: Path) -> Path:
 
 
 def _is_regular(file: Path) -> bool:
-    """Whether it is a file, and neither a pipe nor a device nor a directory."""
+    """Whether a path is a regular file, neither a pipe nor a device nor a directory."""
     try:
         return stat.S_ISREG(os.stat(file, follow_symlinks=False).st_mode)
     except (OSError, ValueError):
@@ -143,7 +143,7 @@ def _is_regular(file: Path) -> bool:
 
 
 def _work(request: Any) -> Any:
-    """In the other process: the scenario with its defaults, or its faults; or the descriptions of several."""
+    """Process a request in the separate process: resolved scenario or faults; for a list, descriptions."""
     if isinstance(request, list):
         return [load_scenario(name).description for name in request]
     try:

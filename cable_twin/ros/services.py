@@ -1,4 +1,4 @@
-"""The services of the node: each answers once the frame loop has done what was asked."""
+"""Services of the node, each answered after the frame loop has carried out the request."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the 
 
 
 class _NothingSavedError(Exception):
-    """Why there is no file, in one line."""
+    """Failed snapshot: the reason, in one line."""
 
 
 class Services:
@@ -39,7 +39,7 @@ class Services:
     def __init__(
         self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int], keep_size: float = 0.0
     ) -> None:
-        """Offer nothing yet.
+        """Prepare the services of a frame loop; `offer` creates them.
 
         Args:
             loop: whose they are.
@@ -65,7 +65,7 @@ class Services:
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
 
     def close(self) -> None:
-        """Let the disk have the snapshots that it has not taken yet."""
+        """Finish writing queued snapshots to disk."""
         self._writer.shutdown()
 
     def _on_command(self, kinds: Mapping[bool | None, Kind], request: Any, response: Any) -> Any:
@@ -97,7 +97,7 @@ class Services:
         return response
 
     async def step(self, count: int, on_frame: Callable[[int], bool] | None = None) -> tuple[bool, str]:
-        """Take frames while paused, as fast as they go, while the node takes commands; whether that was done, and how.
+        """Compute frames while paused, as fast as possible, while the node takes commands; returns success and message.
 
         It waits without holding the executor, so that an emergency stop comes through. After each frame `on_frame` gets
         how many there were, in the solver's thread, and says whether to go on.
@@ -114,7 +114,7 @@ class Services:
         return True, f"{frames}, to {self._loop.simulated_time:.3f} s of simulated time"
 
     async def _on_save_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Copy the state between two frames and write it where neither frames nor commands wait for the disk."""
+        """Copy the state between two frames and write it to disk without delaying frames or commands."""
         try:
             full = self._loop.capture().result(SERVICE_TIMEOUT)
         except (FutureTimeoutError, CancelledError):
@@ -135,7 +135,7 @@ class Services:
         return response
 
     def _write(self, full: FullState) -> Path:
-        """Write to a new file beside the log; returns its path."""
+        """Write a snapshot to a new file beside the log; returns its path."""
         path = Path(_title(full) + SUFFIX)
         try:
             path = self._directory() / path
@@ -151,7 +151,7 @@ class Services:
         return path
 
     def _check_room(self, full: FullState, directory: Path) -> None:
-        """Refuse a state where those that are saved would have more bytes than `keep_size` allows; none is removed."""
+        """Refuse a snapshot where all saved ones would exceed `keep_size`; none is removed."""
         if not self._keep_size:
             return
         saved = sum(file.stat().st_size for file in directory.glob(f"{TITLE}*{SUFFIX}"))
@@ -171,5 +171,5 @@ class Services:
 
 
 def _title(full: FullState) -> str:
-    """Name of a snapshot by its simulated time."""
+    """File title of a snapshot from its simulated time."""
     return f"{TITLE}{full.time:.3f}_s"

@@ -1,4 +1,4 @@
-"""The command `sim`: start the node, end it cleanly."""
+"""Command `sim`: start the node and end it cleanly."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SWITCH_INTERVAL = 0.0005  # s a frame that is due may wait for another thread's 
 
 
 def parser() -> OneLineParser:
-    """Options of `sim`: one for each parameter of the node."""
+    """Parser of the options of `sim`: one for each parameter of the node."""
     result = OneLineParser(
         "sim", "The live twin of a ropeway: a ROS 2 node that solves it in real time and logs it.", EPILOG
     )
@@ -63,7 +63,7 @@ def parser() -> OneLineParser:
 
 
 def ros_arguments(argv: Sequence[str]) -> list[str]:
-    """Turn the options of `sim` into ROS arguments, and keep those that are."""
+    """Convert the options of `sim` into ROS arguments, and keep given ROS arguments."""
     own, for_ros = split_ros_arguments(argv)
     options = parser()
     parsed = options.parse_args(own)
@@ -81,7 +81,7 @@ def ros_arguments(argv: Sequence[str]) -> list[str]:
 
 @faults_reported("sim")
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM; 0 after a clean end, 1 when it could not start or failed."""
+    """Run the node until SIGINT or SIGTERM; returns 0 after a clean end, 1 after a failed start or a fault."""
     arguments = ros_arguments(sys.argv[1:] if argv is None else argv)
     ending = Ending("sim")
     try:
@@ -132,7 +132,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(node: TwinNode, ending: Ending) -> None:
-    """Run a node until a signal, a fault of the program, or another scenario that is to run instead."""
+    """Run a node until a signal, a fault of the program, or the loading of another scenario."""
     from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415 - as above
     from cable_twin.ros.executor import new_executor  # noqa: PLC0415
 
@@ -155,7 +155,7 @@ def _run(node: TwinNode, ending: Ending) -> None:
 
 
 def _next(node: TwinNode) -> TwinNode:
-    """The node that begins anew with what another one has loaded; where it cannot be made, that one's own scenario."""
+    """Node restarted with a loaded scenario, or with the previous one where the loaded one fails."""
     from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415 - as above
     from cable_twin.ros.node import TwinNode  # noqa: PLC0415
 
@@ -173,7 +173,7 @@ def _next(node: TwinNode) -> TwinNode:
 
 
 def _refuse_start(faults: str) -> int:
-    """Say why the node cannot be made, a line each; returns the exit code."""
+    """Print the reasons of a failed start, a line each; returns the exit code."""
     import rclpy  # noqa: PLC0415
 
     for line in faults.splitlines():
@@ -190,7 +190,7 @@ def _scenario_lines() -> list[str]:
 
 
 def _text(default: object) -> str:
-    """A default as it is typed on the command line."""
+    """Default value as typed on the command line."""
     return f"{default:g}" if isinstance(default, float) else str(default).lower() or "none"
 
 

@@ -1,4 +1,4 @@
-"""simulation_interfaces, where that package can be imported: state, steps, reset, entities, worlds.
+"""Services of simulation_interfaces, if that package is installed: state, steps, reset, entities, worlds.
 
 They are below the name of the node. What the twin does not do (spawning, setting of states, going back in time) is
 answered with RESULT_FEATURE_UNSUPPORTED; https://github.com/ros-simulation/simulation_interfaces has the definitions.
@@ -52,7 +52,7 @@ ABOUT = (
 
 
 class SimulationServices:
-    """Answers of one twin.
+    """Handlers of the simulation_interfaces services of one twin.
 
     Args:
         simulation: what runs.
@@ -92,13 +92,13 @@ class SimulationServices:
         }
 
     def get_simulator_features(self, _: Any, response: Any) -> Any:
-        """What of the interfaces there is."""
+        """Report the supported features of simulation_interfaces."""
         response.features.features = [*FEATURES.values()]
         response.features.custom_info = ABOUT
         return response
 
     def get_simulation_state(self, _: Any, response: Any) -> Any:
-        """Playing, paused, or stopped at the start."""
+        """Report the state: playing, paused, or stopped at the start."""
         response.state.state = self._state
         return told(response)
 
@@ -124,14 +124,14 @@ class SimulationServices:
         return told(response)
 
     async def step_simulation(self, request: Any, response: Any) -> Any:
-        """Take so many frames while paused, as fast as they go."""
+        """Compute a number of frames while paused, as fast as possible."""
         if request.steps < 1:
             return told(response, FAILED, "0 steps given; allowed: 1 or more")
         taken, message = await self._services.step(int(request.steps))
         return told(response) if taken else told(response, FAILED, message)
 
     async def simulate_steps(self, goal: Any, result: Any, feedback: Any) -> Any:
-        """The same as an action: feedback after each frame, and an end after the frame in which it is cancelled."""
+        """Compute a number of frames as an action, with feedback and possible cancellation after each frame."""
         steps = int(goal.request.steps)
 
         def on_frame(taken: int) -> bool:
@@ -152,7 +152,7 @@ class SimulationServices:
         return told(result, FAILED, message)
 
     def reset_simulation(self, request: Any, response: Any) -> Any:
-        """Put the state back; time runs on, and nothing was spawned."""
+        """Reset the state; time runs on, and nothing was spawned."""
         if request.scope != SCOPE_STATE:
             given = f"scope {request.scope} given; allowed: {SCOPE_STATE} (SCOPE_STATE), for time never goes back"
             return told(response, UNSUPPORTED, given)
@@ -160,12 +160,12 @@ class SimulationServices:
         return told(response, FAILED, fault) if fault else told(response)
 
     async def get_entities(self, request: Any, response: Any) -> Any:
-        """Names of bodies that fit."""
+        """Report the names of bodies that match the filters."""
         response.entities, fault = await self._fitting(request.filters)
         return told(response, *fault) if fault else told(response)
 
     def get_entity_state(self, request: Any, response: Any) -> Any:
-        """Pose and twist of a body."""
+        """Report pose and twist of a body."""
         if request.entity not in self._rows:
             known = ", ".join([*self._rows][:8])
             return told(response, NOT_FOUND, f"'{printable(request.entity)}' given; known: {known}")
@@ -173,7 +173,7 @@ class SimulationServices:
         return told(response)
 
     async def get_entities_states(self, request: Any, response: Any) -> Any:
-        """The same of all that fit."""
+        """Report the names and states of bodies that match the filters."""
         response.entities, fault = await self._fitting(request.filters)
         response.states = [self._entity_state(name) for name in response.entities]
         return told(response, *fault) if fault else told(response)
@@ -187,7 +187,7 @@ class SimulationServices:
         return STOPPED if self._stopped_at == self._loop.simulated_time else PAUSED
 
     def _reset(self) -> str:
-        """Put the state back; returns why not, or nothing."""
+        """Reset the state; returns the reason of a refusal, empty otherwise."""
         try:
             self._loop.submit(Command("reset", {}), "service").result(SERVICE_TIMEOUT)
         except (CommandError, FutureTimeoutError, CancelledError) as error:
@@ -195,7 +195,7 @@ class SimulationServices:
         return ""
 
     async def _fitting(self, filters: Any) -> tuple[list[str], tuple[int, str] | None]:
-        """Names that fit, or result and line of a filter that cannot be applied."""
+        """Names that match the filters, or result code and message of an unsupported filter."""
         if filters.categories or filters.tags.tags or filters.bounds.points:
             return [], (UNSUPPORTED, "categories, tags, bounds are not known; allowed: a regular expression of names")
         matching = matching_names(filters.filter, [*self._rows])
@@ -237,7 +237,7 @@ def offer_simulation_services(
     reader: ScenarioReader,
     frames: FrameNames,
 ) -> Any:
-    """Create them below the name of a node, nothing where the package is not there; returns what to destroy."""
+    """Create the simulation_interfaces services of a node; returns the action server, None without the package."""
     if not is_installed(PACKAGE):
         return None
     from rclpy.action import ActionServer, CancelResponse  # noqa: PLC0415 - tests of the answers need no rclpy

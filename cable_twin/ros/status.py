@@ -1,4 +1,4 @@
-"""How the twin is, in one line for its terminal. Reads the newest frame and asks nothing of the solver's thread."""
+"""Status line of the twin for its terminal, read from the newest frame without access to the solver's thread."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SOME, LATE = 1e-3, 0.1  # s, from which on lateness is shown, and marked
 
 
 class Status:
-    """Simulated time and its pace, what is driven, tension, recording.
+    """Status line: simulated time and pace, driven vehicles, tension, recording.
 
     Args:
         simulation: what runs.
@@ -49,7 +49,7 @@ class Status:
         self.hint = drive_hint(simulation.scenario, names)
 
     def text(self, width: int) -> Text:
-        """The line in at most so many characters; what matters most comes first, and what has no room is left out."""
+        """Status line of a maximum width in characters, most important parts first; parts without room are left out."""
         simulated = self._loop.simulated_time
         parts = [(f"{simulated:.1f} s", ""), self._pace(simulated)]
         if self._simulation.emergency_stopped:
@@ -64,7 +64,7 @@ class Status:
         return named if len(named) <= width else _joined(parts, width)  # the log above has the name, too
 
     def _pace(self, simulated: float) -> tuple[str, str]:
-        """Real-time factor and lateness, or that time stands still."""
+        """Real-time factor and lateness, or that simulated time is paused or failed."""
         now = time.monotonic()
         self._times.append((now, simulated))
         while now - self._times[0][0] > SPAN:
@@ -79,7 +79,7 @@ class Status:
         return f"x{factor:.2f}{lateness}", "yellow" if late > LATE else "green"
 
     def _driven(self) -> list[tuple[str, str]]:
-        """Speed, and of a carriage its place, of the first that are driven."""
+        """Speed, and of carriages the place, of the first driven vehicles or drives."""
         snapshot = self._simulation.snapshot
         names, state = driven_names(snapshot.layout), driven(snapshot.layout, snapshot.columns)
         place = "" if snapshot.layout.drives else " at {:.1f} m"
@@ -90,13 +90,13 @@ class Status:
         return parts + ([(f"and {len(names) - SHOWN} more", "dim")] if len(names) > SHOWN else [])
 
     def _slipping(self) -> list[tuple[str, str]]:
-        """Bullwheels over which the rope has slipped, and by how much."""
+        """Bullwheels with rope slip, and its distance (m)."""
         snapshot = self._simulation.snapshot
         slips = dict(zip(snapshot.layout.sheaves, snapshot.columns.sheave_slip.tolist(), strict=True))
         return [(f"{name} slip {slip:+.2f} m", "red") for name, slip in slips.items() if abs(slip) > SLIPPED]
 
     def _tension(self) -> tuple[str, str]:
-        """Highest tension; of several ropes, that of the one nearest to where its safety factor ends."""
+        """Highest tension; of several ropes, that of the rope nearest to the limit of its safety factor."""
         snapshot = self._simulation.snapshot
         ropes = [*snapshot.layout.ropes] if self._simulation.scenario.ropes else ["tension"]
         highest = dict(zip(ropes, snapshot.columns.highest_tension[:, 0].tolist(), strict=True))
@@ -116,7 +116,7 @@ class Status:
 
 
 def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
-    """Texts with styles beside each other, without those that have no room: half a number would be another one."""
+    """Styled texts in a row, each shown whole or left out, as half a number would mislead."""
     line = Text()
     for text, style in parts:
         part = Text("  " if line else "").append(text, style)
@@ -129,7 +129,7 @@ SEEN = "from at most two minutes before it is opened; the recording contains eve
 
 
 def live_hint(run: Run) -> str:
-    """How to look at a run while it goes on, behind a semicolon; nothing where it is only recorded."""
+    """Hint to open the live view of a run, after a semicolon; empty for a run that is only recorded."""
     if run.web is not None:
         return f"; live view, for a browser: {run.web.link} ({SEEN})"
     if not run.live_url:
@@ -139,7 +139,7 @@ def live_hint(run: Run) -> str:
 
 
 def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:
-    """Tension (N) at which the limit of each rope's safety factor is reached, where it has one."""
+    """Tension (N) at the limit of each rope's safety factor, where a rope has one."""
     ropes = {f"{name}: rope": (name, rope) for name, rope in scenario.ropes.items()}
     found = {}
     for figure, (name, rope) in (ropes or {"rope": ("tension", scenario.cable)}).items():
@@ -150,7 +150,7 @@ def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:
 
 
 def drive_hint(scenario: Scenario, names: TopicNames) -> str:
-    """What to type in another terminal so that something moves, at about half the speed that it may have."""
+    """Example of a drive command for another terminal, at about half the allowed speed."""
     limits = [(name, drive.limits) for name, drive in scenario.drives.items()]
     limits += [(name, carriage.drive.limits) for name, carriage in scenario.carriages.items()]
     if not limits:

@@ -1,4 +1,4 @@
-"""Frames that are asked for while a twin is paused."""
+"""Requested frames of a paused twin."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Stepping:
-    """Frames that somebody has asked for."""
+    """Requested number of frames while paused, with its progress."""
 
     count: int
     on_frame: Callable[[int], bool] | None = None  # gets how many there were, says whether to go on
@@ -17,7 +17,7 @@ class Stepping:
     future: Future[int] = field(default_factory=Future)
 
     def took(self, took: bool) -> bool:
-        """Note a frame that was taken, or failed; whether that was the last one."""
+        """Record a computed or failed frame; returns whether the request is finished."""
         self.taken += took
         on = took and (self.on_frame is None or self.on_frame(self.taken))
         if on and self.taken < self.count:

@@ -1,4 +1,4 @@
-"""Ask Linux to let a thread in soon after it wakes, without any privilege.
+"""Request to Linux for a short scheduler slice, so that a thread runs soon after it wakes; needs no privilege.
 
 A thread that wakes waits until the slice of the one that has the processor has run out, some milliseconds; unless its
 own slice is the shorter one, which it may choose since Linux 6.12 (sched(7), sched_setattr(2)). Its share of the
@@ -19,7 +19,7 @@ SHORTEST = 100_000  # ns, the shortest slice that Linux gives
 
 
 def wake_promptly() -> bool:
-    """Give the calling thread the shortest slice; False where the system does not know how, and nothing is changed."""
+    """Give the calling thread the shortest scheduler slice; returns False on systems without support."""
     number = SYSTEM_CALLS.get(platform.machine())
     if platform.system() != "Linux" or number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
         return False

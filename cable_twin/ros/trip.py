@@ -1,4 +1,4 @@
-"""Have the twin drive something to a place, and watch until it is there: the twin itself finds the speeds."""
+"""Trip to a place: goal command to the twin, which finds the speeds, with progress until arrival."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cable_twin.scenario import Scenario, load_scenario
 
 
 class Trip(Driver):
-    """Tells where to go, once, and waits until a carriage, or the cable of a drive, has come there.
+    """Goal command to a place, sent once, with progress until arrival of the carriage or the cable of a drive.
 
     Args:
         node: of rclpy.
@@ -40,7 +40,7 @@ class Trip(Driver):
         node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
 
     def find_twin(self) -> str | None:
-        """As of any drive; then where the place is."""
+        """Wait for the twin and resolve the target place in its scenario; returns the error message."""
         from cable_twin.ros.approach import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
 
         fault = super().find_twin()
@@ -63,7 +63,7 @@ class Trip(Driver):
         return None
 
     def _next(self, elapsed: float) -> float | None:
-        """Speed (m/s) that the twin has given its drive; None when it has arrived."""
+        """Speed (m/s) commanded by the twin; None after arrival."""
         return None if self._arrived else self._asked
 
     def _send(self, value: float) -> None:
@@ -103,7 +103,7 @@ class Trip(Driver):
         self._rope = message
 
     def _on_log(self, message: Any) -> None:
-        """The twin tells in its log that it has given up."""
+        """Record an abandoned trip from the log of the twin."""
         from cable_twin.ros.goals import GIVEN_UP  # noqa: PLC0415 - is there by now
 
         own = message.name == self._options.node.strip("/").replace("/", ".")
@@ -112,7 +112,7 @@ class Trip(Driver):
 
 
 def points_of(cloud: Any) -> Any:
-    """Points (n, 4) of the message of a cable: x, y, z, arc length, in m."""
+    """Points (n, 4) of a cable message: x, y, z, arc length, in m."""
     columns = [
         np.ndarray(cloud.width, "<f4", bytes(cloud.data), field.offset, cloud.point_step)
         for field in cloud.fields
@@ -122,7 +122,7 @@ def points_of(cloud: Any) -> Any:
 
 
 def tower_places(scenario: Scenario, points: Any) -> dict[str, float]:
-    """Arc length (m) of the cable over each tower, by points (n, 4) of it: x, y, z, arc length, in m."""
+    """Arc length (m) of the cable at each tower, from its points (n, 4): x, y, z, arc length, in m."""
     places = {}
     for name, place in scenario.tower_places.items():
         where = np.array(place[:2])

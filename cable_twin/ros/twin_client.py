@@ -1,4 +1,4 @@
-"""A running twin from outside: its services are called, its commands are given once and its answer is waited for."""
+"""Client of a running twin: calls of its services, and single commands with the answer of the twin."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ URGENT = "/emergency_stop"  # service that is called in a hurry
 
 
 class TwinError(RuntimeError):
-    """What came of it, in one line: no twin, a refusal, or no answer."""
+    """Failed request to a twin, in one line: no twin, a refusal, or no answer."""
 
 
 class TwinClient:
-    """Talks to one twin.
+    """Client of one running twin.
 
     Args:
         node: of rclpy.
@@ -36,7 +36,7 @@ class TwinClient:
         self._node, self._twin, self._wait, self._ending = node, twin, wait, ending
 
     def call(self, service: str, switch: bool | None = None) -> str:
-        """Call a service, std_srvs/SetBool with `switch`, else std_srvs/Trigger; returns what the twin answers.
+        """Call a service of type std_srvs/SetBool with `switch`, else std_srvs/Trigger; returns the answer.
 
         Raises:
             TwinError: there is no twin, it does not answer, or it refuses.
@@ -48,7 +48,7 @@ class TwinClient:
         return self._told(answer.success, answer.message)
 
     def step(self, count: int) -> str:
-        """Have a paused twin take frames, in one call; returns what it answers.
+        """Let a paused twin compute frames, in one call; returns the answer.
 
         Raises:
             TwinError: there is no twin, it does not answer, is not paused, or a step fails.
@@ -64,7 +64,7 @@ class TwinClient:
         return self._told(answer.success, answer.message)
 
     def load(self, scenario: str) -> str:
-        """Have a twin begin anew with another scenario; returns what comes of it.
+        """Restart a twin with another scenario; returns a confirmation.
 
         Raises:
             TwinError: there is no twin, it does not answer, or there is no such scenario.
@@ -97,7 +97,7 @@ class TwinClient:
         return printable_lines(message)  # of whoever has taken the name of the twin
 
     def give(self, kind: Kind, values: Mapping[str, float]) -> str:
-        """Publish a command once and wait until the twin has applied it; returns what it was, with units.
+        """Publish a command once and wait until the twin has applied it; returns the applied command, with units.
 
         Raises:
             TwinError: there is no twin, or it has not applied the command: its reason, where it tells one.
@@ -145,7 +145,7 @@ class TwinClient:
         return f"{kind.name.replace('_', ' ')} {what}"
 
     def _heard(self, *topics: str) -> bool:
-        """Whether what the twin answers will be heard: it publishes what it applies, and why it refuses."""
+        """Whether the subscriptions to applied and refused commands are matched with the twin."""
         return all(
             any(
                 f"{one.node_namespace.rstrip('/')}/{one.node_name}" == self._twin
@@ -171,7 +171,7 @@ class TwinClient:
             raise TwinError(nobody_listens(self._node, name, min(time.monotonic() - started, wait)))
 
     def _until(self, condition: Callable[[], Any], seconds: float, fault: str) -> None:
-        """Wait for a condition; raises TwinError when it does not come, or KeyboardInterrupt at a signal."""
+        """Wait for a condition; raises TwinError at the time-out, or KeyboardInterrupt at a signal."""
         import rclpy  # noqa: PLC0415
 
         deadline = time.monotonic() + seconds
@@ -184,7 +184,7 @@ class TwinClient:
 
 
 def nobody_listens(node: Any, name: str, wait: float) -> str:
-    """Say that no twin listens on the topic or service of this name, and which twins there are in the domain."""
+    """Message that no twin listens on a topic or service, with the twins of the ROS domain."""
     told = f"no twin listens on {name} after {wait:.3g} s"
     if others := twin_names(node):
         return f"{told}; there is {', '.join(others)}: drive --node {others[0]} ..."
@@ -192,7 +192,7 @@ def nobody_listens(node: Any, name: str, wait: float) -> str:
 
 
 def _message(kind: Kind, values: Mapping[str, float]) -> Any:
-    """The message of the topic that brings a kind."""
+    """Message of a command kind for its topic."""
     from geometry_msgs.msg import Vector3, Vector3Stamped  # noqa: PLC0415
     from sensor_msgs.msg import JointState  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Which twins run in this ROS domain, and how they are."""
+"""List of the twins in this ROS domain, with their state."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ UNLIMITED = 1e9  # m, m/s or N, for what has no limit: a URDF has to have a numb
 
 @dataclass(slots=True)
 class _Twin:
-    """What is known of one."""
+    """Known state of one twin."""
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)  # of its diagnostics
     limits: Mapping[str, str] | None = None  # of what is commanded, as they are told; None: not heard yet
 
     def describe(self, name: str, count: int) -> str:
-        """One line."""
+        """Description of the twin in one line: name, scenario, state, time, vehicles."""
         values = self.values
         states = [
             *(["emergency stop in force"] if values.get("emergency_stop") == "true" else []),
@@ -53,13 +53,13 @@ class _Twin:
         return f"{name} ({limit})" if limit else name
 
     def _named(self, section: str) -> Mapping[str, Any]:
-        """A section of the scenario; empty where it is none."""
+        """Section of the scenario, empty unless a mapping."""
         found = self.scenario.get(section)
         return found if isinstance(found, dict) else {}
 
 
 def published_scenario(text: str) -> dict[str, Any]:
-    """Scenario that a node of a twin's name publishes; empty where it is none."""
+    """Scenario published by a node, empty if invalid."""
     try:
         scenario = json.loads(text)
     except (ValueError, RecursionError):
@@ -68,7 +68,7 @@ def published_scenario(text: str) -> dict[str, Any]:
 
 
 def limits_in(description: str) -> dict[str, str]:
-    """Largest commands of each joint along a rope, by its name, as the URDF of a twin has them; empty without any."""
+    """Command limits of each joint along a rope, by name, from the URDF of a twin; empty without any."""
     found: dict[str, str] = {}
     if "<!" in description:  # entities, which may grow without end
         return found
@@ -86,7 +86,7 @@ def limits_in(description: str) -> dict[str, str]:
 
 
 def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
-    """Look for twins; returns a line each: name, scenario, state, simulated time (s), what it moves and how much.
+    """Find twins; returns a line each: name, scenario, state, simulated time (s), driven vehicles and limits.
 
     Args:
         node: of rclpy.
@@ -135,7 +135,7 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
 
 
 def twin_names(node: Any) -> list[str]:
-    """Full names of the twins that can be seen: they publish their scenario, and stop in an emergency."""
+    """Full names of visible twins: nodes with the topic `scenario` and the service `emergency_stop`."""
     scenarios = {
         name.removesuffix(SCENARIO)
         for name, types in node.get_topic_names_and_types()

@@ -1,4 +1,4 @@
-"""Another scenario for a running twin: built beside what runs; only then that ends and the twin begins anew."""
+"""Replacement of the scenario of a running twin: built beside the running one, which then ends and restarts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cable_twin.simulation import EquilibriumError, Simulation
 
 
 class WorldLoading:
-    """Builds a scenario in a thread of its own, while the twin stands still and answers.
+    """Loader that builds a scenario in its own thread, while the paused twin still answers.
 
     Args:
         node: that is told what came of it, in its log.
@@ -42,11 +42,11 @@ class WorldLoading:
 
     @property
     def busy(self) -> bool:
-        """Whether something is being loaded, or has been and is about to begin."""
+        """Whether a scenario is being loaded, or is loaded and about to begin."""
         return self._busy
 
     def begin(self, scenario: Scenario, source: str, *, paused: bool) -> Future[str]:
-        """Have time stand still and load a scenario; the future gives why that cannot be, or nothing.
+        """Pause simulated time and load a scenario; the future gives the fault, empty after success.
 
         Where it cannot be, what ran goes on as it was.
         """
@@ -60,7 +60,7 @@ class WorldLoading:
         return future
 
     async def load(self, scenario: Scenario, source: str, *, paused: bool) -> str:
-        """The same for a callback of the node, which waits without holding the executor."""
+        """Load a scenario from a callback of the node, without blocking the executor; returns the fault."""
         future = self.begin(scenario, source, paused=paused)
         await done(future)
         return future.result()

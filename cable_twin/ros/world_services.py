@@ -1,4 +1,4 @@
-"""What simulation_interfaces calls worlds: the scenarios that there are, the one that runs, and another one to run."""
+"""World services of simulation_interfaces: available scenarios, the running one, and loading another one."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR = 101, 102, 103
 
 
 def told(response: Any, result: int = OK, message: str = "") -> Any:
-    """The response with its result."""
+    """Fill the result of a response; returns the response."""
     response.result.result, response.result.error_message = result, message
     return response
 
 
 class WorldServices:
-    """Answers of one twin.
+    """Handlers of the world services of one twin.
 
     Args:
         scenario: that runs.
@@ -44,7 +44,7 @@ class WorldServices:
         }
 
     async def get_available_worlds(self, request: Any, response: Any) -> Any:
-        """The scenarios that are installed."""
+        """Report the installed scenarios."""
         if request.additional_sources or request.filter.tags:
             return told(response, UNSUPPORTED, "additional_sources and tags are not known; allowed: none")
         reading = self._reader.worlds()
@@ -58,7 +58,7 @@ class WorldServices:
         return told(response)
 
     async def load_world(self, request: Any, response: Any) -> Any:
-        """Build another scenario; the twin then ends its logs and begins anew with it, stopped at its start."""
+        """Build another scenario; the twin then closes its logs and restarts paused at its begin."""
         resource = request.world_resource
         if not resource.uri and not resource.resource_string:
             return told(response, NO_RESOURCE, "nothing given; allowed: uri, or YAML as resource_string")
@@ -90,7 +90,7 @@ class WorldServices:
         return told(response)
 
     def get_current_world(self, _: Any, response: Any) -> Any:
-        """The scenario that runs, as YAML."""
+        """Report the running scenario, as YAML."""
         response.world.name, response.world.description = self._scenario.name, self._scenario.description
         response.world.world_resource.resource_string = self._scenario.to_yaml()
         return told(response)
