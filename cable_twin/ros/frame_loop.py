@@ -138,7 +138,7 @@ class FrameLoop:
         self._asked.set()
 
     def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
-        """Compute frames while paused, as fast as possible; the future gives their number, fewer after a fault.
+        """Compute frames while paused, as fast as possible; the future gives the number, fewer on a fault or pause.
 
         After each one `on_frame` gets how many there were, and says whether to go on.
         """
