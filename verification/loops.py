@@ -238,6 +238,23 @@ def modes() -> Iterator[Result]:
     yield Result("its damping by the method", "-", 0.0, damping, 1e-3)
 
 
+@case("a small swing of a lift", "the same with a tolerance of 1e-12 m", needs_jit=True, long=True)
+def small_swing() -> Iterator[Result]:
+    """The shipped chairlift, its rope undamped: its drive holds with a force, and the rope is pushed along; 40 s."""
+    undamped = {f"ropes.{rope}.damping_time": 0.0 for rope in ("up", "down")}
+    for step, apart in ((0.001, 5e-3), (0.01, 2e-2)):
+        swings = []
+        for tolerance in (1e-12, 1e-9):
+            solver = {"solver.step": step, "solver.tolerance": tolerance}
+            simulation = Simulation(load_scenario("chairlift", {**undamped, **solver}), samples=2, on_demand=True)
+            simulation.command("haul_rope", force=float(simulation.snapshot.columns.sheave_force[0]))
+            motion = wheels(simulation)
+            motion.rope.velocity[:] = motion.rim.velocity[:] = 1e-3
+            simulation.advance_to(30.0)
+            swings.append(1e3 * float(np.std(rung(simulation, 10.0, "rope"))))
+        yield Result(f"rms of 30 to 40 s, {step * 1e3:g} ms", "mm/s", *swings, apart * swings[0])
+
+
 @case("order in the step, of a loop", "generalized-alpha is of second order", needs_jit=True)
 def order() -> Iterator[Result]:
     """Both wheels free and ringing: how far the return wheel has gone after a second, from one and the same state."""

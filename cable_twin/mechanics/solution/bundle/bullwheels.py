@@ -218,6 +218,8 @@ def missing_rope(sheaves, motion, sheave, c, h, on, off):
     mass_factor, _ = factors(c, h)
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
+    square = motion.stretch[sheave] * motion.stretch[sheave]  # of rope that is pulled out, and of what that counts
+    on, off = square * on, square * off
     if slipping == 0:
         inertia += sheaves.inertia[sheave]
         force += motion.given[sheave]
