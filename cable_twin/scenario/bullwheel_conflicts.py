@@ -7,7 +7,7 @@ from math import dist, hypot
 
 from cable_twin.scenario.bullwheels import Sheave
 from cable_twin.scenario.carriers import CarrierPayload, Carriers
-from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse
 from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicle_conflicts import initial_speed
@@ -34,7 +34,7 @@ def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
             if device is not None and not any(device.direction):
                 yield Fault((*path, key, "direction"), "given a vector of length 0; allowed: a direction")
         if sheave.rollback is not None and name not in {drive.sheave for drive in scenario.drives.values()}:
-            yield Fault((*path, "rollback"), f"given {sheave.rollback!r} m, but no drive turns it; allowed: null")
+            yield refuse((*path, "rollback"), sheave.rollback, "null", detail=" m, but no drive turns it")
         if not faults:
             yield from _placed(scenario, path, sheave)
             yield from _pulled(scenario, path, sheave)
@@ -52,15 +52,12 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
         where = (*path, "joins", number)
         if rope not in scenario.ropes or which != side:
             known = ", ".join(f"{name}.{side}" for name in scenario.ropes)
-            yield Fault(
-                where,
-                f"given {show(end)}; allowed: {known}, as rope runs from an end to the start of the next one",
-            )
+            yield refuse(where, end, f"{known}, as rope runs from an end to the start of the next one")
         elif end in joined:
-            yield Fault(where, f"given {show(end)}, which {joined[end]!r} joins already; allowed: each end once")
+            yield refuse(where, end, "each end once", detail=f", which {joined[end]!r} joins already")
         elif getattr(scenario.ropes[rope], side).support != "pinned":
             given = getattr(scenario.ropes[rope], side).support
-            yield Fault(("ropes", rope, side, "support"), f"given {given!r} at a bullwheel; allowed: pinned")
+            yield refuse(("ropes", rope, side, "support"), given, "pinned", detail=" at a bullwheel")
         joined.setdefault(end, str(path[1]))
 
 
@@ -90,10 +87,11 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
     for key, unit in (("mass_per_length", "kg/m"), ("axial_stiffness", "N")):
         here, there = (getattr(rope, key) for rope in ropes)
         if here != there:
-            yield Fault(
+            yield refuse(
                 ("ropes", second, key),
-                f"given {there!r} {unit}, joined by {path[1]!r} to {first!r} with {here!r}; allowed: equal values, "
-                "as it is one rope",
+                there,
+                "equal values, as it is one rope",
+                detail=f" {unit}, joined by {path[1]!r} to {first!r} with {here!r}",
             )
 
 
@@ -125,11 +123,10 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
         if drive.sheave is None:
             yield Fault((*path, "sheave"), f"not given, with several ropes; allowed: {known}")
         elif drive.sheave not in scenario.sheaves:
-            yield Fault((*path, "sheave"), f"given {show(drive.sheave)}; allowed: {known}")
+            yield refuse((*path, "sheave"), drive.sheave, known)
         elif drive.sheave in turned:
-            yield Fault(
-                (*path, "sheave"),
-                f"given {show(drive.sheave)}, which {turned[drive.sheave]!r} turns; allowed: one drive for each",
+            yield refuse(
+                (*path, "sheave"), drive.sheave, "one drive for each", detail=f", which {turned[drive.sheave]!r} turns"
             )
         else:
             turned[drive.sheave] = name
@@ -144,7 +141,7 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
         for key in ("force", "power", "deceleration"):
             given = getattr(drive.limits, key)
             if given is not None:
-                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null at the drive of a bullwheel")
+                yield refuse((*path, "limits", key), given, "null at the drive of a bullwheel")
 
 
 def _loops(scenario: Scenario) -> Iterator[Fault]:
@@ -154,10 +151,11 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
         for end in sheave.joins:
             rope = end.partition(".")[0]
             if rope not in strands:
-                yield Fault(
+                yield refuse(
                     ("sheaves", name, "joins"),
-                    f"given {show(end)}, but {rope!r} is not on a closed loop; allowed: sheaves that join strand to "
-                    "strand until the first one comes again",
+                    end,
+                    "sheaves that join strand to strand until the first one comes again",
+                    detail=f", but {rope!r} is not on a closed loop",
                 )
                 return
     used = {rope for rod in scenario.connectors.values() for rope, _ in rod.ends}
@@ -179,10 +177,11 @@ def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         return
     loop = scenario.loop_length
     if carriers.spacing is not None and carriers.count * carriers.spacing > loop * (1.0 + 1e-9):
-        yield Fault(
+        yield refuse(
             ("carriers", "count"),
-            f"given {carriers.count!r} every {carriers.spacing:.9g} m, {carriers.count * carriers.spacing:.6g} m; "
-            f"allowed: at most the loop of {loop:.6g} m",
+            carriers.count,
+            f"at most the loop of {loop:.6g} m",
+            detail=f" every {carriers.spacing:.9g} m, {carriers.count * carriers.spacing:.6g} m",
         )
     rooms: dict[KeyPath, CarrierPayload | None] = {("carriers", "payload"): carriers.payload}
     rooms |= {("carriers", "kinds", name, "payload"): kind.payload for name, kind in carriers.kinds.items()}
@@ -191,7 +190,7 @@ def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
             if name not in scenario.sheaves:
                 yield Fault((*path, "leaving", name), f"no such bullwheel; allowed: {', '.join(scenario.sheaves)}")
             elif room and not 0.0 <= mass <= room.capacity:
-                yield Fault((*path, "leaving", name), f"given {mass!r}; allowed: 0 to {room.capacity:g} kg")
+                yield refuse((*path, "leaving", name), mass, f"0 to {room.capacity:g} kg")
 
 
 __all__ = ["bullwheel_faults"]

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from cable_twin.scenario.drives import Brake
-from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.fault import Fault, KeyPath, refuse
 from cable_twin.scenario.quantities import FromList, Place, Section, Vector, quantity
 
 EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
@@ -138,11 +138,11 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
             continue
         drive, path = sheave["drive"], ("sheaves", name, "drive")
         if not isinstance(drive, dict):
-            yield Fault(path, f"given {show(drive)}; allowed: a mapping with the keys of a drive")
+            yield refuse(path, drive, "a mapping with the keys of a drive")
         elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
-            yield Fault((*path, "name"), f"given {show(drive['name'])}; allowed: a text, not empty")
+            yield refuse((*path, "name"), drive["name"], "a text, not empty")
         elif (own := drive.get("name") or name) in called:
-            yield Fault((*path, "name"), f"given {own!r}, as another drive is called; allowed: another name")
+            yield refuse((*path, "name"), own, "another name", detail=", as another drive is called")
         else:
             called.add(own)
     for name, tower in towers.items():
@@ -154,18 +154,18 @@ def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[st
     """What is wrong of what a tower has of its own for each rope."""
     path: KeyPath = ("towers", name, "ropes")
     if not isinstance(own, dict):
-        yield Fault(path, f"given {show(own)}; allowed: a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
+        yield refuse(path, own, f"a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
         return
     for rope, differs in own.items():
         if rope not in ropes:
             yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
         elif differs is not None and not isinstance(differs, dict):
-            yield Fault((*path, rope), f"given {show(differs)}; allowed: a mapping of keys of a tower, or null")
+            yield refuse((*path, rope), differs, "a mapping of keys of a tower, or null")
         elif f"{name}_{rope}" in towers:
             yield Fault((*path, rope), f"it is called '{name}_{rope}', as another tower is; allowed: another name")
         else:
             for key in {"rope", "ropes"} & (differs := differs or {}).keys():
-                yield Fault((*path, rope, key), f"given {show(differs[key])}; allowed: nothing, {rope!r} is the rope")
+                yield refuse((*path, rope, key), differs[key], f"nothing, {rope!r} is the rope")
 
 
 def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,18 @@ class Fault(NamedTuple):
     text: str
 
 
+def refuse(path: KeyPath, given: Any, allowed: str, *, detail: str = "") -> Fault:
+    """Fault of a key: its value, what about it matters, and the values that are allowed, with their unit.
+
+    Args:
+        path: of the key.
+        given: its value.
+        allowed: values and unit, and why.
+        detail: behind the value, with the space or comma between them.
+    """
+    return Fault(path, f"given {show(given)}{detail}; allowed: {allowed}")
+
+
 def show(value: Any) -> str:
     """A given value on one short line."""
     if value is None:

@@ -14,7 +14,7 @@ from cable_twin.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.printable import printable
 from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.bullwheels import expand_bullwheels, faults_in_file
-from cable_twin.scenario.fault import Fault, show
+from cable_twin.scenario.fault import Fault, refuse, show
 from cable_twin.scenario.find_faults import find_faults
 from cable_twin.scenario.overrides import UnknownKeyError, full_key, override
 from cable_twin.scenario.schema import Scenario
@@ -207,7 +207,7 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     """An own copy of dicts, lists and scalars, without numpy; keys that are no text are faults."""
     if isinstance(value, Mapping):
         strange = [key for key in value if not isinstance(key, str)]
-        faults += [Fault(path, f"given {show(key)} as a key; allowed: keys that are texts") for key in strange]
+        faults += [refuse(path, key, "keys that are texts", detail=" as a key") for key in strange]
         return {key: _plain(item, (*path, key), faults) for key, item in value.items() if isinstance(key, str)}
     if isinstance(value, list | tuple):
         return [_plain(item, (*path, number), faults) for number, item in enumerate(value)]

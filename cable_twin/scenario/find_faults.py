@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.fault import Fault, KeyPath, refuse
 from cable_twin.scenario.line_conflicts import cable_faults
 from cable_twin.scenario.rope_conflicts import rope_faults
 from cable_twin.scenario.schema import Scenario
@@ -66,7 +66,7 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
         if field is not None and _scalar(field.annotation)[0] is not int:
             within = " in it" if used < len(path) else ""
             limits = f"numbers of {SMALLEST:g} to {LARGEST:g} in size, or 0"
-            yield Fault(path[:used], f"given {show(data)}{within}; allowed: {allowed(field)}; {limits}")
+            yield refuse(path[:used], data, f"{allowed(field)}; {limits}", detail=within)
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
@@ -115,7 +115,7 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
         if isinstance(given, Mapping) and key not in given:
             return Fault(path, f"nothing given, but it is needed; allowed: {allowed(field)}")
         given = given[key]
-    return Fault(path, f"given {show(given)}; allowed: {allowed(field)}")
+    return refuse(path, given, f"{allowed(field)}")
 
 
 def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:

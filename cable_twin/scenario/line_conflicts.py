@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import copysign, dist, hypot, nan
 
 from cable_twin.scenario.end_supports import EndSupport
-from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading
 from cable_twin.scenario.schema import Scenario
 from cable_twin.units import with_unit
@@ -38,18 +38,13 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
     places |= {("towers", name, "position"): tower.position for name, tower in scenario.towers.items()}
     for path, given in places.items():
         if given is not None and len(given) == 2 < dim and scenario.space is None:
-            yield Fault(
-                path,
-                f"given {show(list(given))} while other positions have three numbers; allowed: x, y, z{_unit(path)}",
-            )
+            yield refuse(path, list(given), f"x, y, z{_unit(path)}", detail=" while other positions have three numbers")
     places |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
     places[("air", "wind")] = scenario.air.wind
     for path, given in places.items():
         if given is not None and len(given) > dim:
             space = "space: 3 or positions x, y, z"
-            yield Fault(
-                path, f"given {show(list(given))} in a plane; allowed: x, z{_unit(path)}, or {space} throughout"
-            )
+            yield refuse(path, list(given), f"x, z{_unit(path)}, or {space} throughout", detail=" in a plane")
     if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
         yield Fault(("cable", "loads"), "given a moment in space; allowed: moments on a cable in a plane, in N m")
 
@@ -64,15 +59,13 @@ def _elements(cable: Cable) -> Iterator[Fault]:
     if isinstance(cable.elements, Grading):
         at_towers, target = cable.elements.at_towers, cable.elements.target
         if at_towers > target:
-            yield Fault(
-                ("cable", "elements", "at_towers"),
-                f"given {show(at_towers)}; allowed: at most target, {show(target)} m",
-            )
+            yield refuse(("cable", "elements", "at_towers"), at_towers, f"at most target, {show(target)} m")
         least = cable.unstrained_length / MOST_ELEMENTS
         if at_towers < least:
-            yield Fault(
+            yield refuse(
                 ("cable", "elements", "at_towers"),
-                f"given {show(at_towers)}; allowed: at least {least:g} m for {show(cable.unstrained_length)} m of rope",
+                at_towers,
+                f"at least {least:g} m for {show(cable.unstrained_length)} m of rope",
             )
 
 
@@ -91,7 +84,7 @@ def _kinks(scenario: Scenario) -> Iterator[Fault]:
     }
     for what, found in beside.items():
         if found:
-            yield Fault(("cable", "kinks"), f"given {show(cable.kinks)} beside {what}; allowed: rounded")
+            yield refuse(("cable", "kinks"), cable.kinks, "rounded", detail=f" beside {what}")
             return
 
 
@@ -104,12 +97,13 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
             if end.direction is None:
                 yield Fault(path, f"nothing given, but {_kind(end)} needs it; allowed: a list of 2 finite numbers")
             elif hypot(*end.direction) == 0.0:
-                yield Fault(path, f"given {show(list(end.direction))}; allowed: a direction, not all numbers zero")
+                yield refuse(path, list(end.direction), "a direction, not all numbers zero")
         elif end.support is not None and end.direction is not None:
-            yield Fault(
+            yield refuse(
                 path,
-                f"given {show(list(end.direction))} where support is {end.support}; "
-                "allowed: only where clamped or at a counterweight",
+                list(end.direction),
+                "only where clamped or at a counterweight",
+                detail=f" where support is {end.support}",
             )
     if cable.start.support == cable.end.support == "free" and cable.initial_shape != "straight":
         yield Fault(
@@ -138,9 +132,11 @@ def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
             given = getattr(end, key)
             if given is not None:
                 given = list(given) if isinstance(given, tuple) else given
-                yield Fault(
+                yield refuse(
                     (*path, key),
-                    f"given {show(given)} where support is {end.support}; allowed: only at a counterweight, in {unit}",
+                    given,
+                    f"only at a counterweight, in {unit}",
+                    detail=f" where support is {end.support}",
                 )
         return
     if end.mass is None:
@@ -155,18 +151,17 @@ def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
             f"{LARGEST_STRAIN * cable.axial_stiffness:.6g} N, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
         )
     if end.travel is not None and end.travel[0] >= end.travel[1]:
-        yield Fault(
-            (*path, "travel"), f"given {show(list(end.travel))}; allowed: the least travel, then a greater one, in m"
-        )
+        yield refuse((*path, "travel"), list(end.travel), "the least travel, then a greater one, in m")
     if end.direction is not None:
         corners = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
         inner = corners[-2] if name == "end" else corners[1]
         here, before, pull = (scenario.vector(v) for v in (end.position, inner, end.direction))
         if sum((a - b) * c for a, b, c in zip(here, before, pull, strict=True)) <= 0.0 < hypot(*pull):
-            yield Fault(
+            yield refuse(
                 (*path, "direction"),
-                f"given {show(list(end.direction))}, which lets the cable go slack; allowed: one that pulls it "
-                f"away from {show(list(inner))}",
+                list(end.direction),
+                f"one that pulls it away from {show(list(inner))}",
+                detail=", which lets the cable go slack",
             )
 
 
@@ -176,9 +171,8 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
     if not {start.support, end.support} <= HELD:
         return
     if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * cable.unstrained_length:
-        yield Fault(
-            ("cable", "end", "position"),
-            f"given {show(list(end.position))}, the place of the start; allowed: another place, in m",
+        yield refuse(
+            ("cable", "end", "position"), list(end.position), "another place, in m", detail=", the place of the start"
         )
     corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
     way = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(corners))
@@ -195,11 +189,12 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
             f"{cable.unstrained_length:.9g} m; allowed: equilibrium, or a free end",
         )
     if strain > LARGEST_STRAIN:
-        yield Fault(
+        yield refuse(
             ("cable", "unstrained_length"),
-            f"given {cable.unstrained_length!r} for ends that are {way:.6g} m{over}, which needs a strain of "
-            f"{100.0 * strain:.3g} % and a tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}; allowed: at "
-            f"least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+            cable.unstrained_length,
+            f"at least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+            detail=f" for ends that are {way:.6g} m{over}, which needs a strain of {100.0 * strain:.3g} % and a "
+            f"tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}",
         )
 
 
@@ -220,21 +215,22 @@ def _towers(scenario: Scenario) -> Iterator[Fault]:
             yield Fault(path, f"given the name {name!r}, that of an end of the cable; allowed: another one")
         x = tower.position[0]
         if way * (x - passed) <= 0.0 or way * (end.position[0] - x) <= 0.0:
-            yield Fault(
+            yield refuse(
                 (*path, "position"),
-                f"given {show(list(tower.position))}; allowed: x between {passed:g} m of {before} and "
-                f"{end.position[0]:g} m of the end, in order along the cable",
+                list(tower.position),
+                f"x between {passed:g} m of {before} and {end.position[0]:g} m of the end, in order along the cable",
             )
         before, passed = f"tower {name!r}", x
         if tower.contacts > 1 and tower.length == 0.0:
             yield Fault((*path, "length"), f"given 0.0 for {tower.contacts} contacts; allowed: a number above 0, in m")
         if tower.contacts == 1 and tower.length > 0.0:
-            yield Fault((*path, "length"), f"given {tower.length!r} for one contact; allowed: 0, or more contacts")
+            yield refuse((*path, "length"), tower.length, "0, or more contacts", detail=" for one contact")
         if tower.radius is not None and tower.length > tower.radius:
-            yield Fault(
+            yield refuse(
                 (*path, "length"),
-                f"given {tower.length!r}, more than one radian of a circle of {tower.radius:g} m; "
-                f"allowed: at most {tower.radius:g} m",
+                tower.length,
+                f"at most {tower.radius:g} m",
+                detail=f", more than one radian of a circle of {tower.radius:g} m",
             )
 
 
@@ -243,9 +239,9 @@ def _loads(cable: Cable) -> Iterator[Fault]:
     for number, load in enumerate(cable.loads):
         path: KeyPath = ("cable", "loads", number)
         if load.arc_length > length:
-            yield Fault((*path, "arc_length"), f"given {load.arc_length!r}; allowed: 0 to {length:.9g} m, on the cable")
+            yield refuse((*path, "arc_length"), load.arc_length, f"0 to {length:.9g} m, on the cable")
         elif load.moment != 0.0 and 0.0 < load.arc_length < length:
-            yield Fault((*path, "moment"), f"given {load.moment!r} within the cable; allowed: only at its ends, in N m")
+            yield refuse((*path, "moment"), load.moment, "only at its ends, in N m", detail=" within the cable")
 
 
 def _terrain(scenario: Scenario) -> Iterator[Fault]:

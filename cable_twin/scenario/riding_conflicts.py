@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cable_twin.scenario.carriers import Carriers
-from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.fault import Fault, KeyPath, refuse, show
 from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
 
@@ -31,9 +31,9 @@ def track_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
             yield Fault(path, f"given for {show(strand)}, which is no strand of a loop; allowed: {known}")
         elif track not in scenario.ropes or track in strands:
             known = ", ".join(name for name in scenario.ropes if name not in strands) or "none, all ropes are strands"
-            yield Fault(path, f"given {show(track)}; allowed: a rope that is no strand, {known}")
+            yield refuse(path, track, f"a rope that is no strand, {known}")
         elif track in beside:
-            yield Fault(path, f"given {show(track)}, as for {beside[track]!r}; allowed: a track for each strand")
+            yield refuse(path, track, "a track for each strand", detail=f", as for {beside[track]!r}")
         else:
             beside[track] = strand
             yield from _away(scenario, carriers, path, strand, track)
@@ -49,7 +49,7 @@ def _away(scenario: Scenario, carriers: Carriers, path: KeyPath, strand: str, tr
     start, end = (np.array(in_space(one.position)) for one in (ropes[strand].start, ropes[strand].end))
     ends = [np.array(in_space(one.position)) for one in (ropes[track].start, ropes[track].end)]
     if (ends[1] - ends[0]) @ (end - start) <= 0.0:
-        yield Fault(path, f"given {show(track)}, which runs the other way than {strand!r}; allowed: the same way")
+        yield refuse(path, track, "the same way", detail=f", which runs the other way than {strand!r}")
         return
     for which, place in zip(("start", "end"), ends, strict=True):
         clamp = place + np.array(in_space(carriers.clamp_offset))

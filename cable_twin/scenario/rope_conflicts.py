@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from cable_twin.scenario.bullwheel_conflicts import bullwheel_faults
-from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.hauled import travel_faults
 from cable_twin.scenario.line_conflicts import cable_faults
 from cable_twin.scenario.riding_conflicts import track_faults
@@ -30,12 +30,11 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
         for key in ("mass_damping", "tension_damping", "lateral"):
             if getattr(scenario.cable, key) != 0.0:
-                yield Fault(("cable", key), f"given {getattr(scenario.cable, key)!r}; allowed: 0, or several `ropes`")
+                yield refuse(("cable", key), getattr(scenario.cable, key), "0, or several `ropes`")
         return
     if scenario.solver.integrator != "generalized_alpha":
-        yield Fault(
-            ("solver", "integrator"),
-            f"given {scenario.solver.integrator!r} with several ropes; allowed: generalized_alpha",
+        yield refuse(
+            ("solver", "integrator"), scenario.solver.integrator, "generalized_alpha", detail=" with several ropes"
         )
     seen = set()  # what rides a loop is on each of its strands
     for name in scenario.ropes:
@@ -84,15 +83,15 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
             length = scenario.ropes[rope].unstrained_length
             places[rope] = place
             if not 0.0 < place < length:
-                yield Fault(
+                yield refuse(
                     ("connectors", name, key),
-                    f"given {show(place)} on {rope!r}; allowed: above 0 and below {length:.9g} m, between its ends",
+                    place,
+                    f"above 0 and below {length:.9g} m, between its ends",
+                    detail=f" on {rope!r}",
                 )
                 places.pop(rope)
         if len(places) == 1 and rod.ends[0][0] == rod.ends[1][0]:
-            yield Fault(
-                ("connectors", name, "to"), f"given {rod.ends[1][0]!r} twice; allowed: another rope than `from`"
-            )
+            yield refuse(("connectors", name, "to"), rod.ends[1][0], "another rope than `from`", detail=" twice")
         elif len(places) == 2:
             order = [rope for rope in scenario.ropes if rope in places]
             between.setdefault((order[0], order[1]), []).append((places[order[0]], places[order[1]], name))
@@ -120,7 +119,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
                 yield _unknown((*path, "clamped_to", rope), rope, scenario)
                 continue
             if rope == own:
-                yield Fault((*path, "clamped_to", rope), f"given {rope!r}, on which it slides; allowed: another rope")
+                yield refuse((*path, "clamped_to", rope), rope, "another rope", detail=", on which it slides")
             other = taken.setdefault((rope, place), name)
             if other != name:
                 yield Fault(
@@ -148,9 +147,10 @@ def _pantographs(scenario: Scenario) -> Iterator[Fault]:
         rope = scenario.ropes[pantograph.rope]
         low, high = sorted((rope.start.position[0], rope.end.position[0]))
         if not low < pantograph.position < high:
-            yield Fault(
+            yield refuse(
                 ("pantographs", name, "position"),
-                f"given {pantograph.position!r}; allowed: above {low:g} and below {high:g} m, under its rope",
+                pantograph.position,
+                f"above {low:g} and below {high:g} m, under its rope",
             )
         stages = {len(one.stages) for one in scenario.pantographs.values()}
         if len(stages) > 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cable_twin.scenario.fault import Fault, name_faults, show
+from cable_twin.scenario.fault import Fault, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
 
 
@@ -31,14 +31,13 @@ def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
             yield Fault((*path, "of"), f"given {show(sensor.of)}; allowed for {sensor.kind}: {allowed}{more}")
         first = taken.setdefault((sensor.kind, sensor.of), name)
         if first != name:
-            yield Fault(
-                (*path, "of"),
-                f"given {show(sensor.of)}, which '{first}' measures already; allowed: one {sensor.kind} for each",
+            yield refuse(
+                (*path, "of"), sensor.of, f"one {sensor.kind} for each", detail=f", which '{first}' measures already"
             )
         if sensor.kind != "imu":
             for key in ("rate_noise", "rate_bias"):
                 if getattr(sensor, key) != 0.0:
-                    yield Fault((*path, key), f"given {getattr(sensor, key)!r}; allowed: 0, only an imu has it")
+                    yield refuse((*path, key), getattr(sensor, key), "0, only an imu has it")
 
 
 def _vehicles(scenario: Scenario) -> dict[str, list[str]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.build import build_system, tower_axes
-from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.fault import Fault, KeyPath, refuse, show
 from cable_twin.scenario.line import Tower
 from cable_twin.scenario.schema import Scenario
 
@@ -29,9 +29,8 @@ def space_faults(scenario: Scenario) -> Iterator[Fault]:
                 given = getattr(tower, key)
                 if given is not None:
                     given = list(given) if isinstance(given, tuple) else given
-                    yield Fault(
-                        ("towers", name, key),
-                        f"given {show(given)} in a plane; allowed: null, as only scenarios in space have it",
+                    yield refuse(
+                        ("towers", name, key), given, "null, as only scenarios in space have it", detail=" in a plane"
                     )
         elif all(map(np.any, np.diff(corners[number : number + 3], axis=0))):
             yield from _tower(scenario, ("towers", name), tower, corners[number : number + 3])
@@ -43,10 +42,11 @@ def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.nda
     first, second = np.diff(corners, axis=0)[:, :2]
     turn = degrees(abs(atan2(first[0] * second[1] - first[1] * second[0], first @ second)))
     if turn >= MOST_TURN:
-        yield Fault(
+        yield refuse(
             (*path, "position"),
-            f"given {show(list(tower.position))}, where the line turns by {turn:.3g} degrees in plan, which no rope "
-            f"follows on a tower; allowed: less than {MOST_TURN:g} degrees",
+            list(tower.position),
+            f"less than {MOST_TURN:g} degrees",
+            detail=f", where the line turns by {turn:.3g} degrees in plan, which no rope follows on a tower",
         )
     if (tower.mast_offset is None) != (tower.mast_width is None):
         missing = "mast_offset" if tower.mast_offset is None else "mast_width"
@@ -80,23 +80,25 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
         normal = float(load @ side)
         if normal <= 0.0 and tower.groove_direction is not None:
             force = np.round(load / np.linalg.norm(load), 2).tolist()
-            yield Fault(
+            yield refuse(
                 ("towers", name, "groove_direction"),
-                f"given {show(list(tower.groove_direction))}, which points away from the bare cable at rest: it "
-                f"would have to be pulled into the groove with {-normal:.4g} N; allowed: within 90 degrees of "
-                f"the force of the tower on the cable, {force}",
+                list(tower.groove_direction),
+                f"within 90 degrees of the force of the tower on the cable, {force}",
+                detail=", which points away from the bare cable at rest: it would have to be pulled into the groove "
+                f"with {-normal:.4g} N",
             )
         across = np.cross(line_over(before, here, after), side)
         ratio = abs(float(load @ across / np.linalg.norm(across))) / normal if normal > 0.0 else 0.0
         if ratio > tower.derailment_ratio:
             share = (here - before)[:2] @ (after - before)[:2] / np.square((after - before)[:2]).sum()
             straight = float(before[1] + share * (after - before)[1])
-            yield Fault(
+            yield refuse(
                 ("towers", name, "position"),
-                f"given {show(list(tower.position))}, where the bare cable at rest pushes sideways with "
-                f"{ratio * normal:.4g} N, {ratio:.3g} of its normal force; allowed: at most {tower.derailment_ratio:g} "
-                f"of it (derailment_ratio): move the tower towards y = {straight:.4g} m, where the line is straight in "
-                "plan, or incline its groove_direction",
+                list(tower.position),
+                f"at most {tower.derailment_ratio:g} of it (derailment_ratio): move the tower towards "
+                f"y = {straight:.4g} m, where the line is straight in plan, or incline its groove_direction",
+                detail=f", where the bare cable at rest pushes sideways with {ratio * normal:.4g} N, {ratio:.3g} of "
+                "its normal force",
             )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_twin.scenario.build_vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.carriers import Carriers
-from cable_twin.scenario.fault import Fault, KeyPath, name_faults, show
+from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicles import Body, Carriage
 
@@ -36,9 +36,7 @@ def _joint_names(scenario: Scenario) -> Iterator[Fault]:
             joint = f"{name}_{body}"
             if joint in taken:
                 path = ("carriages", name, "bodies", body)
-                yield Fault(
-                    path, f"given {body!r}; allowed: another name, as {joint!r} is the name of another body's joint"
-                )
+                yield refuse(path, body, f"another name, as {joint!r} is the name of another body's joint")
             taken.add(joint)
 
 
@@ -51,31 +49,33 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
         if carriage.joint == "clamped":
             yield from _clamped(scenario, name, carriage)
         elif scenario.drives and carriage.joint is not None:
-            yield Fault((*path, "joint"), f"given {carriage.joint!r} on a cable that moves; allowed: clamped")
+            yield refuse((*path, "joint"), carriage.joint, "clamped", detail=" on a cable that moves")
         elif 2.0 * stroke >= length:
-            yield Fault(
+            yield refuse(
                 (*path, "end_stop", "stroke"),
-                f"given {stroke!r} at both ends of a cable of {length:.9g} m; allowed: less than {length / 2:.9g} m",
+                stroke,
+                f"less than {length / 2:.9g} m",
+                detail=f" at both ends of a cable of {length:.9g} m",
             )
         elif carriage.arc_length < stroke or carriage.arc_length > length - stroke:
-            yield Fault(
+            yield refuse(
                 (*path, "arc_length"),
-                f"given {carriage.arc_length!r}; allowed: {stroke:.9g} to {length - stroke:.9g} m, "
-                "on the cable and between its end stops",
+                carriage.arc_length,
+                f"{stroke:.9g} to {length - stroke:.9g} m, on the cable and between its end stops",
             )
         yield from _bodies(scenario, path, carriage.bodies)
         yield from _payload(path, carriage)
         yield from _drive(path, carriage, scenario.solver.integrator)
         if carriage.speed != 0.0 and carriage.joint != "sliding":
             where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
-            yield Fault((*path, "speed"), f"given {carriage.speed!r}; allowed: 0, {where}")
+            yield refuse((*path, "speed"), carriage.speed, f"0, {where}")
         yield from initial_speed(path, carriage.speed, carriage.drive.limits.speed)
 
 
 def initial_speed(path: KeyPath, speed: float, limit: float | None) -> Iterator[Fault]:
     """A speed (m/s) at the start beyond the limit of the drive."""
     if limit is not None and abs(speed) > limit:
-        yield Fault((*path, "speed"), f"given {speed!r}; allowed: -{limit:g} to {limit:g} m/s, the limit of the drive")
+        yield refuse((*path, "speed"), speed, f"-{limit:g} to {limit:g} m/s, the limit of the drive")
 
 
 def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body]) -> Iterator[Fault]:
@@ -90,7 +90,7 @@ def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body
         for key in ("upper_pivot", "lower_pivot"):
             given = getattr(body, key)
             if given is not None and len(given) > scenario.dim:
-                yield Fault((*path, "bodies", name, key), f"given {show(list(given))} in a plane; allowed: x, z in m")
+                yield refuse((*path, "bodies", name, key), list(given), "x, z in m", detail=" in a plane")
         yield from _inertia(scenario, (*path, "bodies", name, "inertia_tensor"), body)
 
 
@@ -121,19 +121,15 @@ def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Faul
             (*path, "joint"), "given 'clamped' on a cable that stands still; allowed: sliding, fixed, or drives"
         )
     elif carriage.arc_length < 0.0 or carriage.arc_length > scenario.loop_length:
-        yield Fault(
-            (*path, "arc_length"),
-            f"given {carriage.arc_length!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop of the cable",
+        yield refuse(
+            (*path, "arc_length"), carriage.arc_length, f"0 to {scenario.loop_length:.9g} m, on the loop of the cable"
         )
     for key in ("rolling", "viscous"):
         if getattr(carriage.friction, key) > 0.0:
             given = getattr(carriage.friction, key)
-            yield Fault((*path, "friction", key), f"given {given!r}; allowed: 0, as a clamped vehicle does not slide")
+            yield refuse((*path, "friction", key), given, "0, as a clamped vehicle does not slide")
     if carriage.drive.mode not in (None, "free"):
-        yield Fault(
-            (*path, "drive", "mode"),
-            f"given {carriage.drive.mode!r}; allowed: free, as a clamped vehicle moves with the cable",
-        )
+        yield refuse((*path, "drive", "mode"), carriage.drive.mode, "free, as a clamped vehicle moves with the cable")
 
 
 def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
@@ -153,10 +149,10 @@ def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
         ):
             given = getattr(drive.limits, key)
             if given is not None:
-                yield Fault((*path, "limits", key), f"given {given!r}; allowed: null, {why}")
+                yield refuse((*path, "limits", key), given, f"null, {why}")
         for key in ("travel", "sheave"):
             if (given := getattr(drive, key)) is not None:
-                yield Fault((*path, key), f"given {show(given)}; allowed: null, for the cable has no bullwheels")
+                yield refuse((*path, key), given, "null, for the cable has no bullwheels")
     if scenario.drives:
         for end in ("start", "end"):
             if getattr(scenario.cable, end).support == "free":
@@ -177,31 +173,29 @@ def _payload(path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
     if payload is None:
         return
     if payload.mass > payload.capacity:
-        yield Fault(
-            (*path, "payload", "mass"), f"given {payload.mass!r}; allowed: 0 to the capacity of {payload.capacity:g} kg"
-        )
+        yield refuse((*path, "payload", "mass"), payload.mass, f"0 to the capacity of {payload.capacity:g} kg")
     if payload.body is not None and payload.body not in carriage.bodies:
-        yield Fault(
-            (*path, "payload", "body"), f"given {show(payload.body)}; allowed: one of {', '.join(carriage.bodies)}"
-        )
+        yield refuse((*path, "payload", "body"), payload.body, f"one of {', '.join(carriage.bodies)}")
 
 
 def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
     drive, limits = carriage.drive, carriage.drive.limits
     path = (*path, "drive")
     if limits.deceleration is not None and limits.deceleration > limits.emergency_deceleration:
-        yield Fault(
+        yield refuse(
             (*path, "limits", "deceleration"),
-            f"given {limits.deceleration!r}; allowed: at most the emergency_deceleration of "
-            f"{limits.emergency_deceleration:g} m/s^2",
+            limits.deceleration,
+            f"at most the emergency_deceleration of {limits.emergency_deceleration:g} m/s^2",
         )
     means = drive.emergency_stop
     given = [name for name in BRAKES if getattr(drive, name) is not None]
     for name in means:
         if name != "drive" and name not in given:
-            yield Fault(
+            yield refuse(
                 (*path, "emergency_stop"),
-                f"given {name!r}, which this drive does not have; allowed: {', '.join(['drive', *given])}",
+                name,
+                f"{', '.join(['drive', *given])}",
+                detail=", which this drive does not have",
             )
     sheave = [name for name in means if name in BRAKES[:2]]
     if "drive" in means and sheave:
@@ -231,20 +225,16 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     if carriers.spacing is None and strand is None:
         yield Fault(("carriers", "spacing"), "not given; allowed: a number above 0, in m")
     elif strand is None and spacing > length:
-        yield Fault(
-            ("carriers", "spacing"),
-            f"given {carriers.spacing!r}; allowed: at most {length:.9g} m, the length of the cable",
-        )
+        yield refuse(("carriers", "spacing"), carriers.spacing, f"at most {length:.9g} m, the length of the cable")
     elif scenario.loop_length < length:
-        yield Fault(
+        yield refuse(
             ("carriers", "count"),
-            f"given {carriers.count!r} every {spacing:.9g} m, a loop of {scenario.loop_length:.9g} m; "
-            f"allowed: at least {ceil(length / spacing - 1e-9)}, for the cable of {length:.9g} m to fit in",
+            carriers.count,
+            f"at least {ceil(length / spacing - 1e-09)}, for the cable of {length:.9g} m to fit in",
+            detail=f" every {spacing:.9g} m, a loop of {scenario.loop_length:.9g} m",
         )
     if carriers.first is not None and carriers.first > scenario.loop_length:
-        yield Fault(
-            ("carriers", "first"), f"given {carriers.first!r}; allowed: 0 to {scenario.loop_length:.9g} m, on the loop"
-        )
+        yield refuse(("carriers", "first"), carriers.first, f"0 to {scenario.loop_length:.9g} m, on the loop")
     yield from _kinds(scenario, carriers)
     payloads = (carriers.payload, *(kind.payload for kind in carriers.kinds.values()))
     rooms = [room for room in payloads if room is not None]
@@ -269,7 +259,7 @@ def _kinds(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     for name in carriers.order:
         if name not in carriers.kinds:
             known = ", ".join(carriers.kinds) or "none, as there are no kinds"
-            yield Fault((*path, "order"), f"given {show(name)}; allowed: {known}")
+            yield refuse((*path, "order"), name, known)
     for name in carriers.kinds:
         yield from name_faults(("carriers", "kinds", name))
     one = [(("carriers",), carriers.bodies, carriers.payload)]
@@ -283,8 +273,6 @@ def _kinds(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         for key in ("on_cable",) if room.leaving else ("from_start", "from_end", "on_cable"):
             mass = getattr(room, key)
             if mass is not None and mass > room.capacity:
-                yield Fault(
-                    (*where, "payload", key), f"given {mass!r}; allowed: 0 to the capacity of {room.capacity:g} kg"
-                )
+                yield refuse((*where, "payload", key), mass, f"0 to the capacity of {room.capacity:g} kg")
         if room.body is not None and room.body not in bodies:
-            yield Fault((*where, "payload", "body"), f"given {show(room.body)}; allowed: one of {', '.join(bodies)}")
+            yield refuse((*where, "payload", "body"), room.body, f"one of {', '.join(bodies)}")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import hypot
 
 from cable_twin.mechanics.parameters import STRONGEST_WIND
-from cable_twin.scenario.fault import Fault, KeyPath, show
+from cable_twin.scenario.fault import Fault, KeyPath, refuse
 from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicles import Body
@@ -17,13 +17,13 @@ def wind_faults(scenario: Scenario) -> Iterator[Fault]:
     air, unfelt = scenario.air, wind_unfelt(scenario)
     yield from _speed(("air", "wind"), air.wind)
     if unfelt and any(air.wind):
-        yield Fault(("air", "wind"), f"given {show(list(air.wind))}, but {unfelt}; allowed: 0 m/s")
+        yield refuse(("air", "wind"), list(air.wind), "0 m/s", detail=f", but {unfelt}")
     if unfelt and air.gusts:
         yield Fault(("air", "gusts"), f"given {len(air.gusts)}, but {unfelt}; allowed: none")
     for number, gust in enumerate(air.gusts):
         path: KeyPath = ("air", "gusts", number, "amplitude")
         if len(gust.amplitude) > scenario.dim:
-            yield Fault(path, f"given {show(list(gust.amplitude))} in a plane; allowed: x, z in m/s")
+            yield refuse(path, list(gust.amplitude), "x, z in m/s", detail=" in a plane")
         else:
             yield from _speed(path, gust.amplitude)
     if scenario.dim == 2:
@@ -49,10 +49,11 @@ def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
     """A wind of a speed that there is none of."""
     speed = hypot(*in_space(wind))
     if speed > STRONGEST_WIND:
-        yield Fault(
+        yield refuse(
             path,
-            f"given {show(list(wind))}, {speed:.4g} m/s; allowed: at most {STRONGEST_WIND:g} m/s, "
-            "more than any hurricane has",
+            list(wind),
+            f"at most {STRONGEST_WIND:g} m/s, more than any hurricane has",
+            detail=f", {speed:.4g} m/s",
         )
 
 
