@@ -1,4 +1,4 @@
-"""Bullwheels as a message, `sheaves`: of each its rope and drive, and by rows of their own what is at it.
+"""Message `sheaves` of bullwheels: rows with the rope, the drive, both strands and the tensioning of each.
 
 NAME has the rope gone over it (m), its speed (m/s) and the force of its drive at the rim (N); NAME/on and NAME/off are
 the strands that come to it and leave it, with their tensions (N) as effort, and on NAME/on how far its rim has gone
@@ -16,7 +16,7 @@ from cable_twin.snapshot import Columns, Layout
 
 
 class _Rows:
-    """Names of the rows, and numbers of those of each kind."""
+    """Names of the rows of the message, and row numbers of each kind."""
 
     def __init__(self, layout: Layout) -> None:
         self.names: list[str] = []
@@ -32,7 +32,7 @@ class _Rows:
 
 
 class BullwheelsMessage:
-    """The message of what the columns of a frame show.
+    """Message `sheaves`, filled from the columns of a frame.
 
     Args:
         header: of the message.
@@ -48,7 +48,7 @@ class BullwheelsMessage:
         self._template = Template(JointState(header, self._rows.names, places, speeds, forces), list(self._numbers))
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns)."""
+        """Encoded message with a stamp (ns)."""
         c, rows, (places, speeds, forces) = self._columns, self._rows, self._numbers
         places[rows.wheel], places[rows.on] = c.sheave_position, c.sheave_slip
         places[rows.carriage] = c.sheave_travel[rows.tensioned]
@@ -58,7 +58,7 @@ class BullwheelsMessage:
 
 
 def fill_bullwheels(numbers: FloatArray, layout: Layout, c: Columns) -> None:
-    """Fill the columns of bullwheels from the three arrays that their message ends with, 8 bytes apart.
+    """Fill the columns of bullwheels from the last three arrays of their message, 8 bytes apart.
 
     Args:
         numbers: the doubles with which the message ends, at least as many.
@@ -76,7 +76,7 @@ def fill_bullwheels(numbers: FloatArray, layout: Layout, c: Columns) -> None:
 
 
 def bullwheel_numbers(layout: Layout) -> int:
-    """How many doubles the message ends with, the lengths of its arrays counted as one each."""
+    """Number of doubles at the end of the message, with one more for the length of each array."""
     return 3 * len(_Rows(layout).names) + 2
 
 

@@ -1,4 +1,4 @@
-"""ROS 2 messages as CDR bytes, without rclpy: the rosbags typestore lays them out, so logs are written where no ROS is.
+"""ROS 2 messages as CDR bytes without rclpy, laid out by the rosbags typestore, for logs on machines without ROS.
 
 Padding is zero: equal records give equal bytes, and a replay may compare bytes.
 """
@@ -39,7 +39,7 @@ def serialize(message: Message) -> bytes:
 
 
 def decode(data: bytes, message_type: str) -> Any:
-    """Read a message of the given type ("sensor_msgs/msg/JointState") into its rosbags dataclass."""
+    """Decode a message of a type ("sensor_msgs/msg/JointState") into its rosbags dataclass."""
     return TYPESTORE.deserialize_cdr(data, message_type)
 
 
@@ -54,7 +54,7 @@ def time_of(stamp_ns: int) -> Time:
 
 
 def stamp_in(data: bytes) -> int:
-    """Read the stamp (ns) of an encoded message whose first field is a header; its length has been checked."""
+    """Stamp (ns) of an encoded message of sufficient length whose first field is a header."""
     order = "<" if data[1] & 1 else ">"
     seconds, nanosecond = struct.unpack_from(f"{order}iI", data, ENCAPSULATION)
     return int(seconds) * SECOND + int(nanosecond)
@@ -66,13 +66,13 @@ def header(stamp_ns: int, frame_id: str = FRAME_ID) -> Header:
 
 
 def marks(count: int, kind: str = "<f8") -> NDArray[Any]:
-    """Numbers (count,) that stand for those which a template is filled with, in their order."""
+    """Placeholder numbers (count,) for a template, in increasing order."""
     word, first = _MARKS[kind]
     return (np.arange(count, dtype=word) + word(first)).view(kind)
 
 
 class Template:
-    """CDR of a message of which only stamps and numbers change: laid out once, filled in place.
+    """CDR message template: laid out once, with only stamps and numbers filled in place.
 
     The message is given with `STAMP` for every stamp and `marks` for the numbers; where they have gone is read off its
     bytes, so nothing here knows the layout of any message.
@@ -86,7 +86,7 @@ class Template:
         *,
         singles: Sequence[NDArray[Any]] = (),
     ) -> None:
-        """Find the places.
+        """Find the byte positions of stamps and numbers in a message.
 
         Args:
             message: with the marks of all sources, one source after the other, each in C order.
@@ -112,7 +112,7 @@ class Template:
             self._find(message, singles, "<f4")
 
     def _find(self, message: Message, sources: Sequence[NDArray[Any]], kind: str) -> None:
-        """Find the places of sources whose numbers are of one kind."""
+        """Find the positions of sources with numbers of one kind."""
         word, first = _MARKS[kind]
         size = np.dtype(kind).itemsize
         numbers = self._body[: self._body.size // size * size].view(kind)
@@ -133,7 +133,7 @@ class Template:
                 self._scattered.append((numbers, own, source))
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns) and what the sources hold now."""
+        """Encoded message with a stamp (ns) and the present numbers of the sources."""
         second, nanosecond = divmod(stamp_ns, SECOND)
         if self._stamps.size == 1:
             _PAIR.pack_into(self._data.data, ENCAPSULATION + 4 * int(self._stamps[0]), second, nanosecond)
@@ -150,7 +150,7 @@ _PAIR = struct.Struct("<2I")
 
 
 def _strided(numbers: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any] | None:
-    """View of the numbers at `places`, where those are evenly spaced along each axis; else None."""
+    """Strided view of the numbers at `places`, where evenly spaced along each axis; else None."""
     if places.size == 0:
         return numbers[:0].reshape(places.shape)
     steps = []

@@ -1,4 +1,4 @@
-"""Towers of which the rope has come out, as a message: all of them, whenever one more has or a reset lays it back."""
+"""Message of derailments: all towers without their rope, sent at each new derailment and after a reset."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ERROR = 2  # level of a status
 
 
 class DerailmentMessage:
-    """The message of what the columns of a frame show: a status for each tower that has lost its rope.
+    """Message of derailments, filled from the columns of a frame: a status for each tower without its rope.
 
     Args:
         layout: of the frame.
@@ -22,7 +22,7 @@ class DerailmentMessage:
         self._layout, self._columns = layout, columns
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns)."""
+        """Encoded message with a stamp (ns)."""
         statuses = []
         for one in derailments(self._layout, self._columns):
             values = {"how": one.how, "time_s": repr(one.time)}
@@ -33,13 +33,13 @@ class DerailmentMessage:
 
 
 class DerailmentWatch:
-    """Knows when there is something to tell."""
+    """Watch for changes of the derailed towers."""
 
     def __init__(self) -> None:
         self._told: list[tuple[str, float]] = []
 
     def due(self, snapshot: Snapshot, *, everything: bool = False) -> tuple[str, ...]:
-        """The topic where another tower has lost its rope, or got it back, or what there is for a new file."""
+        """Topic `derailments` after a change of the derailed towers, or where any are for a new file; else empty."""
         found = [(one.tower, one.time) for one in snapshot.derailments]
         if found == self._told and not (everything and found):
             return ()
@@ -48,7 +48,7 @@ class DerailmentWatch:
 
 
 def read_derailments(data: bytes, layout: Layout, derailed: FloatArray, times: FloatArray) -> None:
-    """Fill `derailed` and `times` (s), both (supports,), of the towers in space from their message.
+    """Fill `derailed` and `times` (s), both (supports,), of towers in space from a message of derailments.
 
     Raises:
         ValueError, KeyError: it is of other towers, or not understood.

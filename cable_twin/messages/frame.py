@@ -71,14 +71,14 @@ FloatArray = NDArray[np.float64]
 
 
 class Filled(Protocol):
-    """A message that is filled anew for each frame."""
+    """Message that can be filled for each frame."""
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns)."""
+        """Encoded message with a stamp (ns)."""
 
 
 class MessageEncoder:
-    """Messages of snapshots of one run.
+    """Encoder of the snapshots of one run as messages.
 
     Attributes:
         epoch_ns: wall time (ns since 1970) of simulated time zero.
@@ -92,7 +92,7 @@ class MessageEncoder:
         own: Sequence[str] = (),
         frames: FrameNames = PLAIN,
     ) -> None:
-        """Prepare what stays the same.
+        """Prepare the messages of a layout.
 
         Args:
             layout: Of the snapshots.
@@ -142,7 +142,7 @@ class MessageEncoder:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Names of all topics that it has messages for."""
+        """Names of all encoded topics."""
         return (*self._makers, CLOCK)
 
     def stamp_ns(self, snapshot: Snapshot) -> int:
@@ -166,22 +166,22 @@ class MessageEncoder:
         return [(name, (self._encoders.get(name) or self._prepare(name))(stamp)) for name in names]
 
     def offer(self, name: str, make: Callable[[Columns], Filled]) -> None:
-        """Have messages of one more topic made: of the columns of a frame, which `fill` finds as they are by then."""
+        """Add the message of one more topic, made from the columns of a frame and filled from their present values."""
         self._makers[name] = partial(make, self._columns)
 
     def _prepare(self, name: str) -> Callable[[int], bytes]:
-        """Lay out the message of a topic when it is first wanted."""
+        """Lay out the message of a topic at its first use."""
         self._encoders[name] = clock_message if name == CLOCK else self._makers[name]().fill
         if name == JOINT_STATES:
             self._encoders[name] = self._fill_joint_states(self._encoders[name])
         return self._encoders[name]
 
     def _header_at(self, thing: str) -> Header:
-        """Header of what is given in the frame of a vehicle or support."""
+        """Header in the frame of a vehicle or support."""
         return Header(STAMP, self._frames.named(thing))
 
     def _offer_vehicle(self, vehicle: str) -> None:
-        """Topics of one vehicle by its name."""
+        """Add the topics of one vehicle by its name."""
         layout, columns = self._layout, self._columns
         row = [*layout.vehicles].index(vehicle)
         self._makers[pose_topic(vehicle)] = _maker(joint_pose_template, self._header, columns.joint_position[row])
@@ -196,7 +196,7 @@ class MessageEncoder:
             )
 
     def _joint_states(self) -> Template:
-        """Vehicles, drives, then the joints of bodies: place or angle, its rate, and the force along the cable."""
+        """JointState of vehicles, drives and body joints: place or angle, rate, and force along the cable."""
         layout, c = self._layout, self._columns
         names = [*layout.vehicles, *layout.drives, *joint_names(layout)]
         sources = [self._place, c.drive_position, self._joint_angle]
@@ -209,7 +209,7 @@ class MessageEncoder:
         return Template(message, sources)
 
     def _fill_joint_states(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
-        """Each body against the one that it hangs from, before they are filled in; the first one against upright."""
+        """Fill body joint angles first, each relative to the body above, of the first body to the vertical."""
         angles, rates = self._columns.body_angles[:, 1], self._columns.body_angular_velocity[:, 1]
         rows = hung_rows(self._layout)
 
@@ -223,12 +223,12 @@ class MessageEncoder:
         return fill_joints
 
     def _connectors(self) -> Template:
-        """Pull of each, as effort in N."""
+        """JointState of connectors: pull as effort in N."""
         pulls = self._columns.connector_force
         return Template(JointState(self._header, [*self._layout.connectors], NONE, NONE, marks(pulls.size)), [pulls])
 
     def _pantographs(self) -> Template:
-        """Place along the track (m), speed (m/s), force on the rope (N)."""
+        """JointState of pantographs: place along the track (m), speed (m/s), force on the rope (N)."""
         c, names = self._columns, [*self._layout.pantographs]
         places, speeds, forces = marks(3 * len(names)).reshape(3, -1)
         message = JointState(self._header, names, places, speeds, forces)
@@ -243,7 +243,7 @@ class MessageEncoder:
         return cloud_template(self._header, (*CABLE_FIELDS, ROPE_FIELD), [*sources, ropes])
 
     def _tensions(self) -> Template:
-        """Lowest and highest tension of each rope (N), and its arc length there (m)."""
+        """JointState of lowest and highest tension of each rope (N), with their arc lengths (m)."""
         (low, low_place), (high, high_place) = self._columns.lowest_tension.T, self._columns.highest_tension.T
         names = tension_names(self._layout)
         places, forces = marks(2 * len(names)).reshape(2, -1)
@@ -255,7 +255,7 @@ class MessageEncoder:
         return Template(Path(self._header, poses), [positions])
 
     def _carrier_poses(self) -> Template:
-        """All bodies of all carriers, in the order of `joint_states`."""
+        """PoseArray of all bodies of all carriers, in the order of `joint_states`."""
         first = self._layout.first_body[len(self._layout.carriages)]
         positions, orientations = self._columns.body_position[first:], self._columns.body_orientation[first:]
         numbers = marks(positions.size + orientations.size)
@@ -265,14 +265,14 @@ class MessageEncoder:
         return Template(PoseArray(self._header, poses), [positions, orientations])
 
     def _carrier_forces(self) -> Template:
-        """Joint and contact force of all carriers, in the order of `joint_states`."""
+        """PointCloud2 of joint places and contact forces of all carriers, in the order of `joint_states`."""
         first = len(self._layout.carriages)
         return cloud_template(
             self._header, FORCE_FIELDS, [self._columns.joint_position[first:], self._columns.contact_force[first:]]
         )
 
     def _transforms(self) -> Template:
-        """The fixed frame to each vehicle ("cabin") and to each body ("cabin/hanger")."""
+        """TFMessage from the fixed frame to each vehicle ("cabin") and each body ("cabin/hanger")."""
         layout, c = self._layout, self._columns
         joints, bodies, turns = c.joint_position, c.body_position, c.body_orientation
         numbers = marks(joints.size + bodies.size + turns.size)
@@ -291,7 +291,7 @@ class MessageEncoder:
 
 
 def tension_names(layout: Layout) -> list[str]:
-    """Rows of the topic `tensions`."""
+    """Row names of the topic `tensions`."""
     return [f"{rope}/{which}" for which in ("lowest", "highest") for rope in layout.ropes]
 
 

@@ -1,4 +1,4 @@
-"""What topics and coordinate frames are called: by default as the tables say, else as a run was told to."""
+"""Names of topics and coordinate frames: defaults of the tables, or remapped names of a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FRAME_ID = "map"
 
 @dataclass(frozen=True, slots=True)
 class TopicNames:
-    """Full names of topics, and back.
+    """Full names of topics, and their inverse.
 
     Attributes:
         namespace: full name of the node, in front of relative names.
@@ -24,21 +24,21 @@ class TopicNames:
 
     @classmethod
     def of(cls, metadata: Mapping[str, str]) -> TopicNames:
-        """Read them back from `metadata`, also of runs that do not have all of it."""
+        """Topic names from log `metadata`, with defaults for missing entries."""
         return cls(metadata.get("namespace", NAMESPACE), json.loads(metadata.get("remapped", "{}")))
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What a log says of them."""
+        """Topic names as log metadata."""
         return {"namespace": self.namespace, "remapped": json.dumps(self.remapped)}
 
     def full(self, topic: str) -> str:
-        """Full name of a topic that is relative to the node ("joint_states") or absolute ("/tf")."""
+        """Full name of a topic given relative to the node ("joint_states") or absolute ("/tf")."""
         plain = topic if topic.startswith("/") else f"{self.namespace.rstrip('/')}/{topic}"
         return self.remapped.get(topic, plain)
 
     def own(self, name: str) -> str:
-        """What the table calls the topic of a full name."""
+        """Name in the topic table of a topic with a given full name."""
         topics = {remapped: topic for topic, remapped in self.remapped.items()}
         return topics.get(name, name.removeprefix(f"{self.namespace.rstrip('/')}/"))
 
@@ -57,16 +57,16 @@ class FrameNames:
 
     @classmethod
     def of(cls, metadata: Mapping[str, str]) -> FrameNames:
-        """Read them back from `metadata`, also of runs that do not have them."""
+        """Frame names from log `metadata`, with defaults for missing entries."""
         return cls(metadata.get("frame_id", FRAME_ID), metadata.get("frame_prefix", ""))
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What a log says of them."""
+        """Frame names as log metadata."""
         return {"frame_id": self.frame_id, "frame_prefix": self.frame_prefix}
 
     def named(self, thing: str) -> str:
-        """Frame of a vehicle ("cabin"), of a body ("cabin/hanger") or of a support ("tower_1")."""
+        """Name of the frame of a vehicle ("cabin"), a body ("cabin/hanger") or a support ("tower_1")."""
         return f"{self.frame_prefix}{thing}"
 
 

@@ -1,4 +1,4 @@
-"""Commands and references as a message, `joint_references`: three rows for each carriage and drive that is commanded.
+"""Message `joint_references` of commands and references: three rows for each commanded carriage and drive.
 
 NAME has the reference that the drive follows, ramped within its limits: place (m), speed (m/s) and commanded force (N);
 where it follows no ramp, place and speed are its own. NAME/command has the kind of the command (by its number in
@@ -21,7 +21,7 @@ ROWS = ("", "/command", "/limit")  # behind a name
 
 
 class ReferencesMessage:
-    """The message of the numbers of a frame.
+    """Message `joint_references`, filled from the numbers of a frame.
 
     Args:
         header: of the message.
@@ -44,7 +44,7 @@ class ReferencesMessage:
         ]
 
     def fill(self, stamp_ns: int) -> bytes:
-        """The message with a stamp (ns)."""
+        """Encoded message with a stamp (ns)."""
         shown, frame = self._shown, self._frame
         np.take(frame, self._sources, out=shown, mode="clip")
         shown[:, :, 2] = 0.0
@@ -55,7 +55,7 @@ class ReferencesMessage:
 
 
 def _sources(layout: Layout) -> IntArray:
-    """Numbers (3, names, rows) of a frame that the message shows, as places, speeds, forces; 0 where it shows none."""
+    """Indices (3, names, rows) of frame numbers in the message, for place, speed, force; 0 for empty fields."""
     c = layout.columns(np.arange(float(layout.size)))
     limits = layout.of_commanded(c.force_limit, np.zeros_like(c.drive_position))
     kinds = layout.of_commanded(c.command_kind, c.drive_command_kind)
@@ -68,7 +68,7 @@ def _sources(layout: Layout) -> IntArray:
 
 
 def fill_references(numbers: FloatArray, layout: Layout, frame: FloatArray) -> None:
-    """Fill the columns of commands and references from the doubles that their message ends with.
+    """Fill the columns of commands and references from the doubles at the end of their message.
 
     Args:
         numbers: `reference_numbers` doubles: three arrays of one length, 8 bytes apart.
@@ -85,7 +85,7 @@ def fill_references(numbers: FloatArray, layout: Layout, frame: FloatArray) -> N
 
 
 def reference_numbers(layout: Layout) -> int:
-    """Count the doubles that the message ends with, the lengths of its arrays as one each."""
+    """Number of doubles at the end of the message, with one more for the length of each array."""
     return 3 * len(layout.commanded) * len(ROWS) + 2
 
 

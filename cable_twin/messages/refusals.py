@@ -1,4 +1,4 @@
-"""Refused commands as a message: a status each with the topic or source, the reason in a line, and the count so far."""
+"""Message of refused commands: a status each with topic or source, reason in a line, and count so far."""
 
 from __future__ import annotations
 

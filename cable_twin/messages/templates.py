@@ -1,4 +1,4 @@
-"""Templates of the messages of a frame: each is laid out once, with the columns that are copied into it."""
+"""Templates of the messages of a frame, each laid out once with the columns copied into it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 
 def pose_of(position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray) -> Pose:
-    """Pose of a place (3,) in m and a quaternion (4,)."""
+    """Pose from a position (3,) in m and a quaternion (4,)."""
     return Pose(Point(*map(float, position)), Quaternion(*map(float, orientation)))
 
 

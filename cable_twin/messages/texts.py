@@ -1,4 +1,4 @@
-"""Messages that are texts: the scenario, and diagnostics."""
+"""Text messages: the scenario, and diagnostics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def scenario_message(scenario: Mapping[str, Any]) -> bytes:
 
 
 def scenario_from_message(data: bytes) -> dict[str, Any]:
-    """Read the scenario back; raises ValueError where the text is not a JSON object."""
+    """Read the scenario from its message; raises ValueError where the text is not a JSON object."""
     scenario = json.loads(decode(data, String.__msgtype__).data)
     if not isinstance(scenario, dict):
         msg = "scenario: not a JSON object"
@@ -32,7 +32,7 @@ def scenario_from_message(data: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """One status of diagnostics."""
+    """One status of a diagnostics message."""
 
     level: int  # 0 ok, 1 warning, 2 error, 3 stale
     name: str  # what is diagnosed
@@ -57,7 +57,7 @@ def diagnostics_message(stamp_ns: int, *statuses: Status) -> bytes:
 
 
 def statuses_of_message(data: bytes) -> list[Status]:
-    """Read a diagnostic_msgs/DiagnosticArray back."""
+    """Read the statuses of a diagnostic_msgs/DiagnosticArray."""
     return [
         Status(status.level, status.name, status.message, {pair.key: pair.value for pair in status.values})
         for status in decode(data, DiagnosticArray.__msgtype__).status

@@ -1,4 +1,4 @@
-"""The topics of the twin: names, types, QoS, and how often each is due.
+"""Table of the topics of the twin: names, types, QoS and rate groups.
 
 Carriages, which have names of their own, have topics of their own; carriers, many of one kind, come in columns, so
 that the number of topics does not grow with them. A few carriers may be asked for by name.
@@ -55,7 +55,7 @@ Group = Literal["joints", "poses", "forces", "rope", "path", "transforms", "mark
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic: its name, relative to the node ("joint_states") or absolute ("/tf"), its type and its QoS."""
+    """One topic: name relative to the node ("joint_states") or absolute ("/tf"), type and QoS."""
 
     name: str
     type: str  # such as "sensor_msgs/msg/JointState"
@@ -74,7 +74,7 @@ def topics(
     markers: bool = False,
     robot: bool = False,
 ) -> tuple[Topic, ...]:
-    """Tell what the twin publishes.
+    """Table of the topics published for a layout.
 
     Args:
         layout: Of its frames.
@@ -125,7 +125,7 @@ def topics(
 
 
 def _of_vehicle(vehicle: str, layout: Layout) -> Iterator[Topic]:
-    """Topics of a vehicle that has some of its own."""
+    """Topics of a single vehicle."""
     for body in (None, *layout.vehicles[vehicle]):
         yield Topic(pose_topic(vehicle, body), PoseStamped.__msgtype__, group="poses")
     yield Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces")
@@ -134,7 +134,7 @@ def _of_vehicle(vehicle: str, layout: Layout) -> Iterator[Topic]:
 
 
 def _between_ropes(layout: Layout) -> Iterator[Topic]:
-    """Topics of what is on no rope alone."""
+    """Topics of connectors, pantographs and bullwheels, which belong to no single rope."""
     if layout.sheaves:
         yield Topic(SHEAVES, JointState.__msgtype__, group="joints")
     if layout.connectors:
@@ -146,39 +146,39 @@ def _between_ropes(layout: Layout) -> Iterator[Topic]:
 
 
 def pose_topic(vehicle: str, body: str | None = None) -> str:
-    """Give the relative name of the pose topic of a vehicle, or of one of its bodies."""
+    """Relative name of the pose topic of a vehicle, or of one of its bodies."""
     return f"carriages/{vehicle}/pose" if body is None else f"carriages/{vehicle}/{body}/pose"
 
 
 def head_topic(pantograph: str) -> str:
-    """Give the relative name of the topic with the place of the head of a pantograph."""
+    """Relative name of the topic with the place of the head of a pantograph."""
     return f"{PANTOGRAPHS}/{pantograph}/pose"
 
 
 def contact_force_topic(vehicle: str) -> str:
-    """Give the relative name of the topic with the force (N) of the cable on a vehicle."""
+    """Relative name of the topic with the force (N) of the cable on a vehicle."""
     return f"carriages/{vehicle}/contact_force"
 
 
 def haul_force_topic(vehicle: str) -> str:
-    """Give the relative name of the topic with the force (N) of its haul rope on a vehicle."""
+    """Relative name of the topic with the force (N) of a haul rope on a vehicle."""
     return f"carriages/{vehicle}/haul_force"
 
 
 def support_force_topic(support: str) -> str:
-    """Give the relative name of the topic with the force (N) of a support on the cable."""
+    """Relative name of the topic with the force (N) of a support on the cable."""
     return f"supports/{support}/force"
 
 
 class Due(NamedTuple):
-    """Topics of one frame."""
+    """Topics due at one frame."""
 
     names: tuple[str, ...]  # all that anybody takes
     taken: tuple[tuple[int, ...], ...]  # for each taker the numbers of its names
 
 
 class Schedule:
-    """Which topics are due at which frame, counted from the start of the run, for one or more takers.
+    """Schedule of the topics due at each frame, counted from the start of the run, for one or more takers.
 
     Args:
         table: the topics; those without a group come as they happen and are in no schedule.
@@ -196,13 +196,13 @@ class Schedule:
         self._known: dict[tuple[bool, ...], Due] = {}
 
     def listen(self, taker: int, group: str, listening: bool) -> None:
-        """Have a taker, by number, take a group at its rate, or nothing of it while nobody is behind that."""
+        """Give a taker, by number, a group of topics at its rate, or stop the group while nobody listens."""
         if group in self._groups:
             row = self._groups.index(group)
             self._periods[taker][row] = self._given[taker][row] if listening else self._never
 
     def due(self, frame: int, *, everything: bool = False) -> Due:
-        """Topics that are due at a frame, or all that ever are."""
+        """Topics due at a frame, or all topics of the schedule."""
         wanted = tuple([everything or frame % period == 0 for periods in self._periods for period in periods])
         if wanted not in self._known:
             self._known[wanted] = self._gather(wanted)
