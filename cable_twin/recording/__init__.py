@@ -1,4 +1,4 @@
-"""Logs of a run: MCAP, rerun, the thread that writes them, and the way back from a log to snapshots."""
+"""Logs of a run: MCAP and rerun writers, the writing thread, and snapshots read back from a log."""
 
 import os
 

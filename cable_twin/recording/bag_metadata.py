@@ -1,4 +1,4 @@
-"""What rosbag2 wants to know of a bag: files, topics with their QoS, counts; and the text it reads it from."""
+"""Metadata of a rosbag2 bag: files, topics with their QoS, message counts, and their YAML text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_TEXT = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")  # in an
 
 @dataclass(frozen=True, slots=True)
 class BagFile:
-    """What one file of a bag holds."""
+    """Contents of one file of a bag: name, time span, message counts."""
 
     name: str
     first_ns: int  # stamp (ns since 1970) of the earliest message
@@ -29,13 +29,13 @@ class BagFile:
 
     @property
     def span(self) -> dict[str, Any]:
-        """When it starts, how long it lasts and how many messages it has."""
+        """Start time, duration and message count of the file, as rosbag2 writes these."""
         return _span([self])
 
 
 @dataclass(frozen=True, slots=True)
 class BagChannel:
-    """What a file says of a topic before its first message."""
+    """Channel record of a topic in a bag file: name, type, definition, metadata."""
 
     topic: str  # relative or absolute, as it is written to
     name: str
@@ -45,14 +45,14 @@ class BagChannel:
 
 
 class BagTopics:
-    """All that may be written to a bag, described once: each file of a run needs it, beside a frame loop.
+    """All topics of a bag, described once for every file of a run, to save time beside a frame loop.
 
     Attributes:
         channels: In the order of the topics.
     """
 
     def __init__(self, topics: Sequence[Topic], names: TopicNames) -> None:
-        """Describe them.
+        """Describe all topics of a bag.
 
         Args:
             topics: Everything that may be written.
@@ -71,7 +71,7 @@ class BagTopics:
             self._texts.append(as_yaml([{"topic_metadata": described}]))
 
     def information(self, files: Sequence[BagFile]) -> str:
-        """Return the information of a bag as rosbag2 keeps it, as YAML; files in their order."""
+        """Return the metadata of a bag in rosbag2's format, as YAML; files in order."""
         head = {"version": 9, "storage_identifier": "mcap", **_span(files)}
         counts = (sum(counts) for counts in zip(*(file.counts for file in files), strict=True))
         topics = [f"{text}  message_count: {count}\n" for text, count in zip(self._texts, counts, strict=False)]
@@ -108,7 +108,7 @@ def _span(files: Sequence[BagFile]) -> dict[str, Any]:
 
 
 def qos_profile(topic: Topic) -> dict[str, Any]:
-    """Return the QoS that a topic is offered with, as rosbag2 writes it."""
+    """Return the offered QoS of a topic in rosbag2's format."""
     return {
         "history": "keep_last",
         "depth": topic.depth,
@@ -123,7 +123,7 @@ def qos_profile(topic: Topic) -> dict[str, Any]:
 
 
 def as_yaml(value: Any) -> str:
-    """Return mappings, lists, texts and numbers as YAML: no folded lines, no anchors, as rosbag2 writes it.
+    """Return mappings, lists, texts and numbers as YAML in rosbag2's style: no folded lines, no anchors.
 
     A library takes a hundred times as long, which is time that a frame loop in the same interpreter may wait for.
     """

@@ -1,4 +1,4 @@
-"""Numbers of messages where they stand in the bytes, without decoding the rest."""
+"""Numbers at known places in message bytes, read without decoding the rest."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from cable_twin.records import FloatArray
 
 
 def last_numbers(data: bytes, count: int) -> FloatArray:
-    """The doubles with which a message ends."""
+    """Doubles at the end of a message."""
     return np.frombuffer(data, "<f8", count, len(data) - 8 * count)
 
 
 def reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
-    """Reads a message that ends with so many doubles, of which the first ones go to the targets."""
+    """Reader of a message that ends with `count` doubles, the first of which are copied to the targets."""
     sizes = [target.size for target in targets]
 
     def read(data: bytes) -> None:
@@ -28,7 +28,7 @@ def reader(count: int, targets: Sequence[FloatArray]) -> Callable[[bytes], None]
 
 
 def joint_reader(rates: FloatArray, efforts: FloatArray) -> Callable[[bytes], None]:
-    """Reads rates and efforts (n,) of a JointState, which ends with three arrays of n, 8 bytes apart."""
+    """Reader of rates and efforts (n,) of a JointState, which ends with three arrays of n, 8 bytes apart."""
     count = rates.size
 
     def read(data: bytes) -> None:
@@ -39,7 +39,7 @@ def joint_reader(rates: FloatArray, efforts: FloatArray) -> Callable[[bytes], No
 
 
 def table_reader(targets: Sequence[FloatArray]) -> Callable[[bytes], None]:
-    """Reads a message that ends with a row of doubles for each row of the targets."""
+    """Reader of a message that ends with a row of doubles for each row of the targets."""
     rows, width = len(targets[0]), sum(target.shape[1] for target in targets)
     return lambda data: fill(last_numbers(data, rows * width).reshape(rows, width), targets)
 
@@ -53,7 +53,7 @@ def fill(table: FloatArray, targets: Sequence[FloatArray]) -> None:
 
 
 def cloud_points(data: bytes, count: int, fields: Sequence[str]) -> FloatArray:
-    """Points (count, fields) of a PointCloud2 of float32: they stand before its last byte."""
+    """Points (count, fields) of a PointCloud2 of float32, from the bytes before the last one."""
     size = 4 * len(fields)
     return np.frombuffer(data, "<f4", count * len(fields), len(data) - 1 - count * size).reshape(count, -1)
 

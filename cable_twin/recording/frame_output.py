@@ -1,4 +1,4 @@
-"""Frames on their way into a log: what is due with each, in which file, and how far the disk may be behind."""
+"""Frames on their way into a log: due messages, splitting into files, and the limit of the backlog."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Messages = list[tuple[str, bytes]]
 
 
 class Prepared(NamedTuple):
-    """A frame that is computed and encoded, and waits for its time."""
+    """Computed and encoded frame that waits for its due time."""
 
     snapshot: Snapshot
     stamp_ns: int
@@ -39,7 +39,7 @@ class Prepared(NamedTuple):
 
 
 class FrameOutput:
-    """Encodes the frames of a running simulation and records them.
+    """Encoder and recorder of the frames of a running simulation.
 
     Attributes:
         run: where they are recorded, or None.
@@ -60,7 +60,7 @@ class FrameOutput:
         frames: FrameNames | None = None,
         backlog: float = math.inf,
     ) -> None:
-        """Prepare what stays the same.
+        """Prepare encoder, sensors and schedule.
 
         Args:
             simulation: What runs.
@@ -84,15 +84,15 @@ class FrameOutput:
         self._backlog = backlog
 
     def lay_out(self) -> None:
-        """Have all messages laid out before time runs."""
+        """Lay out all messages before time runs."""
         self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
 
     def listen(self, group: str, listening: bool) -> None:
-        """Have the first taker get a group of topics at its rate, or nothing of it while nobody is behind that."""
+        """Give the first taker a group of topics at its rate, or stop the group while nobody listens."""
         self._schedule.listen(0, group, listening)
 
     def prepare(self, snapshot: Snapshot) -> Prepared:
-        """Encode what is due with a new frame; the simulation is at its time."""
+        """Encode the due messages of a new frame; the simulation is at the time of the frame."""
         split = None
         if self.run is not None and self.run.recorder.split_due(snapshot.time):
             split = self._simulation.capture()
@@ -108,7 +108,7 @@ class FrameOutput:
         return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, split)
 
     def record(self, frame: Prepared) -> None:
-        """Hand a frame over, and its file before it; waits where the disk is too far behind."""
+        """Record a frame, after the begin of a new file where due; waits while the backlog exceeds its limit."""
         if self.run is None:
             return
         recorder = self.run.recorder
@@ -119,13 +119,13 @@ class FrameOutput:
             time.sleep(0.002)
 
     def refusal(self, refused: RefusedCommand) -> None:
-        """Record a command that was refused."""
+        """Record a refused command."""
         if self.run is not None:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(refused.time)
             self.run.recorder.record([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def command(self, applied: AppliedCommand) -> bytes:
-        """Record a command that took effect; returns its message."""
+        """Record an applied command; returns the command's message."""
         if self._sensors is not None and applied.command.kind == "reset":
             self._sensors.restart()
         data = applied_command_message(applied, self.encoder.epoch_ns)

@@ -1,4 +1,4 @@
-"""Where labels stand so that none covers another, and how large they are on a screen."""
+"""Placement of labels without overlap, and their size on a screen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def label_sizes(texts: Sequence[str]) -> FloatArray:
 
 
 def apart(anchors: FloatArray, sizes: FloatArray, taken: FloatArray | None = None) -> FloatArray:
-    """Return where labels stand that are moved along the second axis, only forwards, until none covers another.
+    """Return label positions after moves along the second axis, only forwards, until no label covers another.
 
     Those that are further on keep their places before others, so that along a slope two rows are enough where only
     neighbours meet. Numbers that are missing (NaN) stay so.

@@ -1,4 +1,4 @@
-"""Reading one .mcap of a log of `log_writer`, finished, cut short or damaged."""
+"""Reader of one MCAP file of a log of `log_writer`, complete, cut short or damaged."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ UNREADABLE = (*mcap_records.UNREADABLE, SerdeError, AssertionError, IndexError, 
 
 
 class _Piece(NamedTuple):
-    """A chunk, unpacked or lost."""
+    """Chunk of a log file, unpacked or lost."""
 
     place: ChunkPlace | None  # none without an index
     data: bytes
@@ -53,7 +53,7 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class LogFile:
-    """One file of a log; every pass over its messages opens it anew."""
+    """One file of a log, opened anew for every pass over its messages."""
 
     path: Path
     metadata: Mapping[str, str]
@@ -65,53 +65,53 @@ class LogFile:
 
     @property
     def number(self) -> int:
-        """Which file of the run it is, by its name."""
+        """Number of the file within the run, from its name."""
         return file_number(self.path)
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size of the file in bytes."""
         return self.path.stat().st_size
 
     @cached_property
     def index(self) -> Index | None:
-        """What stands at its end, where it was closed and that is not damaged."""
+        """Index at the end of a closed file, None where missing or damaged."""
         with _open(self.path) as stream:
             return read_index(stream)
 
     @property
     def complete(self) -> bool:
-        """Whether it was closed; else the process was killed, and everything but about its last second is here."""
+        """Whether the file was closed; a killed process leaves an open one without about its last second."""
         return self.index is not None and bool(self.index.chunks)
 
     @property
     def names(self) -> TopicNames:
-        """Full names of its topics."""
+        """Full names of the topics of the file."""
         return TopicNames.of(self.metadata)
 
     @property
     def starts_from_snapshot(self) -> bool:
-        """Whether the full state that it starts from is attached; else it starts as the scenario does."""
+        """Whether the file starts from an attached full state, else from the start of the scenario."""
         return self.metadata.get("starts_from") == SNAPSHOT_NAME
 
     @property
     def commands_lost(self) -> bool:
-        """Whether commands may be missing in it, as far as it has been read; all until then are there."""
+        """Whether commands may be missing in the file, as far as read."""
         return bool(self._lost_from) or LOST_FROM in self.metadata
 
     @property
     def lost_from_ns(self) -> int | None:
-        """Stamp (ns since 1970) after which commands may be missing, as far as it has been read; None for none."""
+        """Stamp (ns since 1970) after which commands may be missing, as far as read; None for no loss."""
         given = [int(self.metadata[LOST_FROM])] if LOST_FROM in self.metadata else []
         return min((*given, *self._lost_from), default=None)
 
     def follows(self, before: LogFile) -> bool:
-        """Whether no command is missing between a file that has been read and this one."""
+        """Whether no command is missing between a previous, fully read file and this one."""
         lost = not before.complete or before.commands_lost or AFTER_LOSS in self.metadata
         return not lost and self.number <= before.number + 1
 
     def snapshot(self) -> bytes | None:
-        """Read the file of the full state that it starts from, None where it starts as the scenario does.
+        """Read the attached full state from which the file starts, None where that is the start of the scenario.
 
         Where it is damaged, it is given as it is; nothing at all where it is not found.
         """
@@ -121,7 +121,7 @@ class LogFile:
             return _attached(stream, self.index)
 
     def declared(self) -> tuple[dict[int, Channel], dict[int, Schema]]:
-        """Channels and schemas by number; from the index, or in one pass without."""
+        """Channels and schemas by number, from the index or else in one pass."""
         if self.index is not None and self.index.channels:
             return dict(self.index.channels), dict(self.index.schemas)
         channels: dict[int, Channel] = {}
@@ -137,7 +137,7 @@ class LogFile:
         return channels, schemas
 
     def end_ns(self) -> int:
-        """Stamp (ns since 1970) of the last message, the epoch where there is none; from the index, or in a pass."""
+        """Stamp (ns since 1970) of the last message, from the index or a pass; the epoch for an empty file."""
         last = self.epoch_ns
         ends = [chunk.last_ns for chunk in self.index.chunks if chunk.last_ns] if self.index and self.complete else []
         for before, end in zip([None if self.starts_from_snapshot else last, *ends], ends, strict=False):
@@ -155,7 +155,7 @@ class LogFile:
         *,
         whole: bool = False,
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Stream messages in the order in which they were written, never more than a chunk in memory.
+        """Stream messages in the order of their writing, never more than a chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
@@ -198,7 +198,7 @@ class LogFile:
                         return
 
     def _pieces(self, stream: IO[bytes], wanted: Collection[str] | None) -> Iterator[_Piece]:
-        """Chunks one after the other: with the index those that hold the topics, all without."""
+        """Chunks one after the other: those with wanted topics by the index, all chunks without an index."""
         total, allowed = 0, CHUNK_LIMIT + RATIO_LIMIT * self.size
         for place, record in self._chunk_records(stream, wanted):
             try:
@@ -217,7 +217,7 @@ class LogFile:
     def _chunk_records(
         self, stream: IO[bytes], wanted: Collection[str] | None
     ) -> Iterator[tuple[ChunkPlace | None, bytes | Exception]]:
-        """Each chunk as it stands in the file, or why there is none."""
+        """Packed record of each chunk, or the error in its place."""
         if self.index is None or not self.complete:
             for record in walk(stream):
                 if isinstance(record, McapError):
@@ -238,11 +238,11 @@ class LogFile:
                 yield place, error
 
     def _may_follow(self, stamp_ns: int, last: int | None) -> bool:
-        """Whether a message may have this stamp (ns since 1970) where the one before has `last`."""
+        """Whether a stamp (ns since 1970) is plausible after the stamp `last`."""
         return 0 <= stamp_ns < LATEST and (last is None or stamp_ns - last <= LONGEST_GAP * SECOND)
 
     def _lose(self, why: str, last: int | None, place: ChunkPlace | None = None) -> None:
-        """Note what is not read, and whether commands may be in it."""
+        """Record a loss of data, and whether commands may be lost."""
         commands = self.names.full(APPLIED_COMMANDS)
         channels = self.index.channels if self.index is not None else {}
         if (
@@ -263,7 +263,7 @@ class LogFile:
 
 
 def file_number(path: Path) -> int:
-    """Which file of a run it is, by its name; 0 where that says nothing."""
+    """Number of a file within a run, from its name; 0 for a name without a number."""
     digits = path.stem.rpartition("_")[2]
     return int(digits) if digits.isdecimal() else 0
 
@@ -290,7 +290,7 @@ def _open(file: Path) -> IO[bytes]:
 
 
 def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
-    """Find where the run comes from: before the first message, or where the index says."""
+    """Find the metadata of the run: before the first message, or by the index."""
     if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise LogError(f"{file}: not a bag: no MCAP file")
     fault = ""
@@ -312,7 +312,7 @@ def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
 
 
 def _attached(stream: IO[bytes], index: Index | None) -> bytes:
-    """The full state, damaged or not; nothing where it is not found."""
+    """Attached full state, damaged or not; empty where not found."""
     for content in (*_of_kind(stream, None, Opcode.ATTACHMENT), *_of_kind(stream, index, Opcode.ATTACHMENT)):
         try:
             record = parsed(Attachment, content)
@@ -324,7 +324,7 @@ def _attached(stream: IO[bytes], index: Index | None) -> bytes:
 
 
 def _of_kind(stream: IO[bytes], index: Index | None, opcode: Opcode) -> list[bytes]:
-    """Contents of the records of a kind that stand before the second chunk, or where the index says."""
+    """Contents of the records of a kind, found by the index or before the second chunk."""
     found: list[bytes] = []
     if index is not None:
         for offset in index.others:
@@ -343,5 +343,5 @@ def _of_kind(stream: IO[bytes], index: Index | None, opcode: Opcode) -> list[byt
 
 
 def one_line(error: BaseException) -> str:
-    """Text of an error without line breaks, or the name of its class."""
+    """Text of an error without line breaks; for an empty text the name of its class."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -1,4 +1,4 @@
-"""What a run is recorded in: a bag of MCAP, and rerun in a file, live or in a browser; one more is opened here."""
+"""Log formats of a run: an MCAP bag, and rerun in a file, live or in a browser; all logs are opened here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Logs(NamedTuple):
-    """All that a run is recorded in."""
+    """All open logs of a run."""
 
     bag: McapLog
     views: tuple[View, ...]
@@ -42,7 +42,7 @@ def open_logs(
     names: TopicNames | None = None,
     frames: FrameNames | None = None,
 ) -> Logs:
-    """Open the logs of a run in its directory; all else is as `run.start_run` is given it.
+    """Open the logs of a run in its directory, with further arguments as in `run.start_run`.
 
     Raises:
         OSError: when the bag cannot be made; all others are faults, and the bag goes on.
@@ -77,7 +77,7 @@ def open_logs(
 
 
 def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
-    """Open a rerun view of a scenario, with its bodies drawn from their pivots.
+    """Open a rerun view of a scenario, with bodies drawn from their pivots.
 
     Args:
         scenario: What runs.

@@ -1,4 +1,4 @@
-"""Metadata record of a bag: what it says is checked before it is used, and it holds the scenario a second time."""
+"""Metadata record of a bag: checks before use, and a second copy of the scenario."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN = 40  # characters of what is given
 
 
 def check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse a bag whose metadata are not those of a run.
+    """Refuse a bag with metadata that do not belong to a run.
 
     Raises:
         LogError: with what is given, and what is allowed.
@@ -49,13 +49,13 @@ def check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
 
 
 def scenario_metadata(scenario: Mapping[str, Any]) -> dict[str, str]:
-    """The whole resolved scenario for the metadata of a file, for where the chunk with its message is damaged."""
+    """Resolved scenario with checksum for the metadata of a file, in case the chunk with its message is damaged."""
     text = json.dumps(scenario, ensure_ascii=False)
     return {SCENARIO_TEXT: text, SCENARIO_CHECKSUM: str(zlib.crc32(text.encode()))}
 
 
 def scenario_of_metadata(metadata: Mapping[str, str]) -> dict[str, Any] | None:
-    """The scenario back, None where there is none or it is damaged: metadata have no checksum of their own."""
+    """Scenario from the metadata of a file; None where missing or damaged, by a checksum of its own."""
     text = metadata.get(SCENARIO_TEXT, "")
     if metadata.get(SCENARIO_CHECKSUM) != str(zlib.crc32(text.encode())):
         return None

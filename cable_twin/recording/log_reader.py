@@ -1,4 +1,4 @@
-"""Reading a log of `log_writer` back: one file or all of a run, finished, cut short by a kill, or damaged."""
+"""Reader of a log of `log_writer`: one file or all of a run, complete, cut short by a kill, or damaged."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: t
 
 @dataclass(frozen=True)
 class Log:
-    """A log to read, finished or cut short; every pass over its messages opens its files anew."""
+    """Log to read, complete or cut short; files are opened anew for every pass over messages."""
 
     path: Path  # of the .mcap, or of the directory where there are several
     files: tuple[LogFile, ...]  # that can be read, in their order
@@ -29,7 +29,7 @@ class Log:
 
     @property
     def source(self) -> Path:
-        """What a copy of it is named after: the run's directory, or one of several files in it without its suffix."""
+        """Path for the names of copies: directory of the run, or one of several files without its suffix."""
         path = self.path.resolve()
         if path.is_dir():
             return path
@@ -39,7 +39,7 @@ class Log:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """Where the run comes from."""
+        """Metadata about the origin of the run."""
         return self.files[0].metadata
 
     @property
@@ -49,17 +49,17 @@ class Log:
 
     @cached_property
     def snapshot(self) -> bytes | None:
-        """File of the full state from which it starts, if not as its scenario does."""
+        """Full state from which the log starts, None where that is the start of the scenario."""
         return self.files[0].snapshot()
 
     @property
     def complete(self) -> bool:
-        """Whether every file was closed; else the process was killed, or something is lost."""
+        """Whether every file was closed; else the process was killed, or data is lost."""
         return not self.lost and all(file.complete for file in self.files)
 
     @property
     def damage(self) -> list[str]:
-        """Why not everything was read, as far as it has been; a file cut short at the end of the log is no damage."""
+        """Reasons of unread data, as far as read; a file cut short at the end of the log is no damage."""
         several = len(self.files) + len(self.lost) > 1
         named = "{0.path.name}: {1}".format if several else "{1}".format
         damage = [named(file, line) for file in self.files for line in file.damage]
@@ -68,11 +68,11 @@ class Log:
 
     @cached_property
     def commands(self) -> list[AppliedCommand]:
-        """All commands in the order in which they took effect; found with the index, or in one pass without."""
+        """All commands in the order of their effect, found by the index or else in one pass."""
         return [self.command(stamp_ns, data) for _, stamp_ns, data in self.messages([APPLIED_COMMANDS])]
 
     def command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
-        """Read a message of applied_commands; raises LogError where it is unreadable."""
+        """Decode a message of applied_commands; raises LogError where unreadable."""
         when = (stamp_ns - self.epoch_ns) / SECOND
         try:
             applied = applied_command_from_message(data, self.epoch_ns)
@@ -84,13 +84,13 @@ class Log:
 
     @cached_property
     def end(self) -> float:
-        """Simulated time (s) of the last message; from the index, or in one pass without."""
+        """Simulated time (s) of the last message, from the index or else in one pass."""
         ends = (file.end_ns() for file in reversed(self.files))
         return (next((end for end in ends if end > self.epoch_ns), self.epoch_ns) - self.epoch_ns) / SECOND
 
     @property
     def condition(self) -> str:
-        """How much of it there is, as far as it has been read."""
+        """Completeness and damage of the log in a line, as far as read."""
         numbers = [file.number for file in self.files]
         which = f"files {numbers[0]} to {numbers[-1]}, " if len(self.files) > 1 else ""
         if damage := self.damage:
@@ -99,13 +99,13 @@ class Log:
 
     @property
     def size(self) -> int:
-        """Bytes of all files."""
+        """Size of all files in bytes."""
         return sum(file.size for file in self.files)
 
     def messages(
         self, topics: Collection[str] | None = None, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Stream messages in the order in which they were written, never more than a chunk in memory.
+        """Stream messages in the order of their writing, never more than a chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
@@ -123,7 +123,7 @@ class Log:
     def files_in_turn(
         self, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[LogFile, Callable[[int], None] | None]]:
-        """Pass over the files one by one; yields each with what tells `on_position` the bytes of the whole log."""
+        """Iterate over the files; yields each with a callback that adds its offset for `on_position`."""
         before = 0
         for file in self.files:
             yield file, None if on_position is None else partial(_add_and_tell, on_position, before)

@@ -1,4 +1,4 @@
-"""Version of the bag that is written and read, and the refusal of others."""
+"""Version of the bag format, and refusal of other versions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ FORMAT_VERSION = "4"
 
 
 class LogError(ValueError):
-    """A file that is no readable log of this package: one line with the file and what is wrong."""
+    """File that is no readable log of this package: one line with the file and its fault."""
 
 
 def check_format(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse a format that this version does not know; a newer one says what to do.
+    """Refuse an unknown log format, with advice where it is a newer one.
 
     Raises:
         LogError: with what the file is, and what is read.

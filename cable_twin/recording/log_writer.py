@@ -1,4 +1,4 @@
-"""A run as a rosbag2 directory of MCAP files: written so that a kill or a power cut loses less than a second.
+"""Log of a run as a rosbag2 directory of MCAP files, with less than a second lost by a kill or a power cut.
 
 Files have profile ros2, CDR messages, ros2msg schemas with type hashes and QoS as rosbag2 writes them, zstd chunks
 of at most half a second. Log time and publish time are the stamp of the message: the epoch of the run plus simulated
@@ -37,7 +37,7 @@ def run_metadata(
     frames: FrameNames | None = None,
     resolved: Mapping[str, Any] | None = None,
 ) -> dict[str, str]:
-    """Tell where a run comes from.
+    """Metadata about the origin of a run.
 
     Args:
         scenario: Name of the scenario.
@@ -71,7 +71,7 @@ class _Closed:
 
 
 class McapLog:
-    """A log being written, in one file after the other. Not for several threads at once."""
+    """Log being written, in one file after the other; not for several threads at once."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class McapLog:
         names: TopicNames | None = None,
         number: int = 0,
     ) -> None:
-        """Create the directory, the first file with all its channels, and a metadata.yaml for as long as it is open.
+        """Create the directory, the first file with all its channels, and a provisional metadata.yaml.
 
         Args:
             directory: Made where it does not exist; the files in it are named after it.
@@ -113,31 +113,31 @@ class McapLog:
 
     @property
     def path(self) -> Path:
-        """The file that is being written."""
+        """Path of the file being written."""
         return self._file.path
 
     @property
     def number(self) -> int:
-        """Which file of the run is being written."""
+        """Number of the file being written."""
         return self._number
 
     @property
     def size(self) -> int:
-        """Bytes of the file that is being written; any thread may look."""
+        """Size (bytes) of the file being written; readable from any thread."""
         return self._file.size
 
     @property
     def safe_until(self) -> float:
-        """Simulated time (s) up to which nothing can be lost any more."""
+        """Simulated time (s) up to which all data is safe on disk."""
         stamps = (self._file.safe_ns, *(closed.contents.last_ns for closed in self._closed[-1:]))
         return max(max(stamps) - (self._epoch_ns or 0), 0) / SECOND
 
     def path_of(self, number: int) -> Path:
-        """Return the path of a file of the run, the rerun recording beside it has the suffix .rrd."""
+        """Return the path of a file of the run; its rerun recording has the suffix .rrd."""
         return self.directory / f"{self.directory.resolve().name}_{number}.mcap"
 
     def begin(self, epoch_ns: int, snapshot: bytes | None = None, *, lost_from_ns: int | None = None) -> None:
-        """Write where the run comes from; before the first message.
+        """Write the metadata of the run, before the first message.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
@@ -170,11 +170,11 @@ class McapLog:
         self._file.write(topic, stamp_ns, data)
 
     def flush_if_due(self) -> None:
-        """Flush what has waited for a flush period; `write` does it too, call it where messages may stay away."""
+        """Flush messages older than a flush period; `write` does too, call this where messages may be rare."""
         self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Have all on the disk: from now on neither a kill nor a power cut can take it."""
+        """Flush all messages to disk, safe from a kill or a power cut."""
         self._file.flush()
 
     def split(
@@ -185,7 +185,7 @@ class McapLog:
         after_loss: bool = False,
         lost_from_ns: int | None = None,
     ) -> None:
-        """Close the file and go on in the next one.
+        """Close the file and continue in the next one.
 
         Args:
             snapshot: Full state from which the next file starts, attached.
@@ -202,7 +202,7 @@ class McapLog:
         self._go_on(snapshot, self._number + 1 if number is None else number, lost_from_ns, after_loss=after_loss)
 
     def move(self, directory: Path, snapshot: bytes | None, number: int) -> None:
-        """Go on in another directory, where the one so far is gone with all that was in it.
+        """Continue in another directory after the loss of the present one.
 
         Args:
             directory: Which exists.
@@ -218,7 +218,7 @@ class McapLog:
 
     @property
     def is_gone(self) -> bool:
-        """Whether what is being written cannot be found any more."""
+        """Whether the file being written was deleted or moved."""
         return self._file.is_gone
 
     def _go_on(self, snapshot: bytes | None, number: int, lost_from_ns: int | None, *, after_loss: bool) -> None:
@@ -239,7 +239,7 @@ class McapLog:
             raise
 
     def remove_oldest(self, splitting: Splitting, now_ns: int) -> None:
-        """Remove closed files that have had their time, each with the rerun recording of the same number.
+        """Remove closed files beyond the kept age or size, each with its rerun recording.
 
         Args:
             splitting: How much is kept.
@@ -301,7 +301,7 @@ class McapLog:
         return bag, bag.with_suffix(".rrd")
 
     def _size_of(self, number: int) -> int:
-        """Bytes of a file and of its rerun recording."""
+        """Size (bytes) of a file and of its rerun recording."""
         size = 0
         for path in self._paths_of(number):
             with suppress(FileNotFoundError):
@@ -309,7 +309,7 @@ class McapLog:
         return size
 
     def _write_bag_metadata(self, *, running: bool) -> None:
-        """Write, by rename, metadata.yaml with all closed files, and with the one that is being written."""
+        """Write metadata.yaml atomically by rename, with all closed files and the one being written."""
         files = [closed.contents for closed in self._closed]
         if running:
             files.append(self._file.contents)

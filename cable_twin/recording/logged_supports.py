@@ -1,4 +1,4 @@
-"""What a log tells of supports: ends by the shape of ropes, towers by their forces and messages, and of before it."""
+"""Support columns restored from a log: ends from rope shapes, towers from forces, messages and earlier states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.snapshot import Columns, Layout
 
 
 class LoggedSupports:
-    """Follows all supports from frame to frame.
+    """State of all supports, followed from frame to frame.
 
     Args:
         scenario: of the log.
@@ -37,7 +37,7 @@ class LoggedSupports:
         self._derailed, self._times = np.zeros((2, len(layout.supports)))  # how, and when (s)
 
     def go_to(self, states: Sequence[Any]) -> None:
-        """Take over what no frame tells of the states of all ropes."""
+        """Take over support data that frames do not hold from the states of all ropes."""
         loads, lateral, derailment = (
             np.concatenate([getattr(state, field) for state in states])
             for field in ("tower_load", "tower_lateral", "derailment")
@@ -48,17 +48,17 @@ class LoggedSupports:
         self._times[self._rows] = np.round(derailment[:, 1] * self._step, 9)
 
     def reset(self) -> None:
-        """Go back to the start of the run."""
+        """Reset the supports to the start of the run."""
         self._lowest_loads[:] = self.rest_loads
         self._ratios[:] = nan
         self._derailed[:], self._times[:] = 0.0, 0.0
 
     def read(self, data: bytes) -> None:
-        """Take in a message of derailments."""
+        """Read a message of derailments."""
         read_derailments(data, self._layout, self._derailed, self._times)
 
     def fill(self, c: Columns) -> None:
-        """Fill the columns of a frame that has the forces of supports and the shape of the ropes, or NaN."""
+        """Fill the columns of supports in a frame with support forces and rope shape, or NaN."""
         self._fill_travels(c)
         loads = np.linalg.norm(c.support_force[self._rows], axis=1)
         seen = np.where(np.isnan(loads), nan, 1.0)
@@ -76,7 +76,7 @@ class LoggedSupports:
             )
 
     def _fill_travels(self, c: Columns) -> None:
-        """How far counterweights at ends of ropes have gone, by where those ends are."""
+        """Fill the travel (m) of counterweights at rope ends, from the places of those ends."""
         for rope, part in self._layout.ropes.items():
             cable, names = self._scenario.cables[rope], self._scenario.end_names(rope)
             for sample, name, end in zip((part.start, part.stop - 1), names, (cable.start, cable.end), strict=True):

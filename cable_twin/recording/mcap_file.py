@@ -1,4 +1,4 @@
-"""One .mcap of a log being written, in a way that a kill or a power cut loses less than a second of it."""
+"""One MCAP file being written, with less than a second lost by a kill or a power cut."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FLUSH_PERIOD = 0.4  # s of wall time that a kill or a power cut takes at most; a
 
 
 class _PackedIndex:
-    """The index of a chunk as the bytes that end up in the file, a sixth of the object that they are made from."""
+    """Chunk index as packed bytes, a sixth of the size of the original object."""
 
     __slots__ = ("_record",)
 
@@ -37,14 +37,14 @@ class _PackedIndex:
 
 
 class _PackedIndexes(list[_PackedIndex]):
-    """What a writer keeps of each chunk until it is closed."""
+    """List of chunk indexes of a writer, packed."""
 
     def append(self, index: Any) -> None:
         super().append(_PackedIndex(index))
 
 
 class _Writer(Writer):
-    """A writer for days: at two chunks a second, the indexes of chunks would take 10 MB of memory an hour."""
+    """MCAP writer for runs of days: plain chunk indexes would take 10 MB of memory an hour at two chunks a second."""
 
     def __init__(self, stream: IO[bytes], compression: CompressionType) -> None:
         super().__init__(stream, compression=compression)
@@ -53,11 +53,11 @@ class _Writer(Writer):
 
 
 class GoneError(FileNotFoundError):
-    """A file that is being written cannot be found any more: it, or its directory, was deleted or replaced."""
+    """Deletion or replacement of a file being written, or of its directory."""
 
 
 class McapFile:
-    """A file being written.
+    """MCAP file being written.
 
     Attributes:
         path: Of the file.
@@ -99,12 +99,12 @@ class McapFile:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is neither closed nor given up."""
+        """Whether the file is neither closed nor given up."""
         return self._stream is not None
 
     @property
     def is_gone(self) -> bool:
-        """Whether it is being written, and cannot be found any more; a look takes some microseconds."""
+        """Whether the open file was deleted or moved; the check takes some microseconds."""
         if self._stream is None:
             return False
         own = os.fstat(self._stream.fileno())
@@ -118,11 +118,11 @@ class McapFile:
 
     @property
     def contents(self) -> BagFile:
-        """What it holds by now."""
+        """Contents of the file up to now."""
         return BagFile(self.path.name, self._first_ns, self._last_ns, array("Q", self._counts.values()))
 
     def begin(self, metadata: Mapping[str, str], snapshot: bytes | None) -> None:
-        """Write where the run comes from and have it on the disk; before the first message.
+        """Write metadata and snapshot to disk, before the first message.
 
         Args:
             metadata: The record `cable_twin`.
@@ -142,7 +142,7 @@ class McapFile:
         self.flush()
 
     def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Append one message; raises OSError where the disk refuses, and what was flushed before stays readable."""
+        """Append one message; raises OSError where the disk refuses, while flushed messages stay readable."""
         if self._stream is None:
             raise ValueError(f"{self.path}: log is closed")
         if topic not in self._channels:
@@ -159,12 +159,12 @@ class McapFile:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush what has waited for a flush period."""
+        """Flush messages older than a flush period."""
         if time.monotonic() - self._flushed >= FLUSH_PERIOD:
             self.flush()
 
     def flush(self) -> None:
-        """Finish the chunk and have it on the disk: from now on neither a kill nor a power cut can take it.
+        """Finish the chunk and flush to disk, safe from a kill or a power cut.
 
         Raises:
             GoneError: What is on the disk cannot be found any more; the file is given up.
@@ -185,7 +185,7 @@ class McapFile:
         self._flushed = time.monotonic()
 
     def close(self) -> None:
-        """Write the rest, rosbag2's metadata and the index, and have all on the disk; a second call does nothing.
+        """Write remaining data, rosbag2's metadata and the index to disk; a second call does nothing.
 
         Raises:
             OSError: The disk refuses; the file is closed nevertheless, and what was flushed before is readable.
@@ -211,7 +211,7 @@ class McapFile:
         self.safe_ns = self._last_ns
 
     def abandon(self) -> None:
-        """Close without an index, cut after the last complete chunk: a piece of one would spoil a later repair."""
+        """Close without an index, cut after the last complete chunk, as a partial one would spoil a later repair."""
         gone = self.is_gone  # of a file that is none of ours nothing is cut
         stream, self._stream = self._stream, None
         if stream is None:
@@ -234,7 +234,7 @@ class McapFile:
 
 
 def sync(path: Path) -> None:
-    """Have a file, or the names in a directory, on the disk; raises OSError where the disk refuses."""
+    """Sync a file, or the names in a directory, to disk; raises OSError where the disk refuses."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -243,7 +243,7 @@ def sync(path: Path) -> None:
 
 
 def package_version(package: str) -> str:
-    """Version of a package that is installed."""
+    """Version of an installed package."""
     try:
         return version(package)
     except PackageNotFoundError:

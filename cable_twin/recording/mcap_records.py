@@ -1,4 +1,4 @@
-"""Records of an .mcap that may be damaged, or made to harm: nothing is loaded or unpacked beyond limits.
+"""Records of an MCAP file that may be damaged or malicious, loaded and unpacked within limits.
 
 mcap takes single records apart. Its readers are not used: they unpack a chunk wherever one stands, to whatever size it
 grows, take lengths within a record at their word, and end at the first damage.
@@ -37,7 +37,7 @@ UNREADABLE = (McapError, zstandard.ZstdError, struct.error, ValueError, Overflow
 
 
 class Record(NamedTuple):
-    """A record as it stands in a file."""
+    """Record with its offset in a file."""
 
     offset: int  # bytes
     opcode: int
@@ -45,7 +45,7 @@ class Record(NamedTuple):
 
 
 class ChunkPlace(NamedTuple):
-    """Where a chunk stands, and what the index says of it."""
+    """Place of a chunk, with its index entry."""
 
     offset: int
     length: int
@@ -55,7 +55,7 @@ class ChunkPlace(NamedTuple):
 
 
 class Index(NamedTuple):
-    """What stands at the end of a file that was closed."""
+    """Index at the end of a closed file."""
 
     channels: Mapping[int, Channel]
     schemas: Mapping[int, Schema]
@@ -64,12 +64,12 @@ class Index(NamedTuple):
 
 
 def parsed(kind: type, content: bytes) -> Any:
-    """A record of a class of mcap from its content; raises one of UNREADABLE."""
+    """Parse a record of an mcap class from its content; raises one of UNREADABLE."""
     return kind.read(ReadDataStream(BytesIO(content)))  # type: ignore[attr-defined]
 
 
 def record_at(stream: IO[bytes], offset: int) -> Record:
-    """Load one record.
+    """Read one record at an offset.
 
     Raises:
         McapError: There is none, or it is longer than the rest of the file or than is allowed.
@@ -90,7 +90,7 @@ def record_at(stream: IO[bytes], offset: int) -> Record:
 
 
 def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
-    """All records up to the end of the data, one after the other.
+    """Iterate over all records up to the end of the data.
 
     Where one is no record, its fault is given, and it goes on with the next chunk, if there is one behind it.
     """
@@ -123,7 +123,7 @@ def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
 
 
 def _signatures(stream: IO[bytes], offset: int) -> Iterator[int]:
-    """Where chunks seem to begin from a byte on, by what stands in their head."""
+    """Offsets of probable chunk starts from a byte on, found by the signature in their head."""
     within, before = HEAD.size + CHUNK_HEAD.size - 4, b""
     stream.seek(offset)
     while data := stream.read(SEARCHED):
@@ -140,7 +140,7 @@ def _signatures(stream: IO[bytes], offset: int) -> Iterator[int]:
 
 
 def _is_consistent(content: bytes) -> bool:
-    """Whether a chunk has the length that it says, so that what follows it is where it should be."""
+    """Whether the length of a chunk agrees with its header, so that the next record follows directly."""
     try:
         start = CHUNK_HEAD.size + CHUNK_HEAD.unpack_from(content)[-1]
         return bool(struct.unpack_from("<Q", content, start)[0] == len(content) - start - 8)
@@ -149,12 +149,12 @@ def _is_consistent(content: bytes) -> bool:
 
 
 def unpacked_size(content: bytes) -> int:
-    """Bytes that a chunk says to unpack to."""
+    """Unpacked size (bytes) according to the header of a chunk."""
     return int(CHUNK_HEAD.unpack_from(content)[2])
 
 
 def unpacked(content: bytes) -> bytes:
-    """What a chunk holds, from the content of its record.
+    """Unpacked data of a chunk, from the content of its record.
 
     Raises:
         McapError: It is damaged, of another compression, or would unpack to more than is allowed.
@@ -180,7 +180,7 @@ def unpacked(content: bytes) -> bytes:
 
 
 def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, int, bytes]]:
-    """Channel, stamp (ns since 1970) and data of the messages in a chunk that is unpacked.
+    """Channel, stamp (ns since 1970) and data of the messages in an unpacked chunk.
 
     Args:
         data: Of the chunk.
@@ -207,7 +207,7 @@ def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, in
 
 
 def declared(data: bytes) -> Iterator[Channel | Schema]:
-    """Channels and schemas that an unpacked chunk declares; raises as `chunk_messages`."""
+    """Channels and schemas declared in an unpacked chunk; raises as `chunk_messages`."""
     position = 0
     while position < len(data):
         opcode, length = HEAD.unpack_from(data, position)
@@ -218,7 +218,7 @@ def declared(data: bytes) -> Iterator[Channel | Schema]:
 
 
 def read_index(stream: IO[bytes]) -> Index | None:
-    """The index of a file; None where it was not closed, or where its index is damaged."""
+    """Index of a file; None where missing or damaged."""
     try:
         size = stream.seek(0, os.SEEK_END)
         footer = record_at(stream, size - FOOTER_SIZE)
@@ -238,7 +238,7 @@ def _ends_well(stream: IO[bytes]) -> bool:
 
 
 def _checksum(stream: IO[bytes], start: int, size: int) -> int:
-    """CRC of the index, which goes up to itself in the footer."""
+    """CRC of the index up to the checksum itself in the footer."""
     left, checksum = size - len(MCAP0_MAGIC) - 4 - start, 0
     stream.seek(start)
     while left > 0 and (data := stream.read(min(left, SEARCHED))):

@@ -1,4 +1,4 @@
-"""Names of supports as they are shown: once where several stand together."""
+"""Names of places on a track, with one name for several objects at one place."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def gathered(
     ropes: Collection[str] = (),
     near: float = 1e-3,
 ) -> dict[str, Place]:
-    """Places by name, once each: of several names there the bullwheel between them, what they begin with, or all.
+    """Places with one name each: for several names the bullwheel between, their common prefix, or all names.
 
     Args:
         places: Name -> m, x first.
@@ -57,7 +57,7 @@ def _spans(rim: FloatArray, x: float) -> bool:
 
 
 def _without_rope(name: str, ropes: Collection[str]) -> str:
-    """Return the name of a tower without that of the strand on it."""
+    """Return the name of a tower without the name of its strand."""
     return next((name[: -len(rope) - 1] for rope in ropes if rope and name.endswith(f"_{rope}")), name)
 
 

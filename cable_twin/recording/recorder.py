@@ -1,4 +1,4 @@
-"""The thread between the frame loop and the disk: takes what is handed to it and writes log and view in its own time.
+"""Writer thread between the frame loop and the disk: queues items and writes log and view in its own time.
 
 The frame loop never waits: `record` only appends to a queue. The thread sleeps, takes all that has come, and gives way
 after some frames, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes,
@@ -38,7 +38,7 @@ TICK = 1e-9  # s, what two times may differ by that mean the same
 
 
 class View(Protocol):
-    """A picture of the run."""
+    """Interface of a view of the run, such as rerun."""
 
     flush_period: float  # s
 
@@ -46,20 +46,20 @@ class View(Protocol):
         """Draw one snapshot."""
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Show a command that took effect."""
+        """Show an applied command."""
 
     def flush(self) -> None:
-        """Send what is still waiting, onto the disk."""
+        """Send waiting data to disk."""
 
     def split(self, path: Path) -> None:
-        """Close the file and go on in another one."""
+        """Close the file and continue in another one."""
 
     def close(self) -> None:
-        """Finish."""
+        """Close the view."""
 
 
 class _Beginning(NamedTuple):
-    """Where a file begins: the first one, or the next one."""
+    """Begin of the first or of a further file."""
 
     epoch_ns: int
     stamp_ns: int
@@ -76,7 +76,7 @@ class _Item(NamedTuple):
 
 
 class _LogSink:
-    """The bag; where its directory is gone, it takes nothing until it begins a file in a new one.
+    """Sink for the bag; after the loss of its directory idle until it begins a file in a new one.
 
     Attributes:
         gone: Whether that is so.
@@ -96,7 +96,7 @@ class _LogSink:
 
     @property
     def left(self) -> str:
-        """What is still there after a failure, for its message."""
+        """Note about readable data after a failure, for its message."""
         return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
 
     def write(self, item: _Item) -> None:
@@ -146,7 +146,7 @@ class _ViewSink:
 
 
 class Recorder:
-    """Writes a run to a log and shows it in views.
+    """Recorder of a run into a log and views, in its own thread.
 
     A sink that fails is closed and left alone, the others go on; nothing is ever raised into the caller.
 
@@ -163,7 +163,7 @@ class Recorder:
         capacity: int = CAPACITY,
         new_directory: Callable[[], Path] | None = None,
     ) -> None:
-        """Start the thread.
+        """Start the writer thread.
 
         Args:
             log: Where messages go; the recorder closes it.
@@ -194,26 +194,26 @@ class Recorder:
 
     @property
     def directory(self) -> Path | None:
-        """Where the log is by now, None where there is none."""
+        """Present directory of the log, None without a log."""
         return None if self._log is None else self._log.directory
 
     @property
     def backlog(self) -> int:
-        """Frames that wait to be written."""
+        """Number of frames that wait to be written."""
         return len(self._queue)
 
     @property
     def idle(self) -> bool:
-        """Whether all that was handed over has been written."""
+        """Whether all queued items have been written."""
         return not self._queue and not self._writing
 
     @property
     def recording(self) -> bool:
-        """Whether any sink is still alive."""
+        """Whether any sink is still in use."""
         return bool(self._sinks)
 
     def begin(self, epoch_ns: int, simulated_time: float, scenario: bytes, full_state: FullState | None = None) -> None:
-        """Say when the run begins and what it starts from; before the first frame; returns at once.
+        """Queue the begin of the run with its initial state, before the first frame; returns at once.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
@@ -227,7 +227,7 @@ class Recorder:
         self._split_time = self._next_split(simulated_time)
 
     def split_due(self, simulated_time: float) -> bool:
-        """Whether a new file is to begin with the frame of this simulated time (s); costs next to nothing."""
+        """Whether a new file is to begin with the frame of a simulated time (s); a cheap check for every frame."""
         if simulated_time >= self._split_time:
             return True
         if self._asked != self._number or self._log is None or self._log_sink is None:
@@ -235,7 +235,7 @@ class Recorder:
         return self._log.size >= self._split_size or self._log_sink.gone
 
     def split(self, full_state: FullState) -> None:
-        """Begin a new file with what is handed over from now on; returns at once.
+        """Queue the begin of a new file for all later items; returns at once.
 
         Args:
             full_state: The simulation at the time of the next frame, which is handed over afterwards.
@@ -250,7 +250,7 @@ class Recorder:
         self._queue.append(_Beginning(first.epoch_ns, stamp_ns, first.scenario, full_state, first=False))
 
     def record(self, messages: Sequence[tuple[str, bytes]], stamp_ns: int, snapshot: Snapshot | None = None) -> None:
-        """Hand over one frame; returns at once.
+        """Queue one frame; returns at once.
 
         Args:
             messages: Pairs of topic and CDR, for the log; not changed afterwards.
@@ -263,7 +263,7 @@ class Recorder:
             self._queue.append(_Item(messages, stamp_ns, snapshot, None))
 
     def record_command(self, applied: AppliedCommand, message: bytes, stamp_ns: int) -> None:
-        """Hand over a command that took effect; never dropped, a replay needs every one.
+        """Queue an applied command; never dropped, as a replay needs every one.
 
         Args:
             applied: The command, for the view.
@@ -276,7 +276,7 @@ class Recorder:
             self._queue.append(_Item([(APPLIED_COMMANDS, message)], stamp_ns, None, applied))
 
     def close(self) -> None:
-        """Write all that waits, close the sinks and end the thread; may be called again, also from a signal handler."""
+        """Write all queued items, close the sinks and end the thread; repeatable, also from a signal handler."""
         self._closing = True
         self._thread.join()
 
@@ -307,7 +307,7 @@ class Recorder:
         self._writing = False
 
     def _begin_files(self, beginning: _Beginning) -> None:
-        """Let every sink begin its file, then remove the files that have had their time."""
+        """Begin a file in every sink, then remove expired files."""
         number = self._number + (not beginning.first)
         before = self.directory
         for sink in tuple(self._sinks):
@@ -326,12 +326,12 @@ class Recorder:
             self.faults.append(f"recording: old files cannot be removed: {' '.join(str(error).split())}")
 
     def _next_split(self, simulated_time: float) -> float:
-        """Simulated time (s) at which a file that begins now has lasted long enough."""
+        """Simulated time (s) at which a file that begins now reaches its duration."""
         duration = self._splitting.split_duration
         return simulated_time + duration - TICK if duration and self._log is not None else math.inf
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
-        """Do it; where it fails, keep the fault and give the sink up."""
+        """Run an action of a sink; after an exception keep the fault and drop the sink."""
         try:
             action(*arguments)
         except Exception as error:

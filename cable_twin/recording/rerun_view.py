@@ -1,4 +1,4 @@
-"""Draw the twin in rerun: a recording file (.rrd) with its blueprint embedded, a live view, or both.
+"""View of the twin in rerun: a recording file (.rrd) with its blueprint embedded, a live view, or both.
 
 Layout: the whole track with the rope coloured by tension, close-ups that move with carriages, plots (speed, tension,
 swing, drive force, tower load), a readout and the commands. A scenario in space is drawn there as well, with plots of
@@ -34,7 +34,7 @@ WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the command
 
 
 class RerunView:
-    """One run of one scenario, drawn; used from one thread.
+    """View of one run of one scenario; used from one thread.
 
     Attributes:
         url: Where a viewer finds the live view (`rerun --connect URL`), or None when it is not served.
@@ -127,7 +127,7 @@ class RerunView:
         self._commands: list[tuple[float, str, str]] = []  # s, text and level of those not sent yet
 
     def lay_out(self, snapshot: Snapshot) -> None:
-        """Make the picture around a snapshot now, not with the first batch: it takes many frames' time.
+        """Lay the picture out around a snapshot now instead of with the first batch, as it takes many frames' time.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -151,7 +151,7 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Note a command: a line in the log where it is a new one.
+        """Log a command as a text line where it is a new one.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -172,7 +172,7 @@ class RerunView:
         self._commands.append((applied.time, describe_command(applied), kind.level))
 
     def flush(self) -> None:
-        """Send what waits and have it on the disk; waits for a disk that stalls.
+        """Send waiting data to disk; waits for a disk that stalls.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -187,7 +187,7 @@ class RerunView:
             raise
 
     def split(self, path: Path) -> None:
-        """Finish the file with what waits and go on in another one, laid out anew; viewers stay connected.
+        """Finish the present file and continue in another one, laid out anew; viewers stay connected.
 
         Raises:
             RuntimeError: When the view is closed.
@@ -200,7 +200,7 @@ class RerunView:
         self._last_commands.clear()  # so that the new file names those that go on
 
     def close(self) -> None:
-        """Send what waits and close the file and the server; a second call does nothing.
+        """Send waiting data and close file and server; a second call does nothing.
 
         Raises:
             OSError: When the last part cannot be written; the view is closed all the same.
@@ -213,7 +213,7 @@ class RerunView:
         end_threads()
 
     def _end_file(self) -> None:
-        """Send what waits, and the layout as it is for all of the file."""
+        """Send waiting data, and the final layout of the file."""
         self._send()
         if self._picture is not None and self._laid_out:
             self._picture.end(self._open())
@@ -226,7 +226,7 @@ class RerunView:
         return self._stream
 
     def _send(self) -> None:
-        """Draw all that was collected."""
+        """Draw all collected frames."""
         stream = self._open()
         if self._commands:
             times, texts, levels = zip(*self._commands, strict=True)

@@ -1,4 +1,4 @@
-"""One recorded run of a simulation: its directory, its logs, its thread."""
+"""Recorded run of a simulation: directory, logs and writer thread."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cable_twin.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run that is being recorded, as soon as it has begun."""
+    """Recorded run, active after `begin`."""
 
     simulation: Simulation
     recorder: Recorder
@@ -28,19 +28,19 @@ class Run:
 
     @property
     def directory(self) -> Path:
-        """Where the logs are by now: in a new one where the first was deleted."""
+        """Present directory of the logs: a new one after the loss of the first."""
         directory = self.recorder.directory
         assert directory is not None
         return directory
 
     def close(self) -> None:
-        """Close the logs with all that waits for them, and end the live view."""
+        """Close the logs after writing all queued data, and end the live view."""
         self.recorder.close()
         if self.web is not None:
             self.web.close()
 
     def begin(self, epoch_ns: int) -> None:
-        """Say when the run begins: before its first frame is recorded, and before the simulation goes on.
+        """Begin the run, before its first frame is recorded and before the simulation continues.
 
         The scenario is the first message of each bag; where the simulation is not at its start, the full state is
         attached.
@@ -65,7 +65,7 @@ def start_run(
     names: TopicNames | None = None,
     frames: FrameNames | None = None,
 ) -> Run:
-    """Open the logs of a run in a new directory named after the time; `Run.begin` then says when it begins.
+    """Open the logs of a run in a new directory named after the time; `Run.begin` begins the run.
 
     Args:
         simulation: what is recorded.
@@ -90,7 +90,7 @@ def start_run(
 
 
 def _new_directory(parent: Path) -> Path:
-    """Make a directory named after the time; a second run within a second waits for the next."""
+    """Make a directory named after the time; waits for the next second where the name exists."""
     parent.mkdir(parents=True, exist_ok=True)
     while True:
         directory = parent / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")

@@ -1,4 +1,4 @@
-"""Snapshots and commands back from a log, one after the other: what a run showed, without simulating it again.
+"""Snapshots and commands read back from a log one after the other, without simulation.
 
 A log holds each group of topics as often as it was told to; what it does not hold at a time is NaN in the snapshot of
 that time, and so is what it never has: sheaves, energies, velocities of centres of mass, what has no topic.
@@ -70,7 +70,7 @@ POSE = 7  # numbers: place and quaternion
 
 
 class RecordedFigures(NamedTuple):
-    """Key figures as the run itself had them."""
+    """Key figures recorded by the run itself."""
 
     time: float  # s
     statuses: list[Status]
@@ -80,7 +80,7 @@ Item = Snapshot | AppliedCommand | RefusedCommand | RecordedFigures
 
 
 def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
-    """Stream the frames of a log and what lies between them, one frame in memory.
+    """Stream the frames of a log and the items between these, with one frame in memory.
 
     Args:
         log: Finished, or cut short: its last frame then may be missing.
@@ -124,7 +124,7 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
 
 
 class _Frames:
-    """Puts frames together; remembers what a single one does not tell.
+    """Assembly of frames from messages, with the data that a single frame lacks.
 
     Attributes:
         readers: what takes in the message of each topic of a frame.
@@ -151,7 +151,7 @@ class _Frames:
         self.readers = self._make_readers()
 
     def _make_readers(self) -> dict[str, Callable[[bytes], None]]:
-        """A reader for each topic that a log may hold."""
+        """Readers for all topics of frames in a log."""
         layout, c = self._layout, self._columns
         readers: dict[str, Callable[[bytes], None]] = {JOINT_STATES: self._read_joints, CABLE: self._read_cable}
         readers[TENSIONS] = self._read_tensions
@@ -188,7 +188,7 @@ class _Frames:
         return readers
 
     def read(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Take a message of a frame in; raises LogError where it is unreadable."""
+        """Read a message of a frame; raises LogError where unreadable."""
         try:
             self.readers[topic](data)
         except UNREADABLE as error:
@@ -197,7 +197,7 @@ class _Frames:
         self._empty = False
 
     def take(self) -> Snapshot | None:
-        """The frame that has been read, None where there is none; the next one is begun."""
+        """Completed frame, None without one; the next frame begins."""
         if self._empty:
             return None
         c = self._columns
@@ -214,7 +214,7 @@ class _Frames:
         return snapshot
 
     def command(self, applied: AppliedCommand) -> None:
-        """Follow what changes payloads and what is counted since the last reset."""
+        """Apply the effects of a command on payloads, wind and counts since the last reset."""
         if applied.command.kind == "payload":
             for name, mass in applied.command.values.items():
                 self._payloads[[*self._layout.vehicles].index(name)] = mass
@@ -229,27 +229,27 @@ class _Frames:
             self._supports.reset()
 
     def refusal(self, stamp_ns: int, data: bytes) -> RefusedCommand:
-        """Read a refused command; raises LogError where it is unreadable."""
+        """Read a refused command; raises LogError where unreadable."""
         try:
             return refused_command_from_message(data, self._time(stamp_ns))
         except UNREADABLE as error:
             raise self._unreadable(REFUSED_COMMANDS, stamp_ns, error) from error
 
     def figures(self, stamp_ns: int, data: bytes) -> RecordedFigures:
-        """Read recorded key figures; raises LogError where they are unreadable."""
+        """Read recorded key figures; raises LogError where unreadable."""
         try:
             return RecordedFigures(self._time(stamp_ns), statuses_of_message(data))
         except UNREADABLE as error:
             raise self._unreadable(KEY_FIGURES, stamp_ns, error) from error
 
     def go_on_from(self, file: LogFile) -> None:
-        """Take over what was attached to a file, where commands before it are lost."""
+        """Take over the state attached to a file, where commands before it are lost."""
         if (full := _full_state(file.snapshot())) is not None:
             self._full = full
             self._go_to(full)
 
     def _time(self, stamp_ns: int) -> float:
-        """Simulated time (s) of a stamp."""
+        """Simulated time (s) of a time stamp."""
         return (stamp_ns - self._log.epoch_ns) / SECOND
 
     def _unreadable(self, topic: str, stamp_ns: int, error: Exception) -> LogError:
@@ -262,7 +262,7 @@ class _Frames:
         return np.array([0.0 if vehicle.payload is None else vehicle.payload.mass for vehicle in vehicles])
 
     def _go_to(self, full: FullState, *, back: bool = False) -> None:
-        """Take over what no frame tells, of the state or, `back`, of its start."""
+        """Take over payloads, supports and wind from a full state or, with `back`, from its start."""
         states = full.starts if back else full.states
         alone = [self._scenario.of_rope(name) for name in self._scenario.cables]
         for one, state in zip(alone, states, strict=True):  # of what rides a loop, as its last strand has it
@@ -272,7 +272,7 @@ class _Frames:
         self._winds[1] = in_space(tuple(states[0].wind.tolist()))
 
     def _read_joints(self, data: bytes) -> None:
-        """Columns of joint_states, of which a message ends with three arrays of one length, 8 bytes apart."""
+        """Read the columns of joint_states, from three arrays of one length at the end, 8 bytes apart."""
         layout, c = self._layout, self._columns
         if not self._names_checked:
             names = decode(data, "sensor_msgs/msg/JointState").name
@@ -298,14 +298,14 @@ class _Frames:
         self._columns.rope_position[:], self._columns.rope_tension[:] = points[:, :3], points[:, 4]
 
     def _read_tensions(self, data: bytes) -> None:
-        """Places, no rates, and forces, 8 bytes apart: of the lowest of all ropes, then of the highest."""
+        """Read lowest, then highest tensions of all ropes with their places, from arrays 8 bytes apart."""
         c, count = self._columns, len(self._layout.ropes)
         numbers = last_numbers(data, 4 * count + 1)
         c.lowest_tension[:, 1], c.highest_tension[:, 1] = numbers[: 2 * count].reshape(2, -1)
         c.lowest_tension[:, 0], c.highest_tension[:, 0] = numbers[2 * count + 1 :].reshape(2, -1)
 
     def _turn_bodies(self) -> None:
-        """Roll and yaw of bodies in space, about z, then about their own y, then about their own x."""
+        """Compute roll and yaw of bodies in space from their quaternions: about z, then own y, then own x."""
         if self._scenario.dim == 3:
             x, y, z, w = self._columns.body_orientation.T
             angles = self._columns.body_angles
@@ -314,7 +314,7 @@ class _Frames:
 
 
 def _full_state(snapshot: bytes | None) -> FullState | None:
-    """What a log or a file of it starts from, where that is a snapshot that this version reads."""
+    """Full state from which a log or a file starts, None without one of a readable version."""
     try:
         return None if snapshot is None else read_full_state(BytesIO(snapshot), SNAPSHOT_NAME)
     except SnapshotError:

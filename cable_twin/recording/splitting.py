@@ -1,4 +1,4 @@
-"""When the logs of a run go on in new files, and when the oldest of them are removed."""
+"""Rules for splitting the logs of a run into files and for removing the oldest ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SMALLEST = 1.0  # MB, the size of a chunk
 
 
 class ClosedSize(NamedTuple):
-    """What says whether a closed file has had its time."""
+    """Age and size of a closed file, for its removal."""
 
     last_ns: int  # stamp (ns since 1970) of its last message
     size: int  # bytes, with the rerun recording of the same number
@@ -21,7 +21,7 @@ class ClosedSize(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Splitting:
-    """Options of splitting and of keeping; 0 is no limit everywhere."""
+    """Options for splitting and keeping of log files; 0 means no limit."""
 
     split_duration: float = 3600.0  # s of simulated time that a file lasts
     split_size: float = 0.0  # MB of a bag's file
@@ -29,7 +29,7 @@ class Splitting:
     keep_size: float = 0.0  # MB of all files of a run, right after a split
 
     def faults(self, called: Callable[[str], str] = str) -> list[str]:
-        """Find what is wrong.
+        """Find invalid limits of a splitting.
 
         Args:
             called: What messages call an option, by its name here.
@@ -64,7 +64,7 @@ class Splitting:
         return faults
 
     def surplus(self, closed: Sequence[ClosedSize], running: int, now_ns: int) -> int:
-        """Count the files that have had their time, from the oldest on.
+        """Number of files to remove, from the oldest on.
 
         Args:
             closed: All closed files, the oldest first.

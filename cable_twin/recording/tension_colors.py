@@ -1,4 +1,4 @@
-"""Colours of tension: how they span what a rope carries. Whoever draws one takes them from here."""
+"""Colour scales of rope tension, shared by all pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ COLOR_STOPS = (0x3B8BFFFF, 0x1FAFC8FF, 0x45BB66FF, 0xCCA40AFF, 0xF08324FF, 0xF03
 
 
 class TensionColors:
-    """The range of tensions that the colours of one rope span: it starts around the first ones and only ever widens."""
+    """Tension range of the colour scale of one rope: starts around the first tensions and only ever widens."""
 
     def __init__(self) -> None:
         self.low = 0.0
@@ -23,14 +23,14 @@ class TensionColors:
         self.lowest = 0.0  # of the tensions so far, outliers aside
 
     def start(self, tensions: FloatArray) -> None:
-        """Span the tensions of the first snapshot, with room for what a moving carriage adds."""
+        """Set the range from the tensions of the first snapshot, with margin for a moving carriage."""
         low, high = float(tensions.min()), float(tensions.max())
         self.lowest = low
         room = max(0.5 * (high - low), 0.03 * max(abs(low), abs(high)))
         self._span(low - room, high + room)
 
     def widen(self, tensions: FloatArray) -> bool:
-        """Widen the range where a batch leaves it, a few single samples aside; say whether it did."""
+        """Widen the range to a batch of tensions, except for few outliers; returns whether the range has changed."""
         if tensions.min() >= self.low and tensions.max() <= self.high:
             return False
         low, high = (float(value) for value in np.percentile(tensions, (2.0, 98.0)))
@@ -42,7 +42,7 @@ class TensionColors:
         return True
 
     def _span(self, low: float, high: float) -> None:
-        """Set the range, rounded outwards to numbers that read well."""
+        """Set the range, rounded outwards to round numbers."""
         slack = low < 0.0 and self.lowest >= 0.0  # a colour for tensions that do not occur
         low = 0.0 if slack else low
         width = max(high - low, 0.1)
@@ -53,7 +53,7 @@ class TensionColors:
 
 
 class RopeColors:
-    """Tension colours of several ropes: each spans the tensions that it carries itself.
+    """Colour scales of the tensions of several ropes, each with its own range.
 
     Args:
         ropes: Name -> its samples among those of all ropes.
@@ -68,7 +68,7 @@ class RopeColors:
         self.scales = {name: TensionColors() for name in ropes}
 
     def widen(self, tensions: FloatArray) -> bool:
-        """Widen each range where tensions (samples,) or (frames, samples) leave it, NaN aside; say whether one did."""
+        """Widen ranges to tensions (samples,) or (frames, samples), NaN ignored; returns whether any has changed."""
         changed = False
         for name, part in self._parts.items():
             own = tensions[..., part]
@@ -102,7 +102,7 @@ class RopeColors:
         return np.column_stack([np.interp(share, _PLACES, channel) for channel in _CHANNELS])
 
     def captions(self, unit: str, scale: float = 1.0) -> list[str]:
-        """Return name and range of each rope in a unit, that of its tensions times `scale`."""
+        """Return name and range of each rope, in a unit reached with the factor `scale`."""
         return [f"{name}: {one.low * scale:g} to {one.high * scale:g} {unit}" for name, one in self.scales.items()]
 
     def _ranges(self) -> tuple[FloatArray, FloatArray]:

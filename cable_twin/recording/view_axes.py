@@ -1,4 +1,4 @@
-"""How far the axes of plots reach, so that rerun writes numbers beside them."""
+"""Ranges of plot axes for which rerun draws tick labels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SMALLEST_SPAN = {"m/s": 0.1, "deg": 0.1, "m": 0.01, "N": 1.0, "kN": 0.1}  # less
 
 
 def with_ticks(low: float, high: float, unit: str, height: float) -> tuple[float, float]:
-    """Return an axis around what reaches from `low` to `high`, on which rerun writes at least `TICKS` numbers.
+    """Return an axis range around `low` to `high` with at least `TICKS` tick labels in rerun.
 
     It writes the multiples of one power of ten, the smallest for which an axis of so many pixels has room.
 
@@ -44,18 +44,18 @@ def with_ticks(low: float, high: float, unit: str, height: float) -> tuple[float
 
 
 def _most(height: float) -> float:
-    """Return how many distances between numbers have room on an axis."""
+    """Return the maximum number of tick distances on an axis of a height in pixels."""
     return max(height / TICK_HEIGHT, TICKS)
 
 
 def _ticks(low: float, high: float, height: float) -> int:
-    """Return how many numbers are beside an axis."""
+    """Return the number of tick labels of an axis."""
     step = 10.0 ** np.ceil(np.log10((high - low) / _most(height)) - 1e-9)
     return int(np.floor(high / step) - np.ceil(low / step)) + 1
 
 
 class LiveAxis:
-    """The axis of a plot that shows the last seconds up to the cursor, which rerun fits to all that is in it.
+    """Axis of a live plot of the last seconds up to the cursor, fitted by rerun to all data in the plot.
 
     Args:
         unit: Of its values.
@@ -69,7 +69,7 @@ class LiveAxis:
         self._axes: deque[tuple[float, float, float]] = deque()  # those that are still in the plot
 
     def fitted(self, time: float, low: float, high: float) -> tuple[float, float]:
-        """Return the axis from a time (s) on, when values from `low` to `high` are added."""
+        """Return the axis from a time (s) on, after adding values from `low` to `high`."""
         self._values.append((time, low, high))
         axis = with_ticks(*self._span(self._values, time), self._unit, self._height)
         self._axes.append((time, *axis))
@@ -80,7 +80,7 @@ class LiveAxis:
         return axis
 
     def _span(self, kept: deque[tuple[float, float, float]], time: float) -> tuple[float, float]:
-        """Return the lowest and the highest number of the last seconds; older ones are dropped."""
+        """Return the lowest and the highest number of the last seconds, after dropping older ones."""
         while not time - self._window <= kept[0][0] <= time:
             kept.popleft()
         return min(low for _, low, _ in kept), max(high for _, _, high in kept)

@@ -1,4 +1,4 @@
-"""The numbers of many frames, collected to be drawn together."""
+"""Buffer of the numbers of many frames, drawn together."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ DRAWN = (  # columns that may have gaps, and are drawn
 
 
 class Batch:
-    """Room for so many frames; a snapshot costs one copy of its numbers."""
+    """Buffer for a number of frames; a snapshot costs one copy of its numbers."""
 
     def __init__(self, frames: int) -> None:
         self._frames = frames
@@ -41,7 +41,7 @@ class Batch:
         self._last: dict[str, FloatArray] = {}  # row of each column in the batch before
 
     def add(self, snapshot: Snapshot) -> bool:
-        """Take the numbers of a snapshot, of one layout always, and say whether the batch is full now."""
+        """Add the numbers of a snapshot, always of one layout; returns whether the batch is full."""
         if not self._numbers.size:
             self._numbers = np.empty((self._frames, snapshot.layout.size))
         self._numbers[self._count] = snapshot.numbers
@@ -49,7 +49,7 @@ class Batch:
         return self._count == self._frames
 
     def take(self, layout: Layout) -> Columns:
-        """Return the columns of what was collected, to be drawn before the next one is added.
+        """Return the columns of the buffered frames, to be drawn before the next frame is added.
 
         Where a number is missing (NaN) it is the last one known; it stays missing until there is one.
         """
@@ -68,7 +68,7 @@ def frame(c: Columns, row: int) -> Columns:
 
 
 def first_known(c: Columns) -> Columns:
-    """Return the first frame of a batch, with the first number known where one is missing (NaN)."""
+    """Return the first frame of a batch, with each missing number (NaN) replaced by its first known one."""
     return Columns(*(_first_known(column) for column in c))
 
 
@@ -83,7 +83,7 @@ def _first_known(column: FloatArray) -> FloatArray:
 
 
 def _hold(column: FloatArray, before: FloatArray | None) -> None:
-    """Put the last known number wherever one is missing in (frames, k), with the row `before` (k,) them."""
+    """Fill missing numbers (NaN) in (frames, k) with the last known one, starting from the row `before` (k,)."""
     with np.errstate(invalid="ignore", over="ignore"):
         gaps = np.flatnonzero(np.isnan(column.sum(axis=0)))
     if not gaps.size:
@@ -99,18 +99,18 @@ def _hold(column: FloatArray, before: FloatArray | None) -> None:
 
 
 class Thinning:
-    """Picks frames so that there are at most `rate` (Hz) of them, however they come in batches."""
+    """Selection of frames at a `rate` (Hz) at most, across batches."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
         self.restart()
 
     def restart(self) -> None:
-        """Pick the next frame whatever was picked last."""
+        """Select the next frame in any case."""
         self._last = np.nan
 
     def rows(self, times: FloatArray) -> NDArray[np.intp]:
-        """Return which of the times (frames,) in s are picked: the first of each period."""
+        """Return the selected rows among the times (frames,) in s: the first of each period."""
         periods = np.floor(times * self._rate + 1e-3)  # rounding of the time may not skip one
         new = np.flatnonzero(np.diff(periods, prepend=self._last))
         self._last = periods[-1]

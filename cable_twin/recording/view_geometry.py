@@ -1,4 +1,4 @@
-"""Places and times as rerun takes them.
+"""Conversion of places and times for rerun.
 
 rerun's plane has its second axis downwards: what is (x, z) in `cable_twin.records` is drawn at (x, -z), where a
 right-handed pitch about the lateral axis is an ordinary rotation from the first axis to the second.
@@ -30,7 +30,7 @@ def plane(points: FloatArray) -> FloatArray:
 
 
 def pixels(radius: float) -> list[float]:
-    """Return a radius in points of the screen, whatever the zoom; rerun takes negative ones so."""
+    """Return a radius in screen points independent of the zoom, in rerun a negative number."""
     return [-radius]
 
 
@@ -46,6 +46,6 @@ def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
 
 
 def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Return (frames,) whether a frame has all numbers of arrays (frames, ...)."""
+    """Return a mask (frames,) of frames with all numbers of arrays (frames, ...) known."""
     complete = [~np.isnan(array.reshape(len(array), -1)).any(axis=1) for array in arrays]
     return np.logical_and.reduce(complete)

@@ -1,4 +1,4 @@
-"""How the picture is laid out: track, close-ups, plots, readout and commands."""
+"""Layout of the rerun view: track, close-ups, plots, readout and commands."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ def lay_out(
 
 
 def plot_cells(plots: Plots, sizes: Sizes) -> list[tuple[float, float]]:
-    """Return width and height in pixels of the plot of each signal, its legend included."""
+    """Return width and height in pixels of the plot of each signal, legend included."""
     first = sum(sizes.rows) - len(plots.signals)
     return [sizes.cell(first + number) for number in range(len(plots.signals))]
 
 
 def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View | rrb.Container:
-    """Return the views that move with vehicles, one behind the other."""
+    """Return the close-up views that move with vehicles, as tabs."""
     hidden = ("track/tension_colors", "track/names", NAMES, *boxes)
     views = [
         rrb.Spatial2DView(
@@ -102,12 +102,12 @@ def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View 
 
 
 def _together(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
-    """Return views one behind the other."""
+    """Return views as tabs of one container."""
     return views[0] if len(views) == 1 else rrb.Tabs(*views)
 
 
 def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
-    """Return a view in space, from a place; it moves with an entity where it follows one."""
+    """Return a 3D view from a place, moving with an entity where `followed` names one."""
     hidden = NEAR_WIND if followed is None else OVERVIEW_WIND
     name = "In space" if followed is None else f"{followed.rpartition('/')[2]} in space"
     return rrb.Spatial3DView(
@@ -122,12 +122,12 @@ def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
 
 
 def plot_titles(unit: str) -> dict[str, str]:
-    """Return the plots by the name of their signal with their titles, forces in `unit`."""
+    """Return plot titles by signal name, forces in `unit`."""
     return {name: f"{signal.view} [{shown_unit(signal, unit)}]" for name, signal in SIGNALS.items() if signal.view}
 
 
 def frame(contents: rrb.Container) -> rrb.Blueprint:
-    """Return a layout that shows its contents and the time, and nothing of rerun's own panels."""
+    """Return a blueprint of contents and time panel, without other panels of rerun."""
     return rrb.Blueprint(
         contents,
         rrb.BlueprintPanel(state="hidden"),
@@ -146,7 +146,7 @@ def _plot_view(
     window: float | None,
     axis: tuple[float, float] | None,
 ) -> rrb.View | rrb.Container:
-    """Return one plot, with its legend of so many rows below it; all show the same time."""
+    """Return one plot with its legend rows below, linked to the common time axis."""
     shown, time_axis = None, rrb.TimeAxis(link="LinkToGlobal")
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative

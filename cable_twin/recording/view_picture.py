@@ -1,4 +1,4 @@
-"""The whole picture of a run, drawn from batches of frames."""
+"""Picture of a run in rerun, drawn from batches of frames."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ READOUT_RATE = 5.0  # Hz
 
 @dataclass(frozen=True)
 class Look:
-    """How a run is drawn, see `RerunView`; points in the plane are x and z."""
+    """Appearance of a run in `RerunView`; points in the plane are x and z."""
 
     title: str
     outlines: Mapping[str, Mapping[str, FloatArray]]  # (n, 2) m, in rerun's plane
@@ -42,7 +42,7 @@ class Look:
 
 
 class Picture:
-    """One run, drawn into one file after the other.
+    """Picture of one run, drawn into one file after the other.
 
     Args:
         look: How it is drawn.
@@ -66,7 +66,7 @@ class Picture:
         self._framed: Framed
 
     def begin(self, stream: rr.RecordingStream, c: Columns) -> None:
-        """Lay a file out around its first batch: what never moves, and the blueprint."""
+        """Lay out a file around its first batch: static entities and the blueprint."""
         look = self._look
         first = first_known(c)
         scene = scene_of(
@@ -99,7 +99,7 @@ class Picture:
             times.restart()
 
     def end(self, stream: rr.RecordingStream) -> None:
-        """Lay a file out again with all of its time, now that it is known how far its plots reach."""
+        """Lay out a file again at its end, with its whole time span and final plot ranges."""
         self._lay_out(stream, None)
 
     def _lay_out(self, stream: rr.RecordingStream, window: float | None) -> None:
@@ -125,6 +125,6 @@ class Picture:
 
 
 def _unit(c: Columns) -> str:
-    """Return N where every force of a frame is below 1 kN."""
+    """Return the force unit of the picture: N where every force of a frame is below 1 kN, else kN."""
     forces = [c.rope_tension, np.linalg.norm(c.support_force, axis=1), np.linalg.norm(c.contact_force, axis=1)]
     return "N" if np.fmax.reduce(np.abs(np.hstack(forces)), initial=0.0) < 1e3 else "kN"

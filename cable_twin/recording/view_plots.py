@@ -1,4 +1,4 @@
-"""What is plotted of a run: speeds beside their commands and references, tensions, swings, forces, loads, wind."""
+"""Plots of a run: speeds beside their commands and references, tensions, swings, forces, loads, wind."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Values = Callable[[Columns], FloatArray]
 
 
 class Plot:
-    """The lines of one entity in a plot.
+    """Lines of one entity in a plot.
 
     Args:
         path: Of the entity.
@@ -79,7 +79,7 @@ class Plots:
     def begin(
         self, stream: rr.RecordingStream, cells: Sequence[tuple[float, float]], window: float | None = None
     ) -> None:
-        """Name and colour the lines.
+        """Log names and colours of the lines.
 
         Args:
             stream: Takes it.
@@ -99,12 +99,12 @@ class Plots:
                 stream.log(entity_path(f"plots/{name}", AXIS), unseen, static=True)
 
     def axes(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]]:
-        """Return signal -> lowest and highest number of an axis for all values so far, for `cells` as of `begin`."""
+        """Return the axis range of each signal for all values so far, with `cells` as in `begin`."""
         units = self._heights(cells)
         return {name: with_ticks(*span, *units[name]) for name, span in self.spans.items()}
 
     def _heights(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[str, float]]:
-        """Return signal -> unit and pixels that its axis is high."""
+        """Return unit and axis height in pixels by signal."""
         return {
             name: (
                 shown_unit(SIGNALS[name], self._unit),
@@ -114,13 +114,13 @@ class Plots:
         }
 
     def legend_rows(self, name: str, cell: tuple[float, float]) -> list[range]:
-        """Return the lines of a signal in rows of the legend in its cell, in pixels; none where it has no legend."""
+        """Return the legend rows of a signal as ranges of its lines, for a cell in pixels; empty without a legend."""
         names = [title for plot in self._plots if plot.signal == name for title in plot.names]
         rows = _shown_names(names, cell[0])
         return rows if len(names) > 1 and len(rows) * LEGEND_ROW <= LEGEND_SHARE * cell[1] else []
 
     def _begin_legend(self, stream: rr.RecordingStream, name: str, cell: tuple[float, float]) -> None:
-        """Name the lines of a signal in a view of their own: rerun's legend would hide them."""
+        """Log the legend of a signal in a separate view, as rerun's own legend would hide the lines."""
         titles, colors = zip(
             *(
                 (t, c)
@@ -162,7 +162,7 @@ class Plots:
 
 
 def _widen(spans: dict[str, tuple[float, float]], name: str, values: FloatArray) -> None:
-    """Take values into the span of a signal, those aside that are missing (NaN)."""
+    """Widen the span of a signal by values, missing ones (NaN) ignored."""
     low, high = (float(limit.reduce(values, axis=None)) for limit in (np.fmin, np.fmax))
     if np.isfinite(low):
         before = spans.get(name, (low, high))
@@ -170,12 +170,12 @@ def _widen(spans: dict[str, tuple[float, float]], name: str, values: FloatArray)
 
 
 def shown_unit(signal: Signal, forces: str) -> str:
-    """Return the unit of a signal's plot, where that of forces is given."""
+    """Return the unit of a signal's plot, with the given unit for forces."""
     return forces if signal.unit == "N" else signal.unit
 
 
 def _shown_names(names: Sequence[str], width: float) -> list[range]:
-    """Return rows of names, as many in each as it has room for."""
+    """Return rows of names, with as many names in each as fit."""
     rows: list[range] = []
     left = 0.0
     for number, wide in enumerate(label_sizes(names)[:, 0] + LEGEND_GAP):
@@ -206,7 +206,7 @@ def _one_by_one(signal: Signal, layout: Layout, _: Collection[str], scale: float
 
 
 def _values(signal: Signal, layout: Layout, scale: float, c: Columns) -> FloatArray:
-    """Values (frames, lines), forces times `scale`."""
+    """Values (frames, lines) of a signal, forces times `scale`."""
     return signal.values(layout, c) * (scale if signal.unit == "N" else 1.0)
 
 
@@ -215,7 +215,7 @@ def _column(signal: Signal, layout: Layout, scale: float, index: int, c: Columns
 
 
 def _speeds(signal: Signal, layout: Layout, _: Collection[str], __: float) -> Iterator[Plot]:
-    """Yield the speed of all that is driven, with its command and its reference, of what takes commands."""
+    """Yield the speed plot of each driven object, with command and reference where commanded."""
     names = signal.names(layout)
     beside = [other for other in SIGNALS.values() if other.beside == signal.name]
     color = 0
@@ -227,12 +227,12 @@ def _speeds(signal: Signal, layout: Layout, _: Collection[str], __: float) -> It
 
 
 def _of_name(signals: Sequence[Signal], layout: Layout, name: str, c: Columns) -> FloatArray:
-    """Values (frames, signals) of several signals, of what is called so."""
+    """Values (frames, signals) of several signals of one named object."""
     return np.stack([one.values(layout, c)[:, one.names(layout).index(name)] for one in signals], axis=1)
 
 
 def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
-    """Yield the swing of each vehicle; of carriers the least and most of those on the rope, and the first one.
+    """Yield the swing plot of each vehicle; for carriers least and most on the rope, and the first carrier.
 
     What else bodies have is drawn alike.
     """
@@ -265,14 +265,14 @@ def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float)
 
 
 class _Bodies(NamedTuple):
-    """Bodies whose swing is plotted."""
+    """Bodies with a plotted swing."""
 
     rows: Sequence[int]
     titles: Sequence[str]
 
 
 def _titles(layout: Layout, name: str) -> list[str]:
-    """Return the titles of a vehicle's bodies, no longer than they must be."""
+    """Return the shortest distinct titles of a vehicle's bodies."""
     bodies = layout.vehicles[name]
     if len(layout.vehicles) == 1:
         return list(bodies)
@@ -280,12 +280,12 @@ def _titles(layout: Layout, name: str) -> list[str]:
 
 
 def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns) -> FloatArray:
-    """Swing (frames, bodies) of bodies on the rope, NaN of those that hang in a station."""
+    """Swing (frames, bodies) of bodies on the rope, NaN in a station."""
     return signal.values(layout, c)[:, bodies.rows]
 
 
 def _spread(signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns) -> FloatArray:
-    """Least and most swing (frames, 2 + first) of all bodies, and that of the `first` ones."""
+    """Least and most swing (frames, 2 + first) of all bodies, and the swing of the `first` ones."""
     swings = _swing(signal, layout, bodies, c)
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 

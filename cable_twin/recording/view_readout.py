@@ -1,4 +1,4 @@
-"""What is written of a run: the numbers of a moment, and its commands."""
+"""Text of the rerun view: the numbers of a moment, and the commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SLIPPED = 1e-3  # m, above which slip is written
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
-    """Return the numbers of a frame as Markdown, forces times `scale` in `unit`; without those that are not known."""
+    """Return the known numbers of a frame as Markdown, forces times `scale` in `unit`."""
     lines: list[tuple[str, float, str]] = []
     movers = driven(layout, c)
     at = "by" if layout.drives else "at"
@@ -62,14 +62,14 @@ def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: 
 
 
 def table_columns(text: str) -> tuple[int, int]:
-    """Return how many letters both columns of what `describe_moment` writes have, with room for larger numbers."""
+    """Return the widths in letters of both columns of a `describe_moment` text, with room for larger numbers."""
     rows = [[cell.strip(" *") for cell in line.split("|")[1:3]] for line in text.splitlines()[1:]]
     names, values = (max(len(row[column]) for row in rows) for column in (0, 1))
     return names, max(values, LARGEST)
 
 
 def describe_command(applied: AppliedCommand) -> str:
-    """Return a command in one line: what, for whom, with unit, from where."""
+    """Return a command in one line: kind, names and values with unit, source."""
     command = applied.command
     unit_of = KINDS[command.kind].unit_of
     values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())

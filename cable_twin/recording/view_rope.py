@@ -1,4 +1,4 @@
-"""The rope as lines coloured by tension, and the legend of the colours."""
+"""Rope as lines coloured by tension, and the legend of the colours."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ NO_ROPE = -1  # colour of the way from one rope to the next, which is no line
 
 
 class Rope:
-    """The rope of one run.
+    """Drawing of the ropes of one run.
 
     Args:
         layout: of the frames.
@@ -53,7 +53,7 @@ class Rope:
         self._legend_time = -np.inf  # s, when it was sent last
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
-        """Log what does not change; the legend begins at x, z and is so wide (m), and valid from `time` (s) on."""
+        """Log static data and the legend: its place (x, z, width) in m, valid from `time` (s) on."""
         self._legend_place = legend_place
         stream.log(IN_PLANE.path, rr.LineStrips2D.from_fields(radii=pixels(2.5), draw_order=30.0), static=True)
         if IN_SPACE in self._drawn:
@@ -62,14 +62,14 @@ class Rope:
             self._log_legend(stream, time)
 
     def legend_size(self) -> tuple[float, float]:
-        """Return pixels of the labels of the legend, width and height, with room for a range that widens."""
+        """Return width and height in pixels of the legend labels, with room for a widened range."""
         names = [*self._colors.scales]
         text = "\n".join(f"{name}: 1000 to 2000 {self._unit}" for name in names) if len(names) > 1 else ""
         width, height = label_sizes([text])[0]
         return float(width), float(height)
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
-        """Send the rope of some frames of a batch, with its kinks at the joints."""
+        """Send the rope of selected frames of a batch, with its kinks at the joints."""
         rows = rows[rows_without_gaps(planar(c.rope_position[rows]))]
         if not rows.size:
             return
@@ -97,11 +97,11 @@ class Rope:
             time.sleep(0)  # the frame loop may be waiting for the interpreter
 
     def _placed(self, places: FloatArray) -> FloatArray:
-        """Arc lengths of samples and joints (frames, n), as `with_joints` orders them."""
+        """Arc lengths (frames, n) of samples and joints, in the order of `with_joints`."""
         return np.hstack([np.broadcast_to(self._arc_lengths, (len(places), self._arc_lengths.size)), places])
 
     def _log_legend(self, stream: rr.RecordingStream, time: float) -> None:
-        """Draw the bar of tension colours with the range of each rope in numbers, as valid from `time` (s) on."""
+        """Log the bar of tension colours with the range of each rope in numbers, valid from `time` (s) on."""
         x, z, width = self._legend_place
         self._legend_time = time
         edges = x + np.linspace(0.0, width, COLOR_COUNT + 1)
@@ -124,7 +124,7 @@ class Rope:
 def with_joints(
     arc_lengths: FloatArray, points: FloatArray, tensions: FloatArray, places: FloatArray, joints: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Put joints among the samples of a rope: they are its kinks, and seldom there already.
+    """Insert joints into the samples of a rope, as they are its kinks and seldom samples already.
 
     Args:
         arc_lengths: (n,) m, of the samples.
@@ -148,7 +148,7 @@ def with_joints(
 
 
 class Form(NamedTuple):
-    """How the rope is drawn: in the plane of the track, or in space."""
+    """Drawing form of the rope: in the plane of the track, or in space."""
 
     path: str
     seen: Callable[[FloatArray], FloatArray]  # points (..., 3) in m as they are drawn

@@ -1,4 +1,4 @@
-"""What stands still: ground, supports and masts, and how large the scene is."""
+"""Static scene of the view: ground, supports, masts, and its extent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ BAR, BAR_INDENT, BAR_HEIGHT = 210.0, 40.0, 10.0  # pixels of tension colours: ha
 
 
 class Scene(NamedTuple):
-    """What is in the picture at the start."""
+    """Initial scene: cable, vehicles, supports, ground."""
 
     cable: FloatArray  # (n, 2) m, x and z
     vehicles: list[FloatArray]  # of each (m, 2) m, its joint and then its bodies
@@ -40,7 +40,7 @@ def scene_of(
     support_positions: Mapping[str, FloatArray],
     ground: FloatArray | None,
 ) -> Scene:
-    """Return the scene around a cable (n, 2) m, which may have gaps (NaN), with its ends by name and number."""
+    """Return the scene around a cable (n, 2) m, gaps (NaN) allowed, with its end samples by name."""
     cable = cable[~np.isnan(cable).any(axis=1)]
     if len(cable) < 2:  # not known yet
         cable = np.vstack([(0.0, 0.0), (1.0, 0.0), *support_positions.values()])
@@ -51,13 +51,13 @@ def scene_of(
 
 
 def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Return the lower left and the upper right corner (2,) m of all that is in a scene."""
+    """Return the lower left and the upper right corner (2,) m of a scene."""
     points = np.vstack([scene.cable, *scene.vehicles, scene.ground])
     return points.min(axis=0), points.max(axis=0)
 
 
 class Framed(NamedTuple):
-    """A scene with its labels, as the view of the whole track shows it."""
+    """Scene with its labels, framed for the view of the whole track."""
 
     pixel: float  # m, of the smallest screen
     names: Mapping[str, FloatArray]  # (2,) m, the middle of the upper side of each label of supports
@@ -75,7 +75,7 @@ def framed(
     legend: tuple[float, float],
     above: float,
 ) -> Framed:
-    """Return where labels stand and what is shown, so that all of it has room and no label covers another.
+    """Return label positions and view range, with room for everything and no label covering another.
 
     Args:
         scene: What is shown.

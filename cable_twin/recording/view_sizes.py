@@ -1,4 +1,4 @@
-"""Sizes of the views on the smallest screen that the picture is laid out for, in pixels of rerun's browser view."""
+"""View sizes on the smallest supported screen, in pixels of rerun's browser view."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LETTER_OF_TABLE, MARGINS_OF_TABLE = 6.5, 32  # of the readout
 
 
 class Sizes(NamedTuple):
-    """How the picture is divided.
+    """Division of the picture into views.
 
     Attributes:
         side: Width of the column with readout and commands.
@@ -29,7 +29,7 @@ class Sizes(NamedTuple):
 
     @property
     def main(self) -> float:
-        """Width of all but the column at the side."""
+        """Width of the picture without the side column."""
         return WIDTH - self.side
 
     @property
@@ -43,7 +43,7 @@ class Sizes(NamedTuple):
         return self.main / (2 if self.space else 1), self.row - TITLE
 
     def cell(self, number: int) -> tuple[float, float]:
-        """Width and height of a plot, with its legend, or of a close-up, by its number from the first row on."""
+        """Width and height of a plot with legend, or of a close-up, by its number from the first row on."""
         for count in self.rows:
             if number < count:
                 return self.main / count, self.row - TITLE
@@ -52,7 +52,7 @@ class Sizes(NamedTuple):
 
 
 def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
-    """Return how the picture is divided for so many cells and a readout with columns of so many letters."""
+    """Return the division of the picture for a number of cells and a readout with column widths in letters."""
     count = max(1, -(-cells // (IN_SPACE_IN_A_ROW if space else IN_A_ROW)))
     ends = [cells * row // count for row in range(count + 1)]
     rows = tuple(last - first for first, last in pairwise(ends))

@@ -1,4 +1,4 @@
-"""A run in space: ground as a strip, towers with arms, rope, vehicles as solids, and the wind as an arrow."""
+"""3D view of a run: ground as a strip, towers with arms, rope, vehicles as solids, and the wind as an arrow."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
 
 @dataclass(frozen=True)
 class InSpace:
-    """What of a scenario is drawn in space, beside its frames.
+    """Additional scene data for the 3D view: solids of bodies, and towers.
 
     Attributes:
         solids: Vehicle -> body -> its triangles.
@@ -52,14 +52,14 @@ class InSpace:
 
 
 class Eye(NamedTuple):
-    """From where a view looks."""
+    """Position and target of a 3D view."""
 
     position: FloatArray  # (3,) m
     target: FloatArray  # (3,) m
 
 
 class Lens(NamedTuple):
-    """How a view of so many pixels shows points: as a pinhole camera."""
+    """Pinhole camera that projects points onto a view, in pixels."""
 
     eye: Eye
     right: FloatArray  # (3,), axes of the picture and into it
@@ -69,14 +69,14 @@ class Lens(NamedTuple):
 
     @classmethod
     def of(cls, eye: Eye, height: float) -> Lens:
-        """Return that of a view whose height is given in pixels."""
+        """Return the camera of a view with a height in pixels."""
         ahead = (eye.target - eye.position) / np.linalg.norm(eye.target - eye.position)
         right = np.cross(ahead, [0.0, 0.0, 1.0])
         right /= np.linalg.norm(right)
         return cls(eye, right, np.cross(right, ahead), ahead, 0.5 * height / np.tan(0.5 * FIELD))
 
     def seen(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return pixels (n, 2) from the middle to the right and down, and how far ahead (n,) m, of points (n, 3) m."""
+        """Return pixels (n, 2) right and down from the middle, and depths (n,) in m, of points (n, 3) in m."""
         away = points - self.eye.position
         depth = away @ self.ahead
         across = np.stack([away @ self.right, -(away @ self.up)], axis=1)
@@ -84,7 +84,7 @@ class Lens(NamedTuple):
 
 
 class _Alike(NamedTuple):
-    """Bodies of one look, drawn as one entity."""
+    """Bodies with equal solids, drawn as one entity."""
 
     path: str
     rows: list[int]  # of the bodies
@@ -93,7 +93,7 @@ class _Alike(NamedTuple):
 
 
 class Space:
-    """All that is drawn in space of one layout.
+    """Drawing of one layout in the 3D view.
 
     Args:
         layout: What is drawn.
@@ -128,7 +128,7 @@ class Space:
         wheels: Mapping[str, FloatArray],
         size: tuple[float, float],
     ) -> None:
-        """Log what never changes.
+        """Log static entities of the 3D view.
 
         Args:
             stream: Takes it.
@@ -183,7 +183,7 @@ class Space:
         ends: Mapping[str, FloatArray],
         ground: FloatArray,
     ) -> dict[str, FloatArray]:
-        """Log stations as masts, towers as masts beside the rope with an arm above it.
+        """Log stations as masts, and towers as masts beside the rope with an arm above.
 
         Args:
             stream: Takes it.
@@ -209,7 +209,7 @@ class Space:
         return places
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
-        """Send where vehicles are in some frames of a batch, and the wind."""
+        """Send the poses of vehicles in selected frames of a batch, and the wind."""
         times = c.time[rows, 0]
         for group in self._alike:
             places, turns = c.body_position[rows][:, group.rows], c.body_orientation[rows][:, group.rows]
@@ -253,7 +253,7 @@ class Space:
 def _seen_whole(
     middle: FloatArray, span: float, points: FloatArray, names: Mapping[str, FloatArray], size: tuple[float, float]
 ) -> tuple[Eye, FloatArray]:
-    """Return from how near all is seen, and where names stand (n, 3) m, below each other where they would meet.
+    """Return the nearest eye that sees everything, and name positions (n, 3) m, stacked where they would overlap.
 
     Args:
         middle: (3,) m, what is looked at.
@@ -282,7 +282,7 @@ def _seen_whole(
 
 
 def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_Alike]:
-    """Each body of a carriage by itself, those of carriers together that look alike."""
+    """Groups of bodies for drawing: each body of a carriage alone, equal bodies of carriers together."""
     groups: dict[object, _Alike] = {}
     for (vehicle, bodies), (first, _) in zip(layout.vehicles.items(), pairwise(layout.first_body), strict=True):
         for number, body in enumerate(bodies):

@@ -1,4 +1,4 @@
-"""A stream to rerun: into one file after the other, to live viewers or both, that never waits for good.
+"""Stream to rerun: into one file after the other, to live viewers or both, without endless waits.
 
 Another file needs another set of sinks, and rerun ends a server that is a sink when the set changes. So the server
 belongs to a stream of its own, which nothing is drawn into, and the drawing reaches it as any other program's would.
@@ -25,7 +25,7 @@ LIVE_MEMORY = "4MiB"
 
 
 class _Stream(rr.RecordingStream):
-    """A stream that ends when it is disconnected, and does not wait for its writer when it is deleted."""
+    """Rerun stream that ends on disconnect, and whose deletion does not wait for its writer."""
 
     server: _Stream | None = None  # to whose viewers it is sent
     url = ""  # of the server
@@ -33,10 +33,10 @@ class _Stream(rr.RecordingStream):
     _layout_count = 0
 
     def __del__(self) -> None:
-        """Do nothing."""
+        """Do nothing, as deletion must not wait for the writer."""
 
     def go_to(self, title: str, path: Path | None) -> None:
-        """Close the file, with its index, and go on in another one, and to the server.
+        """Close the file with its index, and continue in another one, and to the server.
 
         Raises:
             OSError: The new file cannot be created.
@@ -55,7 +55,7 @@ class _Stream(rr.RecordingStream):
     def send_blueprint(
         self, blueprint: rr.BlueprintLike, *, make_active: bool = True, make_default: bool = True
     ) -> None:
-        """Send a layout, one for each file.
+        """Send a blueprint, one for each file.
 
         rerun's own makes a stream for each that never ends, with two threads and 1.5 MB; this one is made once.
         """
@@ -82,7 +82,7 @@ class _Stream(rr.RecordingStream):
 
 
 def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = LIVE_PORT) -> rr.RecordingStream:
-    """Return a stream of its own into a file, to a server on the local interface, or both.
+    """Return a separate stream into a file, to a server on the local interface, or both.
 
     Raises:
         OSError: The file cannot be created, or the port is in use.
@@ -117,7 +117,7 @@ def _serve(stream: rr.RecordingStream, port: int) -> _Stream:
 
 
 def split_stream(stream: rr.RecordingStream, title: str, old: Path | None, new: Path) -> None:
-    """Close the file of a stream of `open_stream` and go on in another one; viewers stay connected.
+    """Close the file of a stream of `open_stream` and continue in another one; viewers stay connected.
 
     Args:
         stream: All that was sent to it is flushed.
@@ -136,7 +136,7 @@ def split_stream(stream: rr.RecordingStream, title: str, old: Path | None, new: 
 
 
 def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
-    """Have what was sent on the disk, in the file `path` if there is one; waits for a disk that stalls.
+    """Flush sent data to disk, in the file `path` if given; waits for a disk that stalls.
 
     Raises:
         OSError: The file cannot be written any more, a full disk for instance; the stream is given up then. That it
@@ -161,7 +161,7 @@ def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
 
 
 def end_threads() -> None:
-    """End the threads of streams that are closed and that nobody has any more: two, and a megabyte, for each.
+    """End the threads of closed and unreferenced streams, which hold two threads and a megabyte each.
 
     rerun itself does so only when another global recording begins. It flushes all streams before, and so would wait for
     good where one was given up.
@@ -171,7 +171,7 @@ def end_threads() -> None:
 
 
 def _abandon(stream: rr.RecordingStream) -> None:
-    """Leave a stream open: for a writer that is gone, rerun would wait for good, at exit too."""
+    """Leave a stream open, as rerun would wait forever for a writer that is gone, also at exit."""
     _ABANDONED.append(stream)
     rr.unregister_shutdown()
 

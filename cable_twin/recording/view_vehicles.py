@@ -1,4 +1,4 @@
-"""What hangs on the rope: carriages, each with entities of its own, and carriers of one kind in one entity."""
+"""Vehicles in the view: carriages with entities of their own, and carriers of one kind in one entity."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LIFT = 8.0  # pixels from a joint to the label with the name
 
 
 class Outlines:
-    """Lines that go with bodies, one each, all placed at once; bodies with equal lines stand together.
+    """Outlines of bodies, one each, all placed at once; bodies with equal outlines are grouped.
 
     Args:
         lines: (n, 2) m of each body, in its axes, in rerun's plane.
@@ -65,7 +65,7 @@ class Outlines:
 
 
 class Vehicles:
-    """All vehicles of a layout.
+    """Drawing of all vehicles of a layout.
 
     Attributes:
         close_ups: entity -> m, what close-ups follow, and how far the vehicle reaches from its joint.
@@ -108,7 +108,7 @@ class Vehicles:
         ]
 
     def points(self, c: Columns) -> list[FloatArray]:
-        """Return (n, 2) m of each vehicle in a frame, its joint and then its bodies, x and z; without those unknown."""
+        """Return known points (n, 2) m of each vehicle in a frame, its joint and then its bodies, x and z."""
         outlines = Outlines([np.zeros((1, 2)) if line is None else line for line in self._lines])
         bodies, pitches = plane(planar(c.body_position))[None], c.body_angles[None, :, 1]
         points = plane(outlines.placed(bodies, pitches)[0])
@@ -120,7 +120,7 @@ class Vehicles:
         return [group[~np.isnan(group).any(axis=1)] for group in groups]
 
     def begin(self, stream: rr.RecordingStream, c: Columns, pixel: float, taken: FloatArray) -> None:
-        """Log what never changes about the vehicles of a first frame.
+        """Log static data of the vehicles in a first frame.
 
         Args:
             stream: Takes it.
@@ -171,7 +171,7 @@ class Vehicles:
             self.close_ups |= {path: reaches[index] for path, index in self._followed.items()}
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
-        """Send where the vehicles are in some frames of a batch."""
+        """Send the poses of vehicles in selected frames of a batch."""
         times = c.time[rows, 0]
         joints = plane(planar(c.joint_position[rows]))
         bodies = plane(planar(c.body_position[rows]))
@@ -193,11 +193,11 @@ class Vehicles:
 
     @property
     def headroom(self) -> float:
-        """Pixels that names of vehicles take above a rope."""
+        """Height (pixels) of vehicle names above a rope."""
         return LIFT + float(self._label_sizes[0, 1]) if self._labelled else 0.0
 
     def _send_names(self, stream: rr.RecordingStream, times: FloatArray, joints: FloatArray) -> None:
-        """Send where names stand above the joints (frames, vehicles, 2) in m, one above the other where some meet."""
+        """Send name positions above the joints (frames, vehicles, 2) in m, stacked where they would overlap."""
         known = rows_without_gaps(joints)
         if not known.any():
             return
@@ -212,7 +212,7 @@ class Vehicles:
     def _send_joined(
         self, stream: rr.RecordingStream, times: FloatArray, dots: FloatArray, points: NDArray[np.float32]
     ) -> None:
-        """Send the dots (frames, dots, 2) and the lines (frames, points, 2) in m of all carriers together."""
+        """Send dots (frames, dots, 2) and outlines (frames, points, 2) in m of all carriers together."""
         known = rows_without_gaps(dots, points)
         frames = int(known.sum())
         if not frames:
@@ -228,12 +228,12 @@ class Vehicles:
 
 
 def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
-    """Return a colour for each number; three or four plain integers would be one colour to rerun."""
+    """Return a colour array by number, as rerun would take three or four plain integers for one colour."""
     return np.array([table[number % len(table)] for number in numbers], dtype=np.uint32)
 
 
 def _reach(points: FloatArray) -> float:
-    """Return how far points (n, 2) are from the first one (m), and never nothing."""
+    """Return the largest distance (m) of points (n, 2) from the first one, at least a minimum above zero."""
     return max(float(np.hypot(*(points - points[:1]).T).max(initial=0.0)), 1e-3)
 
 
@@ -244,7 +244,7 @@ def _send_pose(
     places: FloatArray,
     angles: FloatArray | None = None,
 ) -> None:
-    """Send where an entity is at (frames, 2) m, and how it is turned by (frames,) rad."""
+    """Send the poses of an entity: places (frames, 2) in m and angles (frames,) in rad."""
     known = rows_without_gaps(places) if angles is None else rows_without_gaps(places, angles)
     if not known.any():
         return

@@ -1,4 +1,4 @@
-"""rerun's viewer for a browser: served by a process of its own, on the local interface only."""
+"""Browser viewer of rerun, served by a separate process on the local interface only."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ READY = 20.0  # s within which it answers, be the machine busy
 
 
 def live_url(port: int) -> str:
-    """Where viewers find a live view (`rerun --connect URL`)."""
+    """Address of a live view for viewers (`rerun --connect URL`)."""
     return f"rerun+http://{LIVE_ADDRESS}:{port}/proxy"
 
 
 class WebView:
-    """Serves a live view, or recordings, to browsers of this machine until it is closed.
+    """Server of a live view or of recordings for browsers of this machine, until closed.
 
     Attributes:
         link: What to open.
@@ -74,7 +74,7 @@ class WebView:
 
 
 def free_port(wanted: int = 0) -> int:
-    """A TCP port of the local interface that nobody has: the wanted one, or another."""
+    """Free TCP port of the local interface: the wanted one, or another."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -85,7 +85,7 @@ def free_port(wanted: int = 0) -> int:
 
 
 def _program() -> list[str]:
-    """Rerun's program itself, which ends when it is told to; its front in Python would leave it behind."""
+    """Command of the rerun program itself, as its Python front would leave it behind at the end."""
     import rerun_cli  # noqa: PLC0415 - comes with rerun-sdk
 
     program = Path(str(rerun_cli.__file__)).with_name("rerun")
@@ -95,7 +95,7 @@ def _program() -> list[str]:
 
 
 def why_not(error: Exception) -> str:
-    """Reason in one line why rerun cannot be used, with what to install where it is missing."""
+    """Reason in one line for an unusable rerun, with install advice where missing."""
     if isinstance(error, ImportError):
         return f"rerun is not installed ({error}): pip install rerun-sdk"
     return " ".join(str(error).split())
