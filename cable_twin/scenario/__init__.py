@@ -1,4 +1,4 @@
-"""Scenarios: YAML in, everything that is wrong with it said at once, constants of the mechanics out."""
+"""Scenarios: YAML files checked with all faults at once, and built into the constants of the mechanics."""
 
 from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.build_vehicles import vehicle_buffer

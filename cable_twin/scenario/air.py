@@ -21,7 +21,7 @@ class Profile(Section):
 
 
 class Gust(Section):
-    """A gust of a standard, everywhere at once, that is added to the wind."""
+    """Gust of a standard, uniform over the line and added to the mean wind."""
 
     time: float = quantity("s", "when it begins, since the start or the last reset", ge=0)
     amplitude: Place = quantity("m/s", "how strong it is, as x, z, in space x, y, z")
@@ -33,7 +33,7 @@ class Gust(Section):
 
 
 class Turbulence(Section):
-    """Turbulence with a spectrum, from a seed; frozen as it goes by with the wind, partly coherent along the line."""
+    """Turbulence with a spectrum, from a seed; frozen and carried by the wind, partly coherent along the line."""
 
     spectrum: Literal["kaimal", "von_karman"] = Field(
         default="kaimal", description="that of Kaimal, or the isotropic one of von Karman, both as IEC 61400-1 has them"

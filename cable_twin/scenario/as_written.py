@@ -1,4 +1,4 @@
-"""Keys as a file has them, where the scenario has others: drives at their bullwheels, towers of several ropes."""
+"""Keys of a scenario file mapped to keys of the scenario: drives at bullwheels, towers of several ropes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file ha
 
 
 class _Place(NamedTuple):
-    """Where a file has a drive, or a tower of one rope."""
+    """Key path in the file of a drive, or of a tower of one rope."""
 
     own: KeyPath
     keys: frozenset[str]  # that are there
@@ -19,7 +19,7 @@ class _Place(NamedTuple):
 
 
 class Written:
-    """A file's own keys, before `expand_bullwheels` writes them otherwise.
+    """Keys of a file before `expand_bullwheels` rewrites drives at bullwheels and towers of several ropes.
 
     Args:
         data: what the file has, as plain dicts; overrides of such keys are put into it.
@@ -30,7 +30,7 @@ class Written:
         self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
 
     def put(self, key: str, value: Any) -> bool:
-        """Set what a file has otherwise than a scenario; whether the key is of these.
+        """Set a key that exists in the file only; returns whether the key is of this kind.
 
         That is what is below `sheaves.NAME.drive` or `towers.NAME.ropes`, a whole sheave or tower, and all of them.
 
@@ -78,15 +78,15 @@ class Written:
         return True
 
     def give(self, path: KeyPath) -> None:
-        """Take note of what an override has changed."""
+        """Record a key path changed by an override."""
         self._given.add(".".join(map(str, path)))
 
     def depth(self, key: str) -> int:
-        """How deep the file has what a key is of."""
+        """Depth in the file of a key of the scenario."""
         return len(self.path(tuple(key.split("."))))
 
     def expanded(self, key: str) -> list[str]:
-        """Keys of the scenario that one of the file stands for: of a tower of several ropes that of each."""
+        """Scenario keys of one key of the file: for a tower of several ropes, the key of each of its towers."""
         parts = tuple(key.split("."))
         ropes = [place for place, where in self._places().items() if where.common == parts[:2]]
         keys = [".".join((*map(str, place), *parts[2:])) for place in ropes]
@@ -94,20 +94,20 @@ class Written:
         return keys or [key]
 
     def path(self, path: KeyPath) -> KeyPath:
-        """Where the file, or an override, has a key of the scenario."""
+        """Key path in the file, or in an override, of a key path of the scenario."""
         place, rest = self._places().get(path[:2]), path[2:]
         if place is None or self.is_given(path, by_name=True):
             return path
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
     def is_given(self, path: KeyPath, *, by_name: bool = False) -> bool:
-        """Whether an override names it, or something that it is in; `by_name`: not all things of its kind at once."""
+        """Return whether an override names a key path or a parent; `by_name`: not just a whole section."""
         key = ".".join(map(str, path))
         given = (one for one in self._given if "." in one or not by_name)
         return any(key == one or key.startswith(f"{one}.") for one in given)
 
     def _places(self) -> dict[KeyPath, _Place]:
-        """By section and name in the scenario."""
+        """Key paths in the file by section and name in the scenario."""
         found: dict[KeyPath, _Place] = {}
         for section, own in OWN.items():
             things = self._data.get(section)

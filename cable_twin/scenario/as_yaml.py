@@ -10,7 +10,7 @@ from ruamel.yaml.representer import SafeRepresenter
 
 
 class _Representer(SafeRepresenter):
-    """Floats as every YAML reads them: 1e-06 is a text in YAML 1.1, 1.0e-06 is not."""
+    """YAML floats with a decimal point: 1e-06 is a text in YAML 1.1, 1.0e-06 is a number."""
 
     def represent_float(self, value: float) -> Any:
         text = repr(value)

@@ -1,4 +1,4 @@
-"""From a scenario to the constants of the mechanics."""
+"""Constants of the mechanics of one rope, built from a scenario."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
 
 
 def build_system(scenario: Scenario, marks: FloatArray | None = None) -> parameters.System:
-    """Work out the constants of the mechanics.
+    """Build the constants of the mechanics of one rope.
 
     Args:
         scenario: a scenario from `load_scenario`, of one rope.
@@ -72,7 +72,7 @@ def build_system(scenario: Scenario, marks: FloatArray | None = None) -> paramet
 
 
 def build_payloads(scenario: Scenario) -> Payloads:
-    """Say where each carriage can be loaded: the body in the order of the file, -1 for none, and the place in it."""
+    """Build the payload places: loaded body of each carriage in file order (-1 for none), and place in it."""
     bodies, places, first = [], [], 0
     for carriage in scenario.vehicles.values():
         names, payload = list(carriage.bodies), carriage.payload
@@ -84,7 +84,7 @@ def build_payloads(scenario: Scenario) -> Payloads:
 
 
 def _free_part(scenario: Scenario, end: EndSupport) -> FloatArray:
-    """Projectors (2, dim²) of r and r_x of an end node onto what its support leaves free."""
+    """Projectors (2, dim²) of r and r_x of an end node onto the directions left free by its support."""
     identity = np.eye(scenario.dim)
     position, slope = identity, identity
     if end.support != "free":
@@ -144,7 +144,9 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
 
 
 def tower_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (towers, dim): where the grooves of each tower open, and across them to the left of the track.
+    """Unit vectors (towers, dim) of the groove opening of each tower, and across it to the left of the track.
+
+    In a plane the vectors to the left are zero.
 
     There is nothing to the left in a plane: those are zero.
     """

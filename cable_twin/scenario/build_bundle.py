@@ -1,4 +1,4 @@
-"""From a scenario of several ropes to what couples them in the mechanics."""
+"""Ropes and couplings between them for the mechanics, built from a scenario of several ropes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from cable_twin.scenario.vehicles import Carriage
 
 
 def build_ropes(scenario: Scenario) -> dict[str, System]:
-    """The constants of each rope with what is on it, by name; its mesh has a node at each connector."""
+    """Build the constants of each rope with its vehicles, by name, with a mesh node at each connector."""
     marks: dict[str, list[float]] = {name: [] for name in scenario.cables}
     for rod in scenario.connectors.values():
         for rope, place in rod.ends:
@@ -36,7 +36,7 @@ def build_ropes(scenario: Scenario) -> dict[str, System]:
 
 
 def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Connectors, list[str]]:
-    """The connectors in an order in which they follow each other along the ropes, and their names in that order.
+    """Build the connectors in their order along the ropes, and return their names in this order.
 
     Raises:
         ValueError: two of them cross.
@@ -61,7 +61,7 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
 
 
 def clamped(scenario: Scenario) -> list[tuple[int, int, str, Carriage]]:
-    """All that is clamped to a second rope: number of its own rope, and there, its name, and what it is."""
+    """Carriages clamped to a second rope: index of their own rope, index on it, name and section."""
     found = []
     for row, rope in enumerate(scenario.ropes):
         vehicles = scenario.of_rope(rope).vehicles
@@ -70,14 +70,14 @@ def clamped(scenario: Scenario) -> list[tuple[int, int, str, Carriage]]:
 
 
 def clamped_pairs(scenario: Scenario) -> IntArray:
-    """Ropes (n, 2) of which something slides on one and is clamped to the other."""
+    """Pairs of ropes (n, 2) with a vehicle sliding on the first and clamped to the second."""
     ropes = list(scenario.ropes)
     pairs = {(row, ropes.index(other)) for row, _, _, one in clamped(scenario) for other in one.clamped_to}
     return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
 
 
 def build_clamps(scenario: Scenario) -> Clamps:
-    """The carriages that are clamped to another rope, as `clamped` has them."""
+    """Build the clamps of carriages to a second rope, in the order of `clamped`."""
     ropes, found = list(scenario.ropes), clamped(scenario)
     vehicles = [one for *_, one in found]
     rides = [scenario.of_rope(ropes[row]).riding for row in range(len(ropes))]
@@ -95,7 +95,7 @@ def build_clamps(scenario: Scenario) -> Clamps:
 
 
 def build_pantographs(scenario: Scenario) -> Pantographs:
-    """The pantographs, in the order of the file."""
+    """Build the pantographs, in the order of the file."""
     given = list(scenario.pantographs.values())
     stages = len(given[0].stages) if given else 1
 
@@ -119,7 +119,7 @@ def build_pantographs(scenario: Scenario) -> Pantographs:
 
 
 def build_bullwheels(scenario: Scenario) -> Bullwheels:
-    """The bullwheels, in the order of the file."""
+    """Build the bullwheels, in the order of the file."""
     given, names = list(scenario.sheaves.values()), list(scenario.ropes)
     joined = [[names.index(end.partition(".")[0]) for end in sheave.joins] for sheave in given]
     ropes = [[scenario.ropes[names[rope]] for rope in pair] for pair in joined]
@@ -152,7 +152,7 @@ def build_bullwheels(scenario: Scenario) -> Bullwheels:
 
 
 def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], tuple[float, ...], Vector]:
-    """Kind, direction (dim,), mass, pull, band, rate and buffers, and travel of what moves a bullwheel."""
+    """Kind, direction (dim,), mass, pull, band, rate, buffers, and travel of a bullwheel's tensioning device."""
     weight, cylinder = sheave.counterweight, sheave.hydraulics
     if weight is None and (cylinder is None or cylinder.locked):
         return FIXED, [0.0] * scenario.dim, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0)

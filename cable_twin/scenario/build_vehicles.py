@@ -1,4 +1,4 @@
-"""From the vehicles of a scenario to the constants of the mechanics."""
+"""Constants of vehicles and haul ropes for the mechanics, built from a scenario."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def floats(values: list, columns: int = 0) -> FloatArray:
 
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
-    """Length (m) of the end stops of a carriage: as given, or 0.5 % of the cable's length; none where it is clamped."""
+    """Length (m) of the end stops of a carriage, 0.5 % of the cable's length by default; 0 for a clamped carriage."""
     if carriage.joint == "clamped" or scenario.riding is not None:
         return 0.0
     given = carriage.end_stop.stroke
@@ -57,7 +57,7 @@ def vehicle_buffer(scenario: Scenario, carriage: Carriage, length: float) -> tup
 
 
 def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuffer, used: float) -> tuple[float, float]:
-    """Stiffness (N/m) and damping (s/m), as given, or what stops the whole carriage from its speed within `used` m."""
+    """Stiffness (N/m) and damping (s/m) of a buffer; by default it stops the whole carriage within `used` (m)."""
     speed = carriage.drive.limits.speed
     if speed is None:
         speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
@@ -70,7 +70,7 @@ def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuff
 
 
 def build_carriages(scenario: Scenario) -> parameters.Carriages:
-    """All carriages, those of the file and then the carriers."""
+    """Build all vehicles: the carriages of the file, then the carriers."""
     carriages = list(scenario.vehicles.values())
     bodies = [body for carriage in carriages for body in carriage.bodies.values()]
     limits = [carriage.drive.limits for carriage in carriages]
@@ -107,7 +107,7 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
 
 
 def _body_numbers(bodies: list[Body]) -> dict[str, FloatArray]:
-    """Constants (bodies,) that bodies have under their own name, or under that of a hinge."""
+    """Constants (bodies,) of bodies by name in `parameters.Carriages`, some prefixed with `hinge_`."""
     keys = [key for key, field in Body.model_fields.items() if field.annotation is float and key != "inertia"]
     names = {key: key if key in parameters.Carriages._fields else f"hinge_{key}" for key in keys}
     return {name: floats([getattr(body, key) for body in bodies]) for key, name in names.items()}
@@ -127,7 +127,7 @@ def inertia_tensor(body: Body) -> FloatArray:
 
 
 def _held(scenario: Scenario) -> list[int]:
-    """Angles that the joint above each body holds: in space the heading, and of a revolute one the roll as well."""
+    """Number of angles constrained by the joint above each body: in space heading, and roll of revolute joints."""
     found = []
     for carriage in scenario.vehicles.values():
         for number, body in enumerate(carriage.bodies.values()):
@@ -136,13 +136,13 @@ def _held(scenario: Scenario) -> list[int]:
 
 
 def _brakes(drive: Drive) -> list[tuple[float, float]]:
-    """Force (N) and rise time (s) of the brakes that an emergency stop applies."""
+    """Force (N) and rise time (s) of the brakes applied by an emergency stop."""
     applied = [getattr(drive, name) if name in drive.emergency_stop else None for name in BRAKES]
     return [NO_BRAKE if brake is None else (brake.force, brake.rise_time) for brake in applied]
 
 
 def build_haul_ropes(scenario: Scenario) -> parameters.HaulRopes:
-    """The haul rope of each carriage, where it has one."""
+    """Build the haul rope of each carriage; stiffness 0 without one."""
     ropes = [carriage.drive.haul_rope for carriage in scenario.vehicles.values()]
     return parameters.HaulRopes(
         axial_stiffness=floats([0.0 if rope is None else rope.axial_stiffness for rope in ropes]),

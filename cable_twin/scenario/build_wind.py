@@ -1,4 +1,4 @@
-"""From the wind of a scenario to the constants of the mechanics."""
+"""Constants of the wind for the mechanics, built from a scenario."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GROUND_STEP = 1.0  # m, at which the terrain is looked up
 
 
 def build_wind(scenario: Scenario) -> parameters.Wind:
-    """Say how the wind of a scenario differs from place to place and in time; `STEADY` where it does not."""
+    """Build the variation of the wind in space and time; `STEADY` for a steady, uniform wind."""
     air, wind = scenario.air, STEADY
     gusts = [
         (*in_space(gust.amplitude), gust.time, gust.duration, parameters.GUSTS.index(gust.shape)) for gust in air.gusts
@@ -46,7 +46,7 @@ def build_wind(scenario: Scenario) -> parameters.Wind:
 
 
 def _shedding(scenario: Scenario) -> FloatArray:
-    """Eddies a metre and kg/m of their force, (bodies, 2); (0, 2) where no body sheds any."""
+    """Eddies per metre and side force coefficient (kg/m) of the bodies, (bodies, 2); (0, 2) without vortex shedding."""
     rows = []
     for vehicle in scenario.vehicles.values():
         for body in vehicle.bodies.values():

@@ -1,4 +1,4 @@
-"""Bullwheels, loops and what rides them: values that are sound alone but not together."""
+"""Consistency checks of bullwheels, loops and their carriers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ APART = 0.05  # of the diameter, by which joined ends may be further apart
 
 
 def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them, of a scenario of several ropes."""
+    """Faults of bullwheels, drives, loops and carriers in a scenario of several ropes."""
     joined: dict[str, str] = {}
     sound = True
     for name, sheave in scenario.sheaves.items():
@@ -46,7 +46,7 @@ def bullwheel_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, str]) -> Iterator[Fault]:
-    """Ends that there are not, or that another bullwheel has."""
+    """Faults of joined ends: unknown ends, or ends joined by another bullwheel."""
     for number, (end, side) in enumerate(zip(sheave.joins, ("end", "start"), strict=True)):
         rope, _, which = end.partition(".")
         where = (*path, "joins", number)
@@ -62,7 +62,7 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
 
 
 def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
-    """Ends that are not at the rim, and strands that are not the same rope."""
+    """Faults of geometry: ends away from the rim, and joined strands of different rope."""
     ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
     ends = [in_space(ropes[0].end.position), in_space(ropes[1].start.position)]
     if scenario.dim == 3:  # there ropes are beside each other, and not just drawn so
@@ -96,7 +96,7 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
 
 
 def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
-    """What tensions the strands but pulls them the way in which they pull it."""
+    """Fault of a tensioning device that pulls along with its strands instead of against them."""
     if sheave.tensioning is None or not any(sheave.tensioning.direction):
         return
     ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
@@ -114,7 +114,7 @@ def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
 
 
 def _drives(scenario: Scenario) -> Iterator[Fault]:
-    """Drives of no bullwheel, or two of one."""
+    """Faults of drives: without a bullwheel, or two on one bullwheel."""
     turned: dict[str, str] = {}
     for name, drive in scenario.drives.items():
         path: KeyPath = ("drives", name)
@@ -145,7 +145,7 @@ def _drives(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _loops(scenario: Scenario) -> Iterator[Fault]:
-    """Strands that lead nowhere, and ropes that nothing is at."""
+    """Faults of strands outside a closed loop, and of ropes without vehicle or coupling."""
     strands = scenario.strands
     for name, sheave in scenario.sheaves.items():
         for end in sheave.joins:
@@ -171,7 +171,7 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _riders(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Carriers without a loop, or longer than it, and loads at stations that there are not."""
+    """Faults of carriers without a loop or too many for its length, and of loads at unknown stations."""
     if not scenario.strands:
         yield Fault(("carriers",), "given for ropes that stand still; allowed: with sheaves that join them to a loop")
         return

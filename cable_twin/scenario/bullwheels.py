@@ -1,4 +1,4 @@
-"""Bullwheels, which join strands of rope to a loop, as a scenario file has them: its `sheaves`."""
+"""Bullwheels joining strands of rope to a loop: section `sheaves` of a scenario file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Joined = Annotated[tuple[str, str], FromList]
 
 
 class SheaveCounterweight(Section):
-    """What pulls the carriage of a bullwheel with a constant force, and both strands by that."""
+    """Counterweight: pulls the carriage of a bullwheel, and with it both strands, with a constant force."""
 
     direction: Place = quantity("-", "direction in which it pulls, any length")
     mass: float = quantity("kg", "mass of the counterweight, of both strands together", gt=0)
@@ -32,7 +32,7 @@ class SheaveCounterweight(Section):
 
 
 class SheaveHydraulics(Section):
-    """A cylinder that moves the carriage of a bullwheel where the pull of both strands has left a band."""
+    """Hydraulic cylinder: moves the carriage of a bullwheel when the pull of both strands has left a band."""
 
     direction: Place = quantity("-", "direction in which it pulls, any length")
     force: float = quantity("N", "the pull that it keeps, of both strands together", gt=0)
@@ -43,7 +43,7 @@ class SheaveHydraulics(Section):
 
 
 class Sheave(Section):
-    """A bullwheel: rope runs off one strand, half round it, onto another one."""
+    """Bullwheel: turns the rope from the end of one strand to the start of another one."""
 
     position: Place | None = quantity("m", "its middle; null: midway between the ends that it joins", None)
     radius: float = quantity("m", "its radius", gt=0)
@@ -71,17 +71,17 @@ class Sheave(Section):
 
     @property
     def wrapped(self) -> float:
-        """Length (m) of the rope on it."""
+        """Length (m) of rope on the bullwheel."""
         return self.radius * self.wrap
 
     @property
     def tensioning(self) -> SheaveCounterweight | SheaveHydraulics | None:
-        """What moves it."""
+        """Tensioning device of the bullwheel; None for a fixed one."""
         return self.counterweight or self.hydraulics
 
 
 class Strand(NamedTuple):
-    """Where a rope is on its loop."""
+    """Position of a strand on its loop, with the bullwheels at its ends."""
 
     loop_length: float  # m, unstrained
     offset: float  # m, place on the loop of its start
@@ -90,7 +90,7 @@ class Strand(NamedTuple):
 
 
 class Riding(NamedTuple):
-    """How carriers ride a track rope."""
+    """Track rope of carriers: strand of the carriers' clamps, and position of the strand on its loop."""
 
     strand: str  # to which they are clamped there
     length: float  # m, of that
@@ -98,12 +98,12 @@ class Riding(NamedTuple):
     offset: float  # m, place on the loop of the start of the strand
 
     def on_track(self, place: float) -> bool:
-        """Whether one at a `place` (m) of the strand is on the track, and not in a station."""
+        """Return whether a vehicle at a `place` (m) of the strand is on the track, not in a station."""
         return EDGE < place / self.length < 1.0 - EDGE
 
 
 def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> dict[str, Strand]:
-    """The ropes of each closed loop, in the order in which they follow each other.
+    """Strands of each closed loop, in order along the loop.
 
     Args:
         lengths: unstrained length (m) of each rope by name.
@@ -129,7 +129,7 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
 
 
 def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
-    """What a file says wrong of what `expand_bullwheels` writes otherwise."""
+    """Faults of keys that exist in a file only and are rewritten by `expand_bullwheels`."""
     sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
     drives = data.get("drives")
     called = set(drives if isinstance(drives, dict) else ())
@@ -151,7 +151,7 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
 
 
 def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[str, Any]) -> Iterator[Fault]:
-    """What is wrong of what a tower has of its own for each rope."""
+    """Faults of the keys that a tower has for each of its ropes."""
     path: KeyPath = ("towers", name, "ropes")
     if not isinstance(own, dict):
         yield refuse(path, own, f"a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
@@ -169,7 +169,7 @@ def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[st
 
 
 def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:
-    """Write what a file says of a bullwheel's drive among the drives, and of towers of several ropes rope by rope."""
+    """Move drives of bullwheels to `drives`, and split towers of several ropes into one tower per rope."""
     sheaves, drives = data.get("sheaves"), data.get("drives", {})
     if isinstance(sheaves, dict) and isinstance(drives, dict):
         plain, drives = {}, dict(drives)

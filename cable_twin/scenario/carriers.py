@@ -1,4 +1,4 @@
-"""Carriers: carriages of one kind or a few, all round a loop, as a scenario file has them."""
+"""Carriers, of one kind or several, clamped to a rope all round its loop: section `carriers` of a scenario file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cable_twin.scenario.vehicles import Body, Friction
 
 
 class CarrierPayload(Section):
-    """What each carrier carries, which changes in the stations: full up, empty down."""
+    """Payload of each carrier, changed in the stations: full up, empty down."""
 
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
@@ -35,7 +35,7 @@ class CarrierPayload(Section):
 
 
 class CarrierKind(Section):
-    """One kind of carrier where there are several."""
+    """One kind of carrier among several."""
 
     bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
     payload: CarrierPayload | None = Field(default=None, description="what it can carry")
@@ -76,14 +76,14 @@ class Carriers(Section):
     )
 
     def on_strand(self, strand: Strand) -> Carriers:
-        """The same as one strand of a loop sees them: what they carry as they come onto it at either end."""
+        """Copy for one strand of a loop, with the payloads of carriers arriving at either end of the strand."""
         kinds = {
             name: kind.model_copy(update={"payload": _on(strand, kind.payload)}) for name, kind in self.kinds.items()
         }
         return self.model_copy(update={"payload": _on(strand, self.payload), "kinds": kinds})
 
     def kind(self, number: int) -> CarrierKind:
-        """Kind of the carrier of a number, from 0 on."""
+        """Kind of the carrier with an index from 0 on."""
         if not self.kinds:
             return CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
         order = self.order or tuple(self.kinds)

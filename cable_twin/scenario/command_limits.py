@@ -1,4 +1,4 @@
-"""Limits of the commands that carriages and drives take: one source for refusals, robot_description, lists and gym."""
+"""Limits of commands to carriages and drives: one source for refusals, robot_description, lists and gym."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assume
 
 
 class CommandLimits(NamedTuple):
-    """Largest commands, either way; inf where there is no limit, a force of 0 where none is taken."""
+    """Largest commands in either direction; inf without a limit, a force of 0 where no force command is accepted."""
 
     speed: float  # m/s
     force: float  # N
@@ -24,13 +24,13 @@ class CommandLimits(NamedTuple):
 
 
 def command_limits(scenario: Scenario) -> dict[str, CommandLimits]:
-    """Limits of all that takes commands, by name: drives of ropes, then carriages that drive themselves."""
+    """Command limits by name: drives of ropes, then self-propelled carriages."""
     found = {name: limits_of(scenario, name) for name in (*scenario.drives, *scenario.carriages)}
     return {name: limits for name, limits in found.items() if limits is not None}
 
 
 def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
-    """Limits of a drive or carriage; None where no such thing takes commands."""
+    """Command limits of a drive or carriage; None for a name that accepts no commands."""
     if (drive := scenario.drives.get(name)) is not None:
         force = 0.0 if drive.sheave is None else most_by_friction(scenario, name)
         return CommandLimits(_or_none(drive.limits.speed), force)
@@ -41,7 +41,7 @@ def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
 
 
 def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
-    """Places (m) between which a position command may be: arc lengths before the end stops, or rope gone by of a drive.
+    """Range (m) of position commands: arc lengths between the end stops, or rope travel of a drive.
 
     Args:
         scenario: what runs.
@@ -61,7 +61,7 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
 
 
 def most_by_friction(scenario: Scenario, name: str) -> float:
-    """Force (N) of a bullwheel's drive above which the rope slips at the tension that it may have."""
+    """Force (N) on a bullwheel above which the rope slips at its highest permissible tension."""
     sheave = scenario.sheaves[str(scenario.drives[name].sheave)]
     ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
     breaking = [BREAKING_STRAIN * rope.axial_stiffness for rope in ropes]

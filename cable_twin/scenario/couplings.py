@@ -1,4 +1,4 @@
-"""What couples several ropes, as a scenario file has it."""
+"""Couplings between ropes, connectors and pantographs, in a scenario file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PlaceOnRope = Annotated[tuple[str, float], FromList]
 
 
 class _Rod(Section):
-    """A massless rod between two ropes, as a dropper: it pulls, and pushes only where it has a stiffness for that."""
+    """Massless rod between two ropes, such as a dropper: takes tension, and compression by a given stiffness only."""
 
     @property
     def ends(self) -> tuple[tuple[str, float], tuple[str, float]]:
@@ -42,7 +42,7 @@ Connector: Any = create_model(
 
 
 class Stage(Section):
-    """One mass of a pantograph, and the spring below it."""
+    """Mass of a pantograph stage, and the spring below it."""
 
     mass: float = quantity("kg", "mass of the stage; its weight is balanced", gt=0)
     stiffness: float = quantity("N/m", "stiffness of the spring below it", gt=0)
@@ -50,7 +50,7 @@ class Stage(Section):
 
 
 class Pantograph(Section):
-    """Masses on springs that push a rope from below and move along the track at a given speed."""
+    """Pantograph: masses on springs, pushed against a rope from below and moved along the track at a given speed."""
 
     rope: str = Field(description="the rope that it pushes")
     position: float = quantity("m", "place along the track, x, at the start of the run")

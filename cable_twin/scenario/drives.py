@@ -1,4 +1,4 @@
-"""What moves a carriage or a rope, and stops it, as a scenario file has it."""
+"""Drives and brakes of carriages and ropes in a scenario file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.scenario.quantities import FromList, Section, Vector, quantity
 
 
 class Limits(Section):
-    """What a drive may do; null where there is no limit."""
+    """Limits of a drive; null without a limit."""
 
     speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
@@ -22,7 +22,7 @@ class Limits(Section):
 
 
 class HaulRope(Section):
-    """The rope through which a drive in a station pulls a carriage."""
+    """Haul rope between a drive in a station and a carriage."""
 
     axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
@@ -38,7 +38,7 @@ class HaulRope(Section):
 
 
 class Brake(Section):
-    """A brake that holds, or slips at its force."""
+    """Brake: holds up to its force and slips beyond."""
 
     force: float = quantity("N", "force along the rope, fully applied", gt=0)
     rise_time: float = quantity("s", "time from release to full force", 0.0, ge=0)
@@ -48,7 +48,7 @@ StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_bra
 
 
 class Drive(Section):
-    """What moves a carriage along the cable, and stops it."""
+    """Drive and brakes of a carriage along the cable."""
 
     mode: Literal["free", "speed", "force"] = Field(default="free", description="what moves it until a command comes")
     limits: Limits = Field(default_factory=Limits, description="limits of the drive")
@@ -64,7 +64,7 @@ class Drive(Section):
 
 
 class DriveOfRope(Section):
-    """What every drive of a rope has."""
+    """Common keys of all drives of a rope."""
 
     speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
     limits: Limits = Field(default_factory=Limits, description="limits of the drive; its force is held by friction")
@@ -74,13 +74,13 @@ class DriveOfRope(Section):
 
 
 class RopeDrive(DriveOfRope):
-    """What moves the cable along itself, through its held ends; commands name it."""
+    """Drive moving the cable along itself between its held ends; addressed by its name in commands."""
 
     kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
     sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
 
 
 class BullwheelDrive(DriveOfRope):
-    """The drive of a bullwheel, as a file has it below that."""
+    """Drive of a bullwheel, written below the bullwheel in a file."""
 
     name: str | None = Field(default=None, description="what commands call it; null: as the bullwheel")

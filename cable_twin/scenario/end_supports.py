@@ -1,4 +1,4 @@
-"""What holds the ends of a rope: `start` and `end` of `cable` and `ropes`."""
+"""Supports of the ends of a rope: `start` and `end` of `cable` and `ropes`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.scenario.quantities import Place, Section, Vector, quantity
 
 
 class EndSupport(Section):
-    """What holds one end of the cable."""
+    """Support of one end of the cable."""
 
     position: Place = quantity("m", "place as x, z, in space x, y, z; only the direction of the start where it is free")
     support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(

@@ -1,4 +1,4 @@
-"""A fault of a scenario, and how what was given is worded in it."""
+"""Fault of a scenario, and the wording of given values in its message."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAME = "[a-zA-Z][a-zA-Z0-9_]*"
 
 
 class Fault(NamedTuple):
-    """One fault: where it is and what it is."""
+    """One fault of a scenario: key path, and text on the given and the allowed value."""
 
     path: KeyPath
     text: str
@@ -31,7 +31,7 @@ def refuse(path: KeyPath, given: Any, allowed: str, *, detail: str = "") -> Faul
 
 
 def show(value: Any) -> str:
-    """A given value on one short line."""
+    """Format a given value on one short line."""
     if value is None:
         return "null"
     if isinstance(value, Mapping):
@@ -44,7 +44,7 @@ def show(value: Any) -> str:
 
 
 def name_faults(path: tuple[str, ...], name: str | None = None) -> Iterator[Fault]:
-    """The fault of a name that is no good: the last key of its path, or the value there."""
+    """Fault of an invalid name: the last key of its path, or the value at this path."""
     name = path[-1] if name is None else name
     if not fullmatch(NAME, name):
         yield Fault(path, f"given the name {name!r}; allowed: a letter, then letters, digits and underscores")

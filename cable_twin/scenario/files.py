@@ -1,4 +1,4 @@
-"""Scenario files: find one, read it, change values in it, and say everything that is wrong with it."""
+"""Scenario files: search, reading, overrides, and report of all faults."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUFFIXES = (".yaml", ".yml")
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be run; its text has one line a fault.
+    """Error of an invalid scenario; its text has one line per fault.
 
     Attributes:
         faults: the lines: file, key path, what was given, what is allowed, unit.
@@ -40,7 +40,7 @@ class ScenarioError(ValueError):
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> Scenario:
-    """Read a scenario.
+    """Read a scenario by name, from a file or from a mapping.
 
     Args:
         source: name of a scenario in the config directory, path of a YAML file, or the content of one.
@@ -60,7 +60,7 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
 
 
 def parse_scenario(text: str) -> Scenario:
-    """Understand a scenario that is given as YAML, and not as a file.
+    """Read a scenario from a YAML text.
 
     Raises:
         ScenarioError: with every fault of it, one line each.
@@ -69,7 +69,7 @@ def parse_scenario(text: str) -> Scenario:
 
 
 def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: Mapping[str, Any]) -> Scenario:
-    """Scenario of a content that `label` names in faults; raises ScenarioError with known ones and all others."""
+    """Scenario from parsed content, with `label` as its name in faults; raises ScenarioError with all faults."""
     try:
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
@@ -108,7 +108,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
 
 @contextmanager
 def _kept(faults: list[Fault]) -> Iterator[None]:
-    """Add the fault of a key that leads nowhere to the others."""
+    """Add the fault of an unknown key raised in this block to `faults`."""
     try:
         yield
     except UnknownKeyError as error:
@@ -132,7 +132,7 @@ def scenario_lines() -> list[str]:
 
 
 def _description(file: Path) -> str:
-    """Description in a file; nothing where it cannot be read, which loading it tells."""
+    """Description in a scenario file; empty for an unreadable file, which is reported on loading."""
     try:
         content = _read(file)[0]
     except ScenarioError:
@@ -141,7 +141,7 @@ def _description(file: Path) -> str:
 
 
 def config_directory() -> Path:
-    """Where the scenario files are: beside the package in a checkout, else in the share directory of its prefix.
+    """Directory of the scenario files: beside the package in a checkout, else in the share directory of its prefix.
 
     Raises:
         ScenarioError: when there is none.
@@ -158,7 +158,7 @@ def config_directory() -> Path:
 
 
 def _find(source: Any) -> Path:
-    """The file that a name or a path means; a name goes before a file of the same name."""
+    """Scenario file of a name or a path; the name of a scenario takes precedence over a file."""
     if not isinstance(source, str | Path) or not str(source):
         raise ScenarioError(f"scenario: given {show(source)}; allowed: a name, the path of a YAML file, or a mapping")
     path = Path(source)
@@ -193,7 +193,7 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
 
 
 def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
-    """Content of a text that `label` names in faults."""
+    """Content of a YAML text, with `label` as its name in faults, and a fault for every key given twice."""
     try:
         document = read_yaml(text)
     except UnreadableYamlError as error:
@@ -204,7 +204,7 @@ def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
 
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
-    """An own copy of dicts, lists and scalars, without numpy; keys that are no text are faults."""
+    """Copy of dicts, lists and scalars without numpy types; keys other than texts are added to `faults`."""
     if isinstance(value, Mapping):
         strange = [key for key in value if not isinstance(key, str)]
         faults += [refuse(path, key, "keys that are texts", detail=" as a key") for key in strange]
@@ -217,7 +217,7 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
 
 
 def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Sequence[Fault] = ()) -> list[str]:
-    """One line for one fault, once: what towers of several ropes have in common is wrong in each.
+    """One line per fault, without repetition for the copies of a tower of several ropes.
 
     Those that are `unknown` are of overrides, wherever what they name would be.
     """

@@ -1,4 +1,4 @@
-"""All that is wrong with a scenario, at once: each fault with its key path, what was given and what is allowed."""
+"""Search for all faults of a scenario at once, each with key path, given and allowed value."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
 
 
 def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
-    """Read a scenario from plain data.
+    """Validate plain data as a scenario and collect all faults.
 
     Args:
         data: dicts with text keys, lists and scalars.
@@ -51,7 +51,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
 
 
 def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
-    """Numbers with which nothing can be reckoned: their squares and products are too large, or nothing at all."""
+    """Faults of numbers too large or too small for their squares and products."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from _beyond_reason(value, (*path, key))
@@ -70,7 +70,7 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
-    """The fault of a key that does not exist, with the nearest one that does."""
+    """Fault of an unknown key, with the most similar known key."""
     known = list(known)
     near = get_close_matches(str(path[-1]), known, n=1)
     if near:
@@ -81,7 +81,7 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
 
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
-    """The model in a field, or null, and what holds it: (None, Cable), (dict, Carriage), (tuple, Load); or no model."""
+    """Container and model of a field: (None, Cable), (dict, Carriage), (tuple, Load), or no model."""
     annotation, _ = _scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation
@@ -95,7 +95,7 @@ def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
 
 
 def _alternative(annotation: Any) -> type[BaseModel] | None:
-    """The model that may stand where a number may."""
+    """Model allowed in place of a number; None without one."""
     if get_origin(annotation) not in (Union, UnionType):
         return None
     members = [get_args(member)[0] if get_origin(member) is Annotated else member for member in get_args(annotation)]
@@ -103,7 +103,7 @@ def _alternative(annotation: Any) -> type[BaseModel] | None:
 
 
 def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
-    """Word one finding of pydantic."""
+    """Convert one validation error of pydantic into a fault."""
     location = tuple(key for key in location if not str(key).startswith("#"))  # tags of alternatives
     if kind == "extra_forbidden":
         _, model, _ = _locate(location[:-1])
@@ -119,7 +119,7 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
 
 
 def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
-    """The deepest field on a path, the model that the path leads into, and how much of the path belongs to them."""
+    """Deepest field on a key path, the model at its end, and the number of path parts up to there."""
     field: FieldInfo | None = None
     model: type[BaseModel] | None = Scenario
     used = 0
@@ -137,7 +137,7 @@ def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, in
 
 
 def _scalar(annotation: Any) -> tuple[Any, bool]:
-    """An annotation without Annotated and Optional, and whether null is allowed."""
+    """Strip Annotated and Optional from an annotation; returns the type and whether null is allowed."""
     if get_origin(annotation) is Annotated:
         return _scalar(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType) and type(None) in get_args(annotation):
@@ -146,7 +146,7 @@ def _scalar(annotation: Any) -> tuple[Any, bool]:
 
 
 def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
-    """What a field allows, in words, with its unit or without."""
+    """Allowed values of a field in words, with or without its unit."""
     if field is None:
         return "a mapping"
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
@@ -188,7 +188,7 @@ def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
 
 
 def _numbers(field: FieldInfo) -> str:
-    """How many numbers a list of them has."""
+    """Allowed number of entries of a list of numbers, in words."""
     annotation = str(field.annotation) + str(field.metadata)
     return (
         "a list of 3 or 6 finite numbers" if "max_length=6" in annotation else "a list of 2 finite numbers, 3 in space"
@@ -196,7 +196,7 @@ def _numbers(field: FieldInfo) -> str:
 
 
 def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
-    """Build a model from what is sound; a number without a sound value is NaN, so that no comparison finds it wrong."""
+    """Build a model from its sound values; missing numbers are NaN, for which every comparison is false."""
     values: dict[str, Any] = {}
     data = data if isinstance(data, dict) else {}
     for name, field in model.model_fields.items():
@@ -228,7 +228,7 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
 
 
 def _implausible(scenario: Scenario) -> Iterator[Fault]:
-    """Values that are sound alone but not together."""
+    """Faults of combinations of values that are each valid alone."""
     yield from rope_faults(scenario)
     if not scenario.ropes:
         yield from cable_faults(scenario)

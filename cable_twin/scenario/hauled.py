@@ -1,4 +1,4 @@
-"""Vehicles on ropes of their own that a haul rope pulls together: how far it may go by."""
+"""Travel of a haul rope limited by the end stops of the carriages clamped to it on their own track ropes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ ROUNDING = 0.01  # m, to which the limits are told
 
 
 class Way(NamedTuple):
-    """From where a carriage would be at the end stop of one end of its track, to where at the other."""
+    """Range of travel of a haul rope between the end stops of a carriage at both ends of its track."""
 
     low: float  # m of haul rope gone by since the start
     high: float
 
 
 def way_between_stops(scenario: Scenario, name: str) -> Way:
-    """Way of the haul rope on which a carriage clamped to it touches no end stop, if no rope stretched."""
+    """Travel of the haul rope between the end stops of a carriage clamped to it, for inextensible ropes."""
     carriage = scenario.carriages[name]
     track = carriage.rope or next(iter(scenario.ropes))
     stroke, length = stop_stroke(scenario.of_rope(track), carriage), scenario.ropes[track].unstrained_length
@@ -29,7 +29,7 @@ def way_between_stops(scenario: Scenario, name: str) -> Way:
 
 
 def sense_of(scenario: Scenario, name: str) -> float:
-    """1 where the track rope of a carriage runs the same way as its haul rope, else -1."""
+    """Sense of the track rope of a carriage relative to its haul rope: 1 for equal directions, else -1."""
     carriage = scenario.carriages[name]
     haul = scenario.ropes[next(iter(carriage.clamped_to))]
     track = scenario.ropes[carriage.rope or next(iter(scenario.ropes))]
@@ -38,7 +38,7 @@ def sense_of(scenario: Scenario, name: str) -> float:
 
 
 def travel_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Drives whose travel takes what their rope pulls into its end stops; of ropes and clamps that are sound."""
+    """Faults of drives whose travel pulls a carriage into its end stops, for ropes and clamps without faults."""
     hauled = [name for name, one in scenario.carriages.items() if scenario.strands.keys() & one.clamped_to.keys()]
     ways = {name: way_between_stops(scenario, name) for name in hauled}
     loops = sum(strand.offset == 0.0 for strand in scenario.strands.values())

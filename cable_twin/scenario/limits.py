@@ -23,7 +23,7 @@ def limit(
     source: str = "",
     **bounds: float,
 ) -> Any:
-    """A field that is a limit of a key figure, null where there is none.
+    """Schema field for the limit of a key figure; null without a limit.
 
     Args:
         unit: SI unit, "-" for a plain number.
@@ -132,12 +132,12 @@ class KeyFigureLimits(Section):
 
 
 def bound_of(key: str) -> Bound:
-    """On which side of a limit its figure has to be."""
+    """Bound of a key of `limits`: "at most" or "at least"."""
     return cast(Bound, _extra(key)["bound"])
 
 
 def source_of(key: str) -> str:
-    """Source of the default of a limit; nothing where that is none."""
+    """Source of the default of a limit; empty without a default."""
     return cast(str, _extra(key)["source"])
 
 

@@ -1,4 +1,4 @@
-"""The line: `cable` and `ropes` with their loads and mesh, `towers`, and the ground beside them."""
+"""Line: `cable` and `ropes` with loads and mesh, `towers`, and the terrain beside the track."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Load(Section):
 
 
 class Grading(Section):
-    """Elements that are short only where they must be: at towers and ends."""
+    """Graded mesh: short elements at towers and ends only."""
 
     target: float = quantity("m", "length of an element far from towers and ends", gt=0)
     at_towers: float = quantity("m", "length of an element at towers and ends", gt=0)
@@ -41,7 +41,7 @@ Elements = Annotated[
 
 
 class Cable(Section):
-    """One cable of one kind."""
+    """Rope of uniform properties, with its supports, loads and mesh."""
 
     unstrained_length: float = quantity("m", "length without tension", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
@@ -90,7 +90,7 @@ class Cable(Section):
 
 
 class Tower(Section):
-    """What the cable runs over between its ends: sheaves, or the saddle of a track rope. It never pulls."""
+    """Support of the cable between its ends: sheave assembly, or saddle of a track rope; one-sided contact."""
 
     rope: str | None = Field(default=None, description="the rope that runs over it; null: the first one")
     position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
@@ -136,7 +136,7 @@ class Tower(Section):
 
 
 class TerrainSides(Section):
-    """The ground beside the track in space: straight from the profile under it to one on each side, level beyond."""
+    """Terrain beside the track in space: linear from the profile on the track to one on each side, level beyond."""
 
     distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
     left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)

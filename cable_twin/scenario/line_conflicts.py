@@ -1,4 +1,4 @@
-"""Values of cable, ends, towers, loads and terrain that are sound alone but not together."""
+"""Consistency checks of cable, ends, towers, loads and terrain."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end
 
 
 def cable_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them."""
+    """Faults of the cable with its ends, towers, loads and terrain."""
     yield from _dimensions(scenario)
     yield from _elements(scenario.cable)
     yield from _kinks(scenario)
@@ -29,7 +29,7 @@ def cable_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _dimensions(scenario: Scenario) -> Iterator[Fault]:
-    """Vectors of a plane among those of space, and the other way round."""
+    """Faults of plane vectors in a scenario in space, and vice versa."""
     cable, dim = scenario.cable, scenario.dim
     places: dict[KeyPath, tuple[float, ...] | None] = {}
     for name, end in (("start", cable.start), ("end", cable.end)):
@@ -50,12 +50,12 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _unit(path: KeyPath) -> str:
-    """Unit of a vector, as a fault has it; a direction has none."""
+    """Unit of a vector for a fault; empty for a direction."""
     return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
 
 
 def _elements(cable: Cable) -> Iterator[Fault]:
-    """Grading that is none, or that makes more elements than a number may ask for."""
+    """Faults of a mesh grading: no growth towards the target, or too many elements."""
     if isinstance(cable.elements, Grading):
         at_towers, target = cable.elements.at_towers, cable.elements.target
         if at_towers > target:
@@ -70,7 +70,7 @@ def _elements(cable: Cable) -> Iterator[Fault]:
 
 
 def _kinks(scenario: Scenario) -> Iterator[Fault]:
-    """Sharp kinks where no joint can yield, or by no tension."""
+    """Faults of sharp kinks at joints without compliance, or without tension."""
     cable = scenario.cable
     if cable.kinks == "rounded":
         return
@@ -118,12 +118,12 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _kind(end: EndSupport) -> str:
-    """What an end is, in words."""
+    """Kind of an end support, in words."""
     return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
 
 
 def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
-    """What a counterweight needs and what only a counterweight has."""
+    """Faults of missing keys of a counterweight, and of its keys at other supports."""
     cable = scenario.cable
     end = getattr(cable, name)
     path = ("cable", name)

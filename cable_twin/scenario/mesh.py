@@ -1,4 +1,4 @@
-"""Where the nodes of the cable are: evenly spread, or close together only at towers and ends."""
+"""Mesh of the cable: equal elements, or short elements at towers and ends only."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def even_nodes(length: float, elements: int) -> FloatArray:
 
 
 def nodes_of(scenario: Scenario, system: System) -> FloatArray:
-    """Arc lengths (nodes,) in m of the mesh that a scenario asks for.
+    """Arc lengths (nodes,) in m of the mesh of a scenario.
 
     Args:
         scenario: whose `cable.elements` counts.
@@ -38,7 +38,7 @@ def nodes_of(scenario: Scenario, system: System) -> FloatArray:
 
 
 def with_marks(nodes: FloatArray, marks: FloatArray) -> FloatArray:
-    """A mesh with nodes at `marks` (m) too, each between its ends; elements are as long as before, or shorter."""
+    """Mesh with additional nodes at `marks` (m), each between the ends; elements keep their length or get shorter."""
     numbers = np.arange(nodes.size, dtype=np.float64)
     stops = np.unique(np.interp([nodes[0], *marks, nodes[-1]], nodes, numbers))
     pieces = [nodes[:1]]
@@ -49,7 +49,7 @@ def with_marks(nodes: FloatArray, marks: FloatArray) -> FloatArray:
 
 
 def short_zones(scenario: Scenario, system: System) -> FloatArray:
-    """Where elements are short: first and last arc length (zones, 2) in m of each end and each tower."""
+    """First and last arc length (zones, 2) in m of the zones of short elements at ends and towers."""
     elements, length = scenario.cable.elements, scenario.cable.unstrained_length
     assert isinstance(elements, Grading)
     towers = [*scenario.towers.values()]
@@ -60,7 +60,7 @@ def short_zones(scenario: Scenario, system: System) -> FloatArray:
 
 
 def _rest_at_towers(system: System) -> FloatArray:
-    """Arc length (towers,) in m of the bare cable at rest at each tower; as the crow flies where it has no rest."""
+    """Arc length (towers,) in m of the bare cable in equilibrium at each tower; by chord lengths without one."""
     towers = system.towers.top
     if towers.shape[0] == 0:
         return np.zeros(0)
@@ -73,7 +73,7 @@ def _rest_at_towers(system: System) -> FloatArray:
 
 
 def graded_nodes(length: float, elements: Grading, zones: FloatArray) -> FloatArray:
-    """Arc lengths (nodes,) in m of elements that grow away from `zones` (zones, 2) in m, up to the target.
+    """Arc lengths (nodes,) in m of elements growing with the distance from `zones` (zones, 2) in m, up to the target.
 
     An element at s is as long as l(s) = min(target, at_towers + ln(growth) d), d the distance to the nearest zone, as
     lengths in a geometric series are: node k is where ∫ds/l is k, all stretched to end on a node.

@@ -1,4 +1,4 @@
-"""Values of a scenario by dotted key: KEY=VALUE as options have it, and the one place that a key reaches."""
+"""Overrides of scenario values by dotted key: parsing of KEY=VALUE, and assignment to one place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OF_AIR = "wind"  # begins a short key
 
 
 class UnknownKeyError(ValueError):
-    """A key that leads nowhere.
+    """Error of a dotted key that does not exist in a scenario.
 
     Attributes:
         fault: the key, and what is allowed there.
@@ -30,7 +30,7 @@ class UnknownKeyError(ValueError):
 
 
 def assignment(text: str) -> tuple[str, Any]:
-    """Key and value of KEY=VALUE, the value as YAML has it.
+    """Parse KEY=VALUE into key and value, the value in YAML.
 
     Raises:
         ValueError: one line with what was given and what is allowed.
@@ -45,7 +45,7 @@ def assignment(text: str) -> tuple[str, Any]:
 
 
 def full_key(key: str) -> str:
-    """The key in the file: `wind.y` stands for the y of `air.wind`, `wind.turbulence` for that of `air`."""
+    """Full key of a short key: `wind.y` is `air.wind.y`, `wind.turbulence` is `air.turbulence`."""
     first, _, rest = key.partition(".")
     if first != OF_AIR:
         return key
@@ -54,7 +54,7 @@ def full_key(key: str) -> str:
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> KeyPath:
-    """Set one value by its dotted key, which may end in a list: with an axis, or with a number from 0 on.
+    """Set one value by its dotted key; in a list, the key ends with an axis or an index from 0 on.
 
     Carriages, bodies and other things with names must be there, or are given whole; other sections are made.
 
@@ -80,7 +80,7 @@ def override(data: dict[str, Any], key: str, value: Any) -> KeyPath:
 
 
 def put_into_list(items: Sequence[Any], parts: Sequence[str], value: Any, path: KeyPath) -> list[Any]:
-    """A list with a value put into it; a y makes a vector of two numbers one of three.
+    """Copy of a list with one value set; setting y turns a vector of two numbers into one of three.
 
     Args:
         items: numbers, or lists of them; they stay as they are.
@@ -110,7 +110,7 @@ def put_into_list(items: Sequence[Any], parts: Sequence[str], value: Any, path: 
 
 
 def _in_model(node: Any, model: type[BaseModel], parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """A section with a value put into it."""
+    """Copy of a section with one value set."""
     part, *rest = parts
     if part not in model.model_fields:
         raise UnknownKeyError(unknown_key((*path, part), model.model_fields))
@@ -124,7 +124,7 @@ def _in_model(node: Any, model: type[BaseModel], parts: Sequence[str], value: An
 
 
 def _in_field(node: Any, field: FieldInfo, parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """What a field has, with a value put into it."""
+    """Copy of the content of a field with one value set."""
     container, model = inner_model(field)
     if container is None and model is not None:
         return _in_model(node, model, parts, value, path)
@@ -142,7 +142,7 @@ def _in_field(node: Any, field: FieldInfo, parts: Sequence[str], value: Any, pat
 
 
 def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """Things by name, with a value put into one, or a new one that is given whole."""
+    """Copy of a mapping of names with one value set, or with a new entry given whole."""
     if not isinstance(node, dict):
         return node  # a fault of its own
     part, *rest = parts

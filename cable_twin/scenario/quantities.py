@@ -1,4 +1,4 @@
-"""What every part of a scenario is made of: sections, quantities with their units, vectors."""
+"""Building blocks of the scenario schema: sections, quantities with units, vectors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)
 
 
 def _printable(text: str) -> str:
-    """Refuse what a terminal would obey."""
+    """Refuse a text with control characters, which a terminal would obey."""
     if not text.replace("\n", "").isprintable():
         raise ValueError("it cannot be printed")
     return text
@@ -31,7 +31,7 @@ Tensor = Annotated[tuple[float, ...], FromList, Field(min_length=3, max_length=6
 
 
 def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> Any:
-    """A field that is a number or a vector.
+    """Schema field for a number or a vector with its unit.
 
     Args:
         unit: SI unit, "-" for a plain number.
@@ -51,6 +51,6 @@ def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class Section(BaseModel):
-    """A part of a scenario: nothing unknown in it, nothing converted, every number finite."""
+    """Section of a scenario: no unknown keys, no type conversion, finite numbers only."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)

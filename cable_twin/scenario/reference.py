@@ -88,7 +88,7 @@ def entries() -> list[Entry]:
 
 
 def explained(key: str) -> list[Entry]:
-    """The entry of a key, with its placeholders or with names in their place, and those below it.
+    """Entries of a key and of all keys below, for a key with placeholders or with names.
 
     Raises:
         KeyError: there is no such key; its text is one line with the nearest ones.
@@ -147,7 +147,7 @@ def write(directory: Path) -> list[Path]:
 
 
 def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
-    """The model at a key and those below it."""
+    """Models at a key and at all keys below."""
     yield place, model
     if model is Sheave:  # in a file alone, as what `TOWER_OF_ROPES` says: `expand_bullwheels` writes both otherwise
         yield from _sections(_join(place, "drive"), BullwheelDrive)
@@ -157,7 +157,7 @@ def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[Ba
 
 
 def _models(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
-    """Models that a value can be, or hold, and where they are in it: "", ".NAME", ".N"."""
+    """Models allowed or contained in a value, each with its relative key: "", ".NAME", ".N"."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield "", annotation
@@ -185,7 +185,7 @@ def _entries(model: type[BaseModel]) -> Iterator[Entry]:
 
 
 def _default(field: FieldInfo) -> str:
-    """The value where none is given, as YAML has it."""
+    """Default of a field in YAML."""
     if field.is_required():
         return NEEDED
     value = field.get_default(call_default_factory=True)
@@ -199,14 +199,14 @@ def _default(field: FieldInfo) -> str:
 
 
 def _fits(given: list[str], key: list[str]) -> bool:
-    """Whether a key is the given one, or below it."""
+    """Return whether a key is equal to the given one or below."""
     return len(given) <= len(key) and all(
         part in (word, NAME, NUMBER) for word, part in zip(given, key[: len(given)], strict=True)
     )
 
 
 def _summary(model: type[BaseModel]) -> str:
-    """What a section is: its docstring on one line."""
+    """Docstring of a section on one line."""
     return " ".join((model.__doc__ or "").split())
 
 

@@ -1,4 +1,4 @@
-"""Carriers that slide on track ropes beside the strands of their loop: what of that cannot be."""
+"""Consistency checks of carriers that slide on track ropes beside the strands of their loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FARTHEST = 5.0  # m, of the strand from the clamps of carriers at the ends of th
 
 
 def track_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Tracks of ropes that there are not, beside some strands only, twice, or away from their strand."""
+    """Faults of tracks: unknown ropes, missing for some strands, given twice, or away from their strand."""
     tracks, strands = carriers.tracks, scenario.strands
     if not tracks:
         if any(carriers.clamp_offset):
@@ -44,7 +44,7 @@ def track_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
 
 
 def _away(scenario: Scenario, carriers: Carriers, path: KeyPath, strand: str, track: str) -> Iterator[Fault]:
-    """A track that runs the other way than its strand, or is not beside it."""
+    """Fault of a track that runs against its strand or too far beside it."""
     ropes = scenario.ropes
     start, end = (np.array(in_space(one.position)) for one in (ropes[strand].start, ropes[strand].end))
     ends = [np.array(in_space(one.position)) for one in (ropes[track].start, ropes[track].end)]

@@ -1,4 +1,4 @@
-"""Values of several ropes, and of what couples them, that are sound alone but not together."""
+"""Consistency checks of several ropes and their couplings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMES_SHOWN = 8
 
 
 def rope_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them: of each rope by itself, and of what is between them."""
+    """Faults of each rope alone, and of the couplings between ropes."""
     yield from _whose(scenario)
     if not scenario.ropes:
         for key in ("sheaves", "connectors", "pantographs"):
@@ -57,7 +57,7 @@ def rope_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _whose(scenario: Scenario) -> Iterator[Fault]:
-    """Towers and carriages of ropes that there are not."""
+    """Faults of towers and carriages on unknown ropes."""
     for key, things in (("towers", scenario.towers), ("carriages", scenario.carriages)):
         for name, thing in things.items():
             if thing.rope is not None and thing.rope not in scenario.ropes:
@@ -71,7 +71,7 @@ def _unknown(path: KeyPath, rope: str, scenario: Scenario) -> Fault:
 
 
 def _connectors(scenario: Scenario) -> Iterator[Fault]:
-    """Ends beside the ropes, both on one rope, and rods that cross each other, which the solver cannot take."""
+    """Faults of connectors: ends beyond the ropes, both ends on one rope, or crossing rods."""
     between: dict[tuple[str, str], list[tuple[float, float, str]]] = {}
     for name, rod in scenario.connectors.items():
         yield from name_faults(("connectors", name))
@@ -102,7 +102,7 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _clamps(scenario: Scenario) -> Iterator[Fault]:
-    """Clamps to ropes that there are not, to the own one, beside them or where another one is."""
+    """Faults of clamps: to unknown ropes, to the carriage's own rope, beyond a rope, or at an occupied place."""
     taken: dict[tuple[str, float], str] = {}
     for name, carriage in scenario.carriages.items():
         path, own = ("carriages", name), carriage.rope or next(iter(scenario.ropes))
@@ -138,7 +138,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _pantographs(scenario: Scenario) -> Iterator[Fault]:
-    """Pantographs of ropes that there are not, or beside them."""
+    """Faults of pantographs: on unknown ropes, beyond their rope, or with unequal numbers of stages."""
     for name, pantograph in scenario.pantographs.items():
         yield from name_faults(("pantographs", name))
         if pantograph.rope not in scenario.ropes:

@@ -1,4 +1,4 @@
-"""What a scenario consists of, with sensors, solver and limits; its other sections are in the files that it imports.
+"""Scenario schema with sensors, solver and limits; other sections are in the imported files.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
 is in `find_faults` and the `*_conflicts` beside it; use `load_scenario`, which applies both.
@@ -29,7 +29,7 @@ ACROSS = 1e-9  # of its length: a track that goes less than that along x goes al
 
 
 class Sensor(Section):
-    """What measures the plant; published beside the truth, below `sensors/`."""
+    """Sensor of the plant, published beside the true value below `sensors/`."""
 
     kind: Literal["encoder", "load_cell", "inclinometer", "imu"] = Field(
         description="what it measures: m along the cable, N, rad of pitch, or m/s^2 and rad/s"
@@ -46,7 +46,7 @@ class Sensor(Section):
 
 
 class Solver(Section):
-    """Time integration; `python -m benchmarks accuracy convergence` shows what other values cost and give."""
+    """Time integration; `python -m benchmarks accuracy convergence` shows cost and accuracy of other values."""
 
     integrator: Integrator = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
@@ -67,7 +67,7 @@ class Solver(Section):
 
 
 class Scenario(Section):
-    """Everything that determines a run but the commands."""
+    """Complete definition of a run except its commands."""
 
     name: OneLine = Field(
         default="custom",
@@ -111,7 +111,7 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_ropes(cls, data: Any) -> Any:
-        """Let the cable be the first of several ropes, and each tower and drive stand by itself."""
+        """Set the cable to the first of several ropes, and expand drives of bullwheels and towers of several ropes."""
         if isinstance(data, dict):
             data = expand_bullwheels(data)
         ropes = data.get("ropes") if isinstance(data, dict) else None
@@ -121,7 +121,7 @@ class Scenario(Section):
 
     @property
     def cables(self) -> dict[str, Cable]:
-        """All ropes by name; a cable by itself is called `cable`."""
+        """All ropes by name; a single cable is called `cable`."""
         return self.ropes or {CABLE: self.cable}
 
     def rope_key(self, name: str) -> str:
@@ -129,12 +129,12 @@ class Scenario(Section):
         return f"ropes.{name}" if self.ropes else "cable"
 
     def end_names(self, name: str) -> tuple[str, str]:
-        """What the supports at start and end of a rope are called: with its name where there are `ropes`."""
+        """Names of the supports at start and end of a rope, prefixed with its name in a scenario with `ropes`."""
         start, end = (f"{name}/{end}" if self.ropes else end for end in ("start", "end"))
         return start, end
 
     def of_rope(self, name: str) -> Scenario:
-        """The same of one rope alone, with what is on it: a scenario with a cable."""
+        """Scenario of one rope alone, with its towers and vehicles, as its `cable`."""
         if not self.ropes:
             return self
         first, riding = next(iter(self.ropes)), self._riding(name)
@@ -170,7 +170,7 @@ class Scenario(Section):
         return alone
 
     def _riding(self, rope: str) -> Riding | None:
-        """What rides a track rope, where something does."""
+        """Strand and loop of the carriers on a track rope; None for other ropes."""
         for strand, track in (self.carriers.tracks if self.carriers else {}).items():
             if track == rope and strand in self.strands:
                 place = self.strands[strand]
@@ -179,11 +179,11 @@ class Scenario(Section):
 
     @property
     def riding(self) -> Riding | None:
-        """How carriers ride the cable, of one that is the track of a loop."""
+        """Strand and loop of the carriers on the cable, for the track rope of a loop; else None."""
         return self._rides
 
     def _along(self, name: str, towers: dict[str, Tower]) -> dict[str, Tower]:
-        """Towers of one rope in the order along it: of a strand, which may come down the line that another goes up."""
+        """Towers of one rope, sorted along a strand or its track, which may run opposite to the order of the file."""
         if name not in self.strands and self._riding(name) is None:
             return towers
         ends = [in_space(end.position) for end in (self.ropes[name].start, self.ropes[name].end)]
@@ -195,13 +195,13 @@ class Scenario(Section):
         return dict(sorted(towers.items(), key=way))
 
     def placed(self, rope: str | None, position: tuple[float, ...]) -> tuple[float, float, float]:
-        """Where (x, y, z in m) a place of a rope (None: of the first) is shown, as far to the left as that is."""
+        """Position (3,) in m in space of a place on a rope (None: the first), with the lateral offset of the rope."""
         x, y, z = in_space(position)
         return x, y + self.ropes.get(rope or "", self.cable).lateral, z
 
     @property
     def track(self) -> tuple[float, float]:
-        """The track in plan, x, y in m: as the first rope runs, but towards +x, so that y is to its left."""
+        """Direction of the track in plan, x, y in m: along the first rope, reversed if needed towards +x."""
         if self._track is not None:
             return self._track
         x, y = _in_plan(self.cable)
@@ -209,32 +209,32 @@ class Scenario(Section):
 
     @property
     def runs_back(self) -> bool:
-        """Whether the cable runs against the track, as that strand of a loop which comes back."""
+        """True if the cable runs against the track, as the returning strand of a loop does."""
         return sum(one * other for one, other in zip(_in_plan(self.cable), self.track, strict=True)) < 0.0
 
     @property
     def tower_places(self) -> dict[str, tuple[float, float, float]]:
-        """Where (x, y, z in m) all towers are shown, by name."""
+        """Positions (3,) in m in space of all towers, by name."""
         return {name: self.placed(tower.rope, tower.position) for name, tower in self.towers.items()}
 
     @property
     def strands(self) -> dict[str, Strand]:
-        """The ropes that are strands of a closed loop."""
+        """Strands of closed loops among the ropes, by name."""
         return strands_of({name: rope.unstrained_length for name, rope in self.ropes.items()}, self.sheaves)
 
     @property
     def strand(self) -> Strand | None:
-        """Where the cable is on its loop, of one that is a strand of several ropes."""
+        """Position of the cable on its loop, for a strand of several ropes; else None."""
         return self._strand
 
     @property
     def hauls(self) -> bool:
-        """Whether the cable is one of several that pulls what others carry."""
+        """True if the cable is a haul rope: a strand in a scenario with track ropes as well."""
         return self._hauls
 
     @property
     def vehicles(self) -> dict[str, Carriage]:
-        """All carriages by name: those of the file, then the carriers from the first on."""
+        """All vehicles by name: the carriages of the file, then the carriers in order."""
         carriers, carriages = self.carriers, self.carriages
         if self.ropes:  # rope by rope, as they are read
             rows = {name: row for row, name in enumerate(self.ropes)}
@@ -252,7 +252,7 @@ class Scenario(Section):
         }
 
     def _carrier(self, kind: CarrierKind, place: float) -> Carriage:
-        """A carrier at a place (m) of the loop, with what it carries there."""
+        """Carrier at a place (m) of the loop, with its payload there."""
         room, length, payload = kind.payload, self.cable.unstrained_length, None
         if room is not None:
             beyond = place - length
@@ -274,14 +274,14 @@ class Scenario(Section):
 
     @property
     def dim(self) -> int:
-        """How many dimensions it has: 2 in a plane, 3 in space."""
+        """Dimension of the working space: 2 in a plane, 3 in space."""
         cables = self.cables.values()
         places = [place for cable in cables for place in (cable.start.position, cable.end.position)]
         places += [tower.position for tower in self.towers.values()]
         return self.space or max(map(len, places))
 
     def vector(self, given: tuple[float, ...]) -> tuple[float, ...]:
-        """The vector x, z or x, y, z with as many numbers as there are dimensions; y is 0 where it is not given."""
+        """Vector with as many numbers as dimensions, from x, z or x, y, z; y is 0 if not given."""
         return in_space(given) if self.dim == 3 else given[:: len(given) - 1]
 
     @property
@@ -303,15 +303,15 @@ class Scenario(Section):
         return self.carriers.spacing or self.loop_length / self.carriers.count
 
     def resolved(self) -> dict[str, Any]:
-        """The whole scenario with its defaults as plain data for JSON or YAML; `load_scenario` reads it back."""
+        """Scenario with all defaults as plain data for JSON or YAML; input of `load_scenario`."""
         return self.model_dump(mode="json", exclude={"cable"} if self.ropes else None)
 
     def to_yaml(self) -> str:
-        """The whole scenario with its defaults as YAML text, readable as YAML 1.1 and 1.2 alike."""
+        """Scenario with all defaults as YAML text, valid in YAML 1.1 and 1.2."""
         return as_yaml(self.resolved())
 
 
 def _in_plan(cable: Cable) -> tuple[float, float]:
-    """From the start of a cable to its end in plan, as x, y in m."""
+    """Vector from start to end of a cable in plan, x, y in m."""
     (x, y, _), (x_end, y_end, _) = in_space(cable.start.position), in_space(cable.end.position)
     return x_end - x, y_end - y

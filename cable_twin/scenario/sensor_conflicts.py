@@ -1,4 +1,4 @@
-"""Sensors that have nothing to measure."""
+"""Consistency checks of sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cable_twin.scenario.schema import Scenario
 
 
 def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them."""
+    """Faults of sensors: unknown objects, two of one kind on one object, or keys of another kind."""
     vehicles = _vehicles(scenario)
     ends = [end for rope in scenario.cables for end in scenario.end_names(rope)]
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]

@@ -1,4 +1,4 @@
-"""Values of towers and terrain in space that are sound alone but not together."""
+"""Consistency checks of towers and terrain in space."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ALONG = 0.9  # cosine to the rope from which on a groove opens along it
 
 
 def space_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them."""
+    """Faults of towers and terrain in space, and of their keys in a plane."""
     cable = scenario.cable
     places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
     corners = [np.array(scenario.vector(place), dtype=np.float64) for place in places]
@@ -38,7 +38,7 @@ def space_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.ndarray]) -> Iterator[Fault]:
-    """A line that turns back in plan, grooves that open where no rope lies, and half a mast."""
+    """Faults of a tower: line turning back in plan, groove opening away from the rope, incomplete mast."""
     first, second = np.diff(corners, axis=0)[:, :2]
     turn = degrees(abs(atan2(first[0] * second[1] - first[1] * second[0], first @ second)))
     if turn >= MOST_TURN:
@@ -65,7 +65,7 @@ def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.nda
 
 
 def rest_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Towers in space in whose grooves the bare cable would not stay at rest, of a scenario without other faults."""
+    """Faults of towers in space whose grooves cannot hold the bare cable in equilibrium."""
     if scenario.dim == 2 or not scenario.towers:
         return
     system = build_system(scenario)
@@ -103,7 +103,7 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _sides(scenario: Scenario) -> Iterator[Fault]:
-    """Profiles beside the track that do not go with the one under it."""
+    """Faults of terrain profiles beside the track: in a plane, without terrain, or not in rising x."""
     sides, path = scenario.terrain_sides, ("terrain_sides",)
     if sides is None:
         return

@@ -1,4 +1,4 @@
-"""Turbulence from a seed: spectra, coherence, and the table of what goes by (spectral representation).
+"""Turbulence from a seed by spectral representation: spectra, coherence and table of samples.
 
 With n = k L, k the wave number in 1/m along the wind and L the length scale, a component has the spectrum k S / σ²
 
@@ -33,22 +33,22 @@ KAIMAL = ((1.0, 1.0), (2.7 / 8.1, 0.8), (0.66 / 8.1, 0.5))  # of L and of σ: al
 
 
 def kaimal(n: FloatArray) -> FloatArray:
-    """Spectrum k S / σ² over n = k L, divided by n."""
+    """Kaimal spectrum k S / σ² over n = k L, divided by n."""
     return 4.0 / (1.0 + 6.0 * n) ** (5.0 / 3.0)
 
 
 def von_karman(n: FloatArray) -> FloatArray:
-    """The same along the wind."""
+    """Von Karman spectrum k S / σ² along the wind over n = k L, divided by n."""
     return 4.0 / (1.0 + 71.0 * n**2) ** (5.0 / 6.0)
 
 
 def von_karman_across(n: FloatArray) -> FloatArray:
-    """The same across the wind, in isotropic turbulence."""
+    """Von Karman spectrum k S / σ² across the wind over n = k L, divided by n, in isotropic turbulence."""
     return 2.0 * (1.0 + 71.0 * 8.0 / 3.0 * n**2) / (1.0 + 71.0 * n**2) ** (11.0 / 6.0)
 
 
 def components(turbulence: Turbulence) -> list[Callable[[FloatArray], FloatArray]]:
-    """Spectra S / σ² in m over the wave number in 1/m, along the wind, across it and upwards; σ is that along it."""
+    """Spectra S / σ² in m over the wave number in 1/m, along the wind, across, upwards; σ is the one along the wind."""
     length = turbulence.length_scale
     shapes = (kaimal,) * 3 if turbulence.spectrum == "kaimal" else (von_karman, von_karman_across, von_karman_across)
     scales = KAIMAL if turbulence.spectrum == "kaimal" else ((1.0, 1.0),) * 3
@@ -67,7 +67,7 @@ def coherence(turbulence: Turbulence, k: FloatArray, distance: FloatArray) -> Fl
 
 
 def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray) -> tuple[FloatArray, float]:
-    """Make what goes by at points (points, 3) in m in a wind (3,), of which only the direction counts.
+    """Generate turbulence samples at points (points, 3) in m in a wind (3,) of given direction.
 
     Returns:
         Samples (points, SAMPLES, 3) for a deviation of 1 m/s along the wind, across it and upwards; their spacing in m.
@@ -91,7 +91,7 @@ def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray
 
 
 def _amplitudes(spectrum: Callable[[FloatArray], FloatArray], k: FloatArray, step: float) -> FloatArray:
-    """Amplitudes (wave numbers,) in m/s of the cosines; the first one has what is longer than all of them, too."""
+    """Amplitudes (wave numbers,) in m/s of the cosines; the first one includes the variance of all longer waves."""
     variance = step * spectrum(k)
     places, weights = np.polynomial.legendre.leggauss(20)
     end = 1.5 * k[0]
@@ -100,7 +100,7 @@ def _amplitudes(spectrum: Callable[[FloatArray], FloatArray], k: FloatArray, ste
 
 
 def _summed(waves: NDArray[np.complex128]) -> FloatArray:
-    """Samples (points, SAMPLES, 3) of waves (3, wave numbers, points), rounded to what every processor agrees on."""
+    """Samples (points, SAMPLES, 3) of waves (3, wave numbers, points), rounded to be equal on every processor."""
     whole = np.zeros((3, SAMPLES // 2 + 1, waves.shape[2]), dtype=np.complex128)
     whole[:, 1:-1] = 0.5 * SAMPLES * waves
     samples = np.fft.irfft(whole, axis=1).transpose(2, 1, 0)

@@ -1,4 +1,4 @@
-"""Values of carriages, carriers and drives that are sound alone but not together."""
+"""Consistency checks of carriages, carriers and drives."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
 
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them."""
+    """Faults of carriages, carriers and drives of one rope."""
     yield from _carriages(scenario)
     yield from _joint_names(scenario)
     yield from _moving_cable(scenario)
 
 
 def _joint_names(scenario: Scenario) -> Iterator[Fault]:
-    """Bodies whose joints would have names that others have, and carriages whose frames would."""
+    """Faults of names in use: of the joint of a body, or of the frame of a carriage."""
     for name in scenario.carriages:
         if name in ("start", "end", *scenario.towers):
             yield Fault(("carriages", name), f"given the name {name!r}; allowed: any that no support of the cable has")
@@ -73,7 +73,7 @@ def _carriages(scenario: Scenario) -> Iterator[Fault]:
 
 
 def initial_speed(path: KeyPath, speed: float, limit: float | None) -> Iterator[Fault]:
-    """A speed (m/s) at the start beyond the limit of the drive."""
+    """Fault of an initial speed (m/s) beyond the limit of the drive."""
     if limit is not None and abs(speed) > limit:
         yield refuse((*path, "speed"), speed, f"-{limit:g} to {limit:g} m/s, the limit of the drive")
 
@@ -95,7 +95,7 @@ def _bodies(scenario: Scenario, path: tuple[str, ...], bodies: Mapping[str, Body
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
-    """Inertia that no body has: of its principal moments, none is more than the other two together."""
+    """Fault of an impossible inertia tensor: no principal moment exceeds the sum of the other two."""
     if body.inertia_tensor is None:
         return
     given = show(list(body.inertia_tensor))
@@ -114,7 +114,7 @@ def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
 
 
 def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Fault]:
-    """What of a carriage does not go with a moving cable."""
+    """Faults of a clamped carriage: on a standing cable, off the loop, or with friction or a drive of its own."""
     path = ("carriages", name)
     if not scenario.drives:
         yield Fault(

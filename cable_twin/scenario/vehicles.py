@@ -1,4 +1,4 @@
-"""Carriages: their bodies, what they carry, what moves, resists and stops them, as a scenario file has them."""
+"""Carriages in a scenario file: bodies, payload, friction, end stops and buffers."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Areas = Annotated[
 
 
 class Friction(Section):
-    """What resists a carriage along the cable."""
+    """Friction of a carriage along the cable."""
 
     rolling: float = quantity("-", "resistance per normal contact force", 0.0, ge=0)
     viscous: float = quantity("N s/m", "resistance per speed", 0.0, ge=0)
 
 
 class EndStop(Section):
-    """Elastic buffer at both ends of the cable; what is not given follows from mass and speed limit of the carriage."""
+    """Elastic buffer at both ends of the cable; defaults follow from mass and speed limit of the carriage."""
 
     stroke: float | None = quantity("m", "length of the buffer; null: 0.5 % of the cable", None, gt=0)
     stiffness: float | None = quantity(
@@ -44,7 +44,7 @@ class EndStop(Section):
 
 
 class VehicleBuffer(Section):
-    """Elastic buffer against other vehicles on the rope; what is not given follows from mass and speed limit."""
+    """Elastic buffer against other vehicles on the rope; defaults follow from mass and speed limit."""
 
     stiffness: float | None = quantity(
         "N/m",
@@ -59,7 +59,7 @@ class VehicleBuffer(Section):
 
 
 class Shedding(Section):
-    """Eddies behind a body, left and right in turn, v strouhal / width a second, that push it across the wind v."""
+    """Vortex shedding of a body: v strouhal / width eddies a second, left and right, push it across the wind v."""
 
     width: float = quantity("m", "width of the body across the wind", gt=0)
     area: float = quantity("m^2", "area to which the side force refers, width times height", gt=0)
@@ -72,7 +72,7 @@ class Shedding(Section):
 
 
 class Body(Section):
-    """One rigid body of a carriage; pivots are seen from its centre of mass, in its own axes x, z."""
+    """Rigid body of a carriage; pivots are given from its centre of mass, in its own axes x, z."""
 
     mass: float = quantity("kg", "mass of the body", gt=0)
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass, about y", gt=0)
@@ -102,12 +102,12 @@ class Body(Section):
 
     @property
     def drag_areas(self) -> tuple[float, float, float]:
-        """Drag areas (3,) in m² against wind along its axes."""
+        """Drag areas (3,) in m² against wind along the axes of the body."""
         return self.drag_area if isinstance(self.drag_area, tuple) else (self.drag_area,) * 3
 
 
 class Payload(Section):
-    """What a carriage can carry; it may be changed while the carriage stands in a station."""
+    """Payload of a carriage; changed only while the carriage stands in a station."""
 
     capacity: float = quantity("kg", "most that it can carry", gt=0)
     mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
@@ -125,7 +125,7 @@ class Payload(Section):
 
 
 class Carriage(Section):
-    """A chain of bodies; the first one hangs from the cable, each other one from the body before it."""
+    """Chain of rigid bodies: the first hangs from the cable, each other one from the body before."""
 
     rope: str | None = Field(default=None, description="the rope on which it is; null: the first one")
     arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")

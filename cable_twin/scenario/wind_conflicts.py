@@ -1,4 +1,4 @@
-"""Values of the wind that are sound alone but not together, or that no wind has."""
+"""Consistency checks of wind and gusts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.scenario.vehicles import Body
 
 
 def wind_faults(scenario: Scenario) -> Iterator[Fault]:
-    """All of them."""
+    """Faults of wind and gusts: too strong, without effect, or of the wrong dimension."""
     air, unfelt = scenario.air, wind_unfelt(scenario)
     yield from _speed(("air", "wind"), air.wind)
     if unfelt and any(air.wind):
@@ -35,7 +35,7 @@ def wind_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def wind_unfelt(scenario: Scenario) -> str:
-    """Reason why no wind has any effect in a scenario; empty where a rope or a body feels it."""
+    """Reason why wind has no effect in a scenario; empty if it acts on a rope or a body."""
     if scenario.air.density <= 0.0:
         return "nothing feels the wind: air.density is 0 kg/m^3"
     if any(cable.diameter is not None and cable.drag_coefficient != 0.0 for cable in scenario.cables.values()):
@@ -46,7 +46,7 @@ def wind_unfelt(scenario: Scenario) -> str:
 
 
 def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
-    """A wind of a speed that there is none of."""
+    """Fault of a wind speed beyond any hurricane."""
     speed = hypot(*in_space(wind))
     if speed > STRONGEST_WIND:
         yield refuse(
@@ -58,7 +58,7 @@ def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
 
 
 def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
-    """All bodies that are written down, and where."""
+    """All bodies in the file, each with its key path."""
     for name, carriage in scenario.carriages.items():
         yield from ((("carriages", name, "bodies", body), value) for body, value in carriage.bodies.items())
     carriers = scenario.carriers
