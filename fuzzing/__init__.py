@@ -1,9 +1,11 @@
 """Hostile input: what comes from files and from other processes, made up and mutated, fed to the real program.
 
-A fuzzer is a module beside this file with three functions, and a row in `FUZZERS`:
+A fuzzer is a module beside this file with these functions (`first` is optional), and a row in `FUZZERS`:
 
     cases()     a strategy of hypothesis that gives a `Case`: the content of one file
     prepare()   in the child process, once: what all cases need, such as compiled kernels
+    first()     some cases that run before all others, where files for that would be large: one that is sound, and one
+                that is refused
     run(file)   in the child process, for each case: feeds it to the program and returns DONE or REFUSED; whatever it
                 raises is a finding, and so are a signal, a hang and memory beyond the limit
 

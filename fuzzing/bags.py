@@ -52,6 +52,12 @@ def originals() -> list[bytes]:
         return [file.read_bytes() for file in sorted(Path(directory).glob("*/*.mcap"))]
 
 
+def first() -> list[Case]:
+    """A sound bag, and the start of one, in which nothing is."""
+    sound = originals()[0]
+    return [Case(sound, ".mcap"), Case(sound[:20], ".mcap")]
+
+
 def cases() -> st.SearchStrategy[Case]:
     """Sound bags with some changes, or what looks like one and is made to harm."""
     originals()

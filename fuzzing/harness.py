@@ -228,7 +228,10 @@ def fuzz(
                 return counts
             for file in sorted(seeds.iterdir()) if seeds is not None and seeds.is_dir() else ():
                 take(Case(file.read_bytes(), file.suffix))
-            strategy, drawn = import_module(module).cases(), time.monotonic()
+            fuzzer = import_module(module)
+            for case in fuzzer.first() if hasattr(fuzzer, "first") else ():
+                take(case)
+            strategy, drawn = fuzzer.cases(), time.monotonic()
             _draw(strategy, number, lambda: time.monotonic() - drawn < seconds and counts.runs < most, take)
         finally:
             child.close()

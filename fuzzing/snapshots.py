@@ -37,6 +37,13 @@ def originals() -> list[dict[str, Any]]:
     return found
 
 
+def first() -> list[Case]:
+    """A sound file, and the start of one."""
+    stream = BytesIO()
+    np.savez(stream, **originals()[0])
+    return [Case(stream.getvalue(), ".npz"), Case(stream.getvalue()[:100], ".npz")]
+
+
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
     """A sound file with some changes."""

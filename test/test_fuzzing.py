@@ -14,7 +14,7 @@ from fuzzing.harness import FINDINGS, SEEDS, Limits, fuzz, replay
 
 SECONDS = 3.0  # of each fuzzer, beside its kept seeds and the start of its process
 ROOT = Path(__file__).parents[1]
-HOLDING = ("bags", "scripts", "snapshots")  # fuzzers that find nothing
+HOLDING = ("bags", "scenarios", "scripts", "snapshots")  # fuzzers that find nothing
 LIVE = ("messages", "parameters")  # the same, of a running twin
 
 

@@ -29,6 +29,7 @@ from cable_twin.recording.mcap_records import (
     Index,
     chunk_messages,
     declared,
+    has_messages,
     parsed,
     read_index,
     record_at,
@@ -212,7 +213,8 @@ class LogFile:
                     return
                 yield _Piece(place, unpacked(record), "")
             except UNREADABLE as error:  # noqa: PERF203 - of each chunk
-                yield _Piece(place, b"", one_line(error))
+                if isinstance(record, Exception) or has_messages(record):  # else it declares what the next one does too
+                    yield _Piece(place, b"", one_line(error))
 
     def _chunk_records(
         self, stream: IO[bytes], wanted: Collection[str] | None

@@ -24,7 +24,7 @@ from cable_twin.recording.bag_metadata import BagFile, BagTopics
 from cable_twin.recording.log_metadata import LOST_FROM, scenario_metadata
 from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
-from cable_twin.recording.splitting import ClosedSize, Splitting
+from cable_twin.recording.splitting import ClosedSize, Splitting, size_of_states
 
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
 
@@ -251,7 +251,8 @@ class McapLog:
         if not (splitting.keep_age or splitting.keep_size):
             return
         sizes = [ClosedSize(closed.contents.last_ns, self._size_of(closed.number)) for closed in self._closed]
-        count = splitting.surplus(sizes, self._size_of(self._number), now_ns)
+        others = self._size_of(self._number) + size_of_states(self.directory)
+        count = splitting.surplus(sizes, others, now_ns)
         if not count:
             return
         removed, self._closed = self._closed[:count], self._closed[count:]

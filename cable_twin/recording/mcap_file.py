@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import time
+import zlib
 from array import array
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import IO, Any
 
+import zstandard
 from mcap.data_stream import RecordBuilder
-from mcap.records import ChunkIndex
+from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
@@ -50,6 +52,16 @@ class _Writer(Writer):
         super().__init__(stream, compression=compression)
         self.packed = _PackedIndexes()
         self._Writer__chunk_indices = self.packed  # mcap has no door to it
+
+    @property
+    def schemas(self) -> Collection[Schema]:
+        """All that are registered."""
+        return self._Writer__schemas.values()  # type: ignore[attr-defined, no-any-return]
+
+    @property
+    def channels(self) -> Collection[Channel]:
+        """All that are registered."""
+        return self._Writer__channels.values()  # type: ignore[attr-defined, no-any-return]
 
 
 class GoneError(FileNotFoundError):
@@ -136,6 +148,8 @@ class McapFile:
             if snapshot is not None:
                 now = time.time_ns()
                 self._writer.add_attachment(now, now, SNAPSHOT_NAME, "application/octet-stream", snapshot)
+            self._writer.flush()
+            self._declare()
         except OSError:
             self.abandon()
             raise
@@ -221,6 +235,17 @@ class McapFile:
         with suppress(OSError):
             if not gone:
                 os.truncate(self.path, self._readable_size)
+
+    def _declare(self) -> None:
+        """Write all channels once more, in a chunk of their own: the first one with messages may be damaged."""
+        builder = RecordBuilder()
+        for record in (*self._writer.schemas, *self._writer.channels):
+            record.write(builder)
+        records = builder.end()
+        packed = zstandard.compress(records)
+        Chunk("zstd", packed, 0, 0, zlib.crc32(records), len(records)).write(builder)
+        assert self._stream is not None
+        self._stream.write(builder.end())
 
     def _register(self) -> dict[str, int]:
         schemas: dict[str, int] = {}

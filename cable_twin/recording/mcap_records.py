@@ -153,6 +153,11 @@ def unpacked_size(content: bytes) -> int:
     return int(CHUNK_HEAD.unpack_from(content)[2])
 
 
+def has_messages(content: bytes) -> bool:
+    """Whether a chunk says to hold any, by the stamp of its last one."""
+    return bool(CHUNK_HEAD.unpack_from(content)[1])
+
+
 def unpacked(content: bytes) -> bytes:
     """Unpacked data of a chunk, from the content of its record.
 

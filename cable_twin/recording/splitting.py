@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import NamedTuple
 
 SECOND = 10**9  # ns; not that of messages, which loads numpy: options are understood without
 MEGABYTE = 10**6  # bytes
 SHORTEST = 1.0  # s
 SMALLEST = 1.0  # MB, the size of a chunk
+STATES = "snapshot_"  # with which the names of saved states begin, beside the files of a run
+STATES_SHARE = 0.5  # of `keep_size`, that saved states may have; the files of the run get what they leave
 
 
 class ClosedSize(NamedTuple):
@@ -26,7 +30,7 @@ class Splitting:
     split_duration: float = 3600.0  # s of simulated time that a file lasts
     split_size: float = 0.0  # MB of a bag's file
     keep_age: float = 0.0  # s that the end of a closed file may lie back
-    keep_size: float = 0.0  # MB of all files of a run, right after a split
+    keep_size: float = 0.0  # MB of all files of a run and of the states saved beside them, right after a split
 
     def faults(self, called: Callable[[str], str] = str) -> list[str]:
         """Find invalid limits of a splitting.
@@ -68,7 +72,7 @@ class Splitting:
 
         Args:
             closed: All closed files, the oldest first.
-            running: Bytes of the files that are being written.
+            running: Bytes of the files that are being written, and of saved states.
             now_ns: Present stamp (ns since 1970).
         """
         oldest_ns = now_ns - round(self.keep_age * SECOND)
@@ -79,6 +83,15 @@ class Splitting:
                 return count
             total -= file.size
         return len(closed)
+
+
+def size_of_states(directory: Path) -> int:
+    """Bytes of the states saved in the directory of a run."""
+    size = 0
+    for file in directory.glob(f"{STATES}*"):
+        with suppress(FileNotFoundError):
+            size += file.stat().st_size
+    return size
 
 
 HOURLY = Splitting()

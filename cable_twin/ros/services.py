@@ -16,7 +16,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.commands import Kind, kinds_by_service
-from cable_twin.recording.splitting import MEGABYTE
+from cable_twin.recording.splitting import MEGABYTE, STATES, STATES_SHARE, size_of_states
 from cable_twin.records import Command, CommandError
 from cable_twin.ros.emergency_stop import SERVICE as EMERGENCY_STOP
 from cable_twin.ros.executor import done
@@ -24,7 +24,6 @@ from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s
-TITLE = "snapshot_"  # with which names of saved states begin
 WRITING_TIMEOUT = 2.0  # s that an answer waits for the disk; commands are served meanwhile
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 
@@ -45,7 +44,7 @@ class Services:
             loop: whose they are.
             directory: where states are saved, asked for each time.
             step_count: frames of a step, asked for each time.
-            keep_size: MB that all states saved there may have; 0 is no limit.
+            keep_size: MB that logs and saved states together may have there; 0 is no limit.
         """
         self._loop, self._keep_size = loop, keep_size
         self._directory, self._step_count = directory, step_count
@@ -151,16 +150,16 @@ class Services:
         return path
 
     def _check_room(self, full: FullState, directory: Path) -> None:
-        """Refuse a snapshot where all saved ones would exceed `keep_size`; none is removed."""
+        """Refuse a snapshot where all saved ones would exceed half of `keep_size`; none is removed."""
         if not self._keep_size:
             return
-        saved = sum(file.stat().st_size for file in directory.glob(f"{TITLE}*{SUFFIX}"))
+        saved, allowed = size_of_states(directory), STATES_SHARE * self._keep_size
         stream = BytesIO()
         full.write(stream)
-        if saved + stream.tell() > self._keep_size * MEGABYTE:
+        if saved + stream.tell() > allowed * MEGABYTE:
             raise _NothingSavedError(
                 f"nothing saved: {directory} has {saved / MEGABYTE:.3g} MB of saved states, and this one has "
-                f"{stream.tell() / MEGABYTE:.3g} MB; allowed: keep_size, {self._keep_size:g} MB; remove some"
+                f"{stream.tell() / MEGABYTE:.3g} MB; allowed: half of keep_size, {allowed:g} MB; remove some"
             )
 
     def _tell_written(self, writing: Future[Path]) -> None:
@@ -172,4 +171,4 @@ class Services:
 
 def _title(full: FullState) -> str:
     """File title of a snapshot from its simulated time."""
-    return f"{TITLE}{full.time:.3f}_s"
+    return f"{STATES}{full.time:.3f}_s"

@@ -84,6 +84,35 @@ def test_a_flipped_bit_costs_the_chunk_that_it_is_in(directory, finished):
 
 
 @pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
+def test_a_damaged_first_chunk_costs_what_is_in_it_and_no_more(directory, finished):
+    path, messages = write_in_chunks(directory)
+    whole, first = path.read_bytes(), chunks_of(path)[0]
+    if not finished:
+        path.write_bytes(whole[: -len(whole) // 100])
+    flip_chunk(path, first)
+    read = read_log(directory)
+    got = list(read.messages())
+    assert len(messages) - len(got) <= 51 + (not finished) * 50
+    assert got == messages[-len(got) :] if finished else got[0] in messages
+    assert read.scenario == SCENARIO_VALUES
+    assert len(read.damage) == 1
+
+
+def test_damage_to_the_declarations_alone_costs_nothing(directory):
+    path, messages = write_in_chunks(directory)
+    whole = bytearray(path.read_bytes()[: -path.stat().st_size // 100])
+    place = bytes(whole).index(b"\x04\x00\x00\x00zstd") + 40  # of the first chunk in the file
+    assert place < chunks_of(path)[0].chunk_start_offset
+    whole[place] ^= 0x10
+    path.write_bytes(whole)
+    read = read_log(directory)
+    got = list(read.messages())
+    assert got == messages[: len(got)]
+    assert len(got) > 0.9 * len(messages)
+    assert not read.damage
+
+
+@pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
 def test_100_random_bytes_cost_the_chunks_that_they_are_in(directory, finished):
     path, messages = write_in_chunks(directory)
     whole, chunks = path.read_bytes(), chunks_of(path)

@@ -133,6 +133,18 @@ def test_files_beyond_the_size_go(directory):
     assert read_log(directory).files[-1].number == 7
 
 
+def test_saved_states_count_among_what_is_kept(directory):
+    log = open_log(directory)
+    write_split(log, 8, frames=40)
+    size = log.path_of(1).stat().st_size
+    for number in range(2):
+        (directory / f"snapshot_{number}.000_s.npz").write_bytes(bytes(size))
+    log.remove_oldest(Splitting(keep_size=5.5 * size / 1e6), EPOCH)
+    assert 4.4 * size < sum(file.stat().st_size for file in directory.glob("*_*")) <= 5.5 * size
+    assert len(list(directory.glob("snapshot_*"))) == 2
+    log.close()
+
+
 def test_what_is_kept():
     hour = 3600 * SECOND
     closed = [ClosedSize(number * hour, 100) for number in range(1, 5)]

@@ -170,16 +170,16 @@ def test_wrong_snapshot_is_one_line(tmp_path):
         assert line.startswith(said)
 
 
-def test_saved_states_have_no_more_room_than_the_logs_are_kept_in(tmp_path):
+def test_saved_states_have_half_of_the_room_that_logs_and_they_share(tmp_path):
     full = Simulation(load_scenario(write_quick_scenario(tmp_path))).capture()
-    services = Services(None, lambda: tmp_path / "run", lambda: 1, keep_size=0.2)
+    services = Services(None, lambda: tmp_path / "run", lambda: 1, keep_size=0.4)
     try:
         first = services._write(full)
         allowed = int(0.2e6 / first.stat().st_size)
         for _ in range(allowed - 1):
             services._write(full)
         with pytest.raises(
-            Exception, match=r"nothing saved: .* MB of saved states, .* keep_size, 0\.2 MB; remove some"
+            Exception, match=r"nothing saved: .* MB of saved states, .* half of keep_size, 0\.2 MB; remove some"
         ):
             services._write(full)
         assert len(list((tmp_path / "run").iterdir())) == allowed
