@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
 from math import inf, nan, prod
 from typing import Any, NamedTuple
@@ -27,6 +28,7 @@ NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, a
 class _Share(NamedTuple):
     """Which numbers of a frame are of one rope, in the order of its own frame."""
 
+    number: int  # of the rope
     numbers: IntArray  # (size of that,) their places in the frame
     owner: IntArray  # (size of that,) number of the vehicle there of which it is, NOWHERE or EVERYWHERE
     attached: IntArray  # (vehicles there,) place of the number of that name, in its own frame
@@ -217,9 +219,9 @@ class Layout:
             "bodies": np.array(bodies, dtype=np.int64),
             **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
         }
-        places, owner = self.columns(np.arange(float(self.size))), np.full(own.size, EVERYWHERE)
+        places, owner = self.places, np.full(own.size, EVERYWHERE)
         there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
-        owners, here = own.columns(owner), own.columns(np.arange(float(own.size)))  # views of `owner`
+        owners, here = own.columns(owner), own.places  # views of `owner`
         numbers = np.arange(len(vehicles))
         owned = {"vehicles": numbers, "carriages": numbers[: len(own.carriages)]}
         owned["bodies"] = np.repeat(numbers, np.diff(own.first_body))
@@ -229,6 +231,7 @@ class Layout:
         owners.vehicle_rope[:] = owners.time[:] = NOWHERE
         across = [here.rope_position[:, 1], here.joint_position[:, 1], here.body_position[:, 1]]
         return _Share(
+            number=number,
             numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
             owner=owner,
             attached=here.attached.astype(np.int64),
@@ -245,9 +248,9 @@ class Layout:
         if not self.alone:
             return numbers
         share = self._shares[name]
-        own: FloatArray = numbers[share.numbers]
+        own: FloatArray = numbers.take(share.numbers, mode="clip")
         if self.rides_loop:
-            own[share.attached[own[share.rope] != list(self.alone).index(name)]] = 0.0
+            own[share.attached[own[share.rope] != share.number]] = 0.0
         return own
 
     def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
@@ -264,15 +267,15 @@ class Layout:
             chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
             self._written[name] = present, chosen, share.numbers[chosen], share.numbers[share.rope[here]]
         _, chosen, places, ropes = self._written[name]
-        numbers[places] = own[chosen]
-        numbers[ropes] = list(self.alone).index(name)
+        numbers[places] = own.take(chosen, mode="clip")
+        numbers[ropes] = share.number
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""
         if not self.rides_loop:
             return columns.arc_length
         places, ropes = columns.arc_length.copy(), columns.vehicle_rope[..., len(self.carriages) :]
-        known = np.where(np.isnan(ropes), 0.0, ropes).astype(np.int64)
+        known = np.fmax(ropes, 0.0).astype(np.int64)  # the first one where it is not known
         places[..., len(self.carriages) :] += self.loop_offsets[known]
         return places
 
@@ -302,7 +305,12 @@ class Layout:
         places = np.where(np.abs(places) < 1e-9, 0.0, np.where(np.abs(places - ends) < 1e-9, ends, places))
         columns.arc_length[riding] = places
 
-    def columns(self, numbers: FloatArray) -> Columns:
+    @cached_property
+    def places(self) -> Columns:
+        """The columns of where each number stands in a frame."""
+        return self.columns(np.arange(self.size))
+
+    def columns(self, numbers: NDArray[Any]) -> Columns:
         """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""
         leading = numbers.shape[:-1]
         return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))

@@ -46,7 +46,7 @@ class Dissipation:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._floor = _mass(scenario) * QUIET**2  # J
-        self._block = Block(0.0, 0.0, nan, nan)  # so far
+        self._lost, self._moved, self._start = 0.0, 0.0, nan  # J, J and s, of the block so far
         self._waiting: Block | None = None  # whole, until the next one is too
         self._most = 0.0  # J, moved in any block that was judged
         self._worst: Block | None = None
@@ -54,14 +54,15 @@ class Dissipation:
 
     def update(self, time: float, report: SolverReport) -> None:
         """Take in the energy balance of the solver up to `time` (s)."""
-        lost, moved, start, _ = self._block
-        # what one part gains another one loses: half of the changes is what moves
-        block = Block(lost + report.energy_lost, moved + 0.5 * report.energy_moved, start, time)
-        self._block = block._replace(start=time) if isnan(start) else block
-        if time - self._block.start >= BLOCK * (1.0 - 1e-9):
+        self._lost += report.energy_lost
+        self._moved += 0.5 * report.energy_moved  # what one part gains another one loses: half of the changes moves
+        if isnan(self._start):
+            self._start = time
+        if time - self._start >= BLOCK * (1.0 - 1e-9):
             if self._waiting is not None:
-                self._judge(self._waiting, self._block.moved)
-            self._waiting, self._block = self._block, Block(0.0, 0.0, time, time)
+                self._judge(self._waiting, self._moved)
+            self._waiting = Block(self._lost, self._moved, self._start, time)
+            self._lost, self._moved, self._start = 0.0, 0.0, time
 
     def _judge(self, block: Block, moved_next: float) -> None:
         """Keep a block of the highest relative loss so far; `moved_next` (J) is the energy moved in the next block."""
@@ -98,8 +99,8 @@ class Dissipation:
         return replace(figure, place=f"{figure.place}; {cause(self._scenario)}") if figure.kept is False else figure
 
     def _so_far(self, time: float) -> KeyFigure:
-        waiting = self._waiting or Block(0.0, 0.0, self._block.start, time)
-        whole = Block(waiting.lost + self._block.lost, waiting.moved + self._block.moved, waiting.start, time)
+        waiting = self._waiting or Block(0.0, 0.0, self._start, time)
+        whole = Block(waiting.lost + self._lost, waiting.moved + self._moved, waiting.start, time)
         if not whole.moved >= self._floor:
             return KeyFigure(ENERGY_LOST, nan, "-", time)
         place = f"{with_unit(whole.lost, 'J', 3)} of {with_unit(whole.moved, 'J', 3)}; judged after {2.0 * BLOCK:g} s"

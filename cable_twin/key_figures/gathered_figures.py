@@ -45,7 +45,7 @@ class KeyFigures:
         self._carried.update(snapshot)
         self._seats.update(snapshot)
         self._time = snapshot.time
-        self._dissipation.update(snapshot.time, snapshot.solver)
+        self._dissipation.update(self._time, snapshot.solver)
         for name, rope in self._ropes.items():
             rope.update(snapshot.of_rope(name))
         self._couplings.update(snapshot)

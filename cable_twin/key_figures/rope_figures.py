@@ -57,18 +57,19 @@ class FiguresOfRope:
         """Take in one snapshot, in order of time."""
         if snapshot.layout is not self._layout:
             self._take_layout(snapshot.layout)
-        passed = snapshot.time - self._last
+        time = snapshot.time
+        passed = time - self._last
         if passed > 0.0 and not passed >= self._period:
             self._period = passed
-        self._last = snapshot.time
+        self._last = time
         self._numbers[:] = snapshot.numbers
         take_frame(self._packed_memory, self._arc_lengths, self._packed_columns)
         if self._space is not None:
             self._space.update(self._packed_columns)
-        self.buffers.update(self._time, self._columns)
+        self.buffers.update(time, self._columns)
         if math.isnan(self._first_tension):
             self._first_tension = self._memory.tension.value()
-        self._stops.update(self._time)
+        self._stops.update(time)
 
     def _take_layout(self, layout: Layout) -> None:
         """Allocate the columns that each frame of a layout is copied into.
@@ -83,11 +84,6 @@ class FiguresOfRope:
         self._numbers = np.empty(layout.size)
         self._columns = layout.columns(self._numbers)
         self._packed_columns = pack(self._columns)
-
-    @property
-    def _time(self) -> float:
-        """Time (s) of the last frame."""
-        return float(self._columns.time[0])
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect."""

@@ -64,8 +64,8 @@ class SeatStops:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot, in order of time."""
-        c, last = snapshot.columns, self._last
-        if not self._names or isnan(c.body_position[self._bodies[0], 0]):
+        last = self._last
+        if not self._names or isnan(snapshot.numbers[snapshot.layout.places.body_position[self._bodies[0], 0]]):
             return  # a frame without poses
         if last is None or snapshot.time > last.time:
             self._last = snapshot

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Snapshot
+from cable_twin.snapshot import Layout, Snapshot
 
+BoolArray = NDArray[np.bool_]
 STANDSTILL = 1e-3  # m/s
 SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle on a haul rope swings so after one
 
@@ -147,9 +148,10 @@ class CarriedStops:
             assert scenario.carriers is not None
             self._groups[scenario.carriers.name] = riding
         count = len(carried)
+        self._layout: Layout | None = None  # of the frames so far
+        self._heights: list[int] = []  # numbers of a frame, of the height of each
         self._time = nan  # s, of the last frame that shows where they are
-        self._place, self._on = np.full((count, 3), nan), np.zeros(count, np.bool_)  # m; on the rope there
-        self._speed = np.zeros(count)  # m/s along the rope
+        self._last: Snapshot | None = None  # that frame
         self._begun: tuple[str, float] | None = None  # kind and time (s) of the command, while it is under way
         self._start = np.zeros(count)  # m/s at the command
         self._way = np.zeros(count)  # m since then
@@ -161,16 +163,12 @@ class CarriedStops:
         """Take in one snapshot, in order of time."""
         if not self._names:
             return
-        c, time = snapshot.columns, snapshot.time
-        place = c.joint_position[self._rows]
-        if np.isnan(place).all() or not (isnan(self._time) or time > self._time):
-            return  # a frame without poses
-        on = c.attached[self._rows] == 1.0
+        time = snapshot.time
+        if time <= self._time or not self._has_places(snapshot):
+            return
         if self._begun is not None:
-            steps = np.sum((place - self._place) * along_rope(snapshot, self._rows), axis=1)
-            self._go_on(time, np.where(on & self._on, steps, nan))
-        self._time, self._place, self._on = time, place, on
-        self._speed = np.where(on, c.speed[self._rows], 0.0)
+            self._go_on(time, self._steps(snapshot))
+        self._time, self._last = time, snapshot
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect."""
@@ -187,11 +185,21 @@ class CarriedStops:
             yield limited(distance, "stopping_distance")
             yield limited(duration, "stopping_time")
 
+    def _has_places(self, snapshot: Snapshot) -> bool:
+        """Whether a frame shows where any of them is: frames of a log need not."""
+        if snapshot.layout is not self._layout:
+            self._layout = snapshot.layout
+            self._heights = self._layout.places.joint_position[self._rows, 2].tolist()
+        return not all(isnan(snapshot.numbers[number]) for number in self._heights)
+
     def _begin(self, kind: str, time: float) -> None:
         under_way = self._begun is not None and (kind == "stop" or self._begun[0] == kind)
-        if under_way or not np.any(np.abs(self._speed) > SLOWEST):
+        if under_way or self._last is None:
             return
-        self._begun, self._start = (kind, time), self._speed.copy()
+        speed = np.where(self._on(self._last), self._last.columns.speed[self._rows], 0.0)
+        if not np.any(np.abs(speed) > SLOWEST):
+            return
+        self._begun, self._start = (kind, time), speed
         self._way = -np.abs(self._start) * (time - self._time)  # gone since the last frame, before the command
         self._end[:] = nan
 
@@ -223,6 +231,18 @@ class CarriedStops:
                     KeyFigure(f"{name}: stopping distance", float(self._way[row]), "m", time, where),
                     KeyFigure(f"{name}: stopping time", last, "s", time, f"{kind}, until the last one stands"),
                 )
+
+    def _on(self, snapshot: Snapshot) -> BoolArray:
+        """Which of them (vehicles,) are on the rope."""
+        on: BoolArray = snapshot.columns.attached[self._rows] == 1.0
+        return on
+
+    def _steps(self, snapshot: Snapshot) -> FloatArray:
+        """Ways (vehicles,) in m along the rope since the last frame; NaN of what was not on it all the time."""
+        assert self._last is not None
+        moved = snapshot.columns.joint_position[self._rows] - self._last.columns.joint_position[self._rows]
+        steps = np.sum(moved * along_rope(snapshot, self._rows), axis=1)
+        return np.where(self._on(snapshot) & self._on(self._last), steps, nan)
 
 
 def along_rope(snapshot: Snapshot, rows: NDArray[np.intp]) -> FloatArray:

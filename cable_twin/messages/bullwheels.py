@@ -37,23 +37,32 @@ class BullwheelsMessage:
     Args:
         header: of the message.
         layout: of the frame.
-        columns: which are filled in before each call.
+        numbers: (size,) of the frame, which are filled in before each call.
     """
 
-    def __init__(self, header: Header, layout: Layout, columns: Columns) -> None:
-        self._columns, self._rows = columns, _Rows(layout)
-        count = len(self._rows.names)
+    def __init__(self, header: Header, layout: Layout, numbers: FloatArray) -> None:
+        self._frame, rows = numbers, _Rows(layout)
+        count = len(rows.names)
+        self._sources, self._shows = np.zeros((3, count), dtype=np.int64), np.zeros((3, count))
+        c = layout.places
+        for kind, row, sources in (
+            (0, rows.wheel, c.sheave_position),
+            (0, rows.on, c.sheave_slip),
+            (0, rows.carriage, c.sheave_travel[rows.tensioned]),
+            (1, rows.wheel, c.sheave_speed),
+            (2, rows.wheel, c.sheave_force),
+            (2, rows.on, c.sheave_tension[:, 0]),
+            (2, rows.off, c.sheave_tension[:, 1]),
+        ):
+            self._sources[kind, row], self._shows[kind, row] = sources, 1.0
         self._numbers = np.zeros((3, count))
         places, speeds, forces = marks(3 * count).reshape(3, -1)
-        self._template = Template(JointState(header, self._rows.names, places, speeds, forces), list(self._numbers))
+        self._template = Template(JointState(header, rows.names, places, speeds, forces), [self._numbers])
 
     def fill(self, stamp_ns: int) -> bytes:
         """Encoded message with a stamp (ns)."""
-        c, rows, (places, speeds, forces) = self._columns, self._rows, self._numbers
-        places[rows.wheel], places[rows.on] = c.sheave_position, c.sheave_slip
-        places[rows.carriage] = c.sheave_travel[rows.tensioned]
-        speeds[rows.wheel], forces[rows.wheel] = c.sheave_speed, c.sheave_force
-        forces[rows.on], forces[rows.off] = c.sheave_tension[:, 0], c.sheave_tension[:, 1]
+        self._frame.take(self._sources, None, self._numbers, "clip")
+        self._numbers *= self._shows  # 0 where a row shows nothing
         return self._template.fill(stamp_ns)
 
 

@@ -105,6 +105,9 @@ class Template:
         self._stamps = np.flatnonzero(self._words == STAMP.sec)
         if self._stamps.size == 0 or (self._words[self._stamps + 1] != STAMP.nanosec).any():
             raise ValueError(f"template of {message.__msgtype__}: no stamp in it")
+        # bytes before the only stamp
+        self._stamped = ENCAPSULATION + 4 * int(self._stamps[0]) if self._stamps.size == 1 else None
+        self._bytes = self._data.data
         self._copies: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self._scattered: list[tuple[NDArray[Any], NDArray[np.intp], NDArray[Any]]] = []
         self._find(message, sources, kind)
@@ -135,15 +138,15 @@ class Template:
     def fill(self, stamp_ns: int) -> bytes:
         """Encoded message with a stamp (ns) and the present numbers of the sources."""
         second, nanosecond = divmod(stamp_ns, SECOND)
-        if self._stamps.size == 1:
-            _PAIR.pack_into(self._data.data, ENCAPSULATION + 4 * int(self._stamps[0]), second, nanosecond)
+        if self._stamped is not None:
+            _PAIR.pack_into(self._bytes, self._stamped, second, nanosecond)
         else:
             self._words[self._stamps], self._words[self._stamps + 1] = second, nanosecond
         for target, source in self._copies:
             target[...] = source
         for numbers, places, source in self._scattered:
             numbers[places] = source
-        return self._data.tobytes()
+        return self._bytes.tobytes()
 
 
 _PAIR = struct.Struct("<2I")

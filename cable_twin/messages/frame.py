@@ -103,7 +103,7 @@ class MessageEncoder:
         self.epoch_ns = epoch_ns
         self._frames = frames
         self._header = Header(STAMP, frames.frame_id)
-        self._joint_angle, self._joint_rate = np.zeros((2, len(layout.bodies)))  # rad, rad/s
+        self._joints = np.zeros((2, len(layout.bodies)))  # rad, rad/s
         self._place = np.zeros(len(layout.vehicles))
         self._layout = layout
         self._numbers = np.zeros(layout.size)
@@ -127,7 +127,7 @@ class MessageEncoder:
         if layout.commanded:
             self._makers[JOINT_REFERENCES] = partial(ReferencesMessage, self._header, layout, self._numbers)
         if layout.sheaves:
-            self._makers[SHEAVES] = partial(BullwheelsMessage, self._header, layout, self._columns)
+            self._makers[SHEAVES] = partial(BullwheelsMessage, self._header, layout, self._numbers)
         if layout.connectors:
             self._makers[CONNECTORS] = self._connectors
         if layout.pantographs:
@@ -199,8 +199,8 @@ class MessageEncoder:
         """JointState of vehicles, drives and body joints: place or angle, rate, and force along the cable."""
         layout, c = self._layout, self._columns
         names = [*layout.vehicles, *layout.drives, *joint_names(layout)]
-        sources = [self._place, c.drive_position, self._joint_angle]
-        sources += [c.speed, c.drive_speed, self._joint_rate]
+        sources = [self._place, c.drive_position, self._joints[0]]
+        sources += [c.speed, c.drive_speed, self._joints[1]]
         sources += [c.drive_force, c.moving_cable_force]
         driven = len(layout.vehicles) + len(layout.drives)
         numbers = marks(2 * len(names) + driven)
@@ -210,14 +210,18 @@ class MessageEncoder:
 
     def _fill_joint_states(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
         """Fill body joint angles first, each relative to the body above, of the first body to the vertical."""
-        angles, rates = self._columns.body_angles[:, 1], self._columns.body_angular_velocity[:, 1]
-        rows = hung_rows(self._layout)
+        layout, frame, joints = self._layout, self._numbers, self._joints
+        own = np.array([layout.places.body_angles[:, 1], layout.places.body_angular_velocity[:, 1]])
+        hung, above, hangs = hung_rows(layout), np.zeros_like(own), np.zeros_like(joints)
+        above[:, hung], hangs[:, hung] = own[:, hung - 1], 1.0
+        upper = np.zeros_like(joints)
 
         def fill_joints(stamp_ns: int) -> bytes:
-            self._place[:] = self._layout.on_loop(self._columns)
-            for joints, bodies in ((self._joint_angle, angles), (self._joint_rate, rates)):
-                joints[:] = bodies
-                joints[rows] -= bodies[rows - 1]
+            self._place[:] = layout.on_loop(self._columns)
+            frame.take(own, None, joints, "clip")
+            frame.take(above, None, upper, "clip")
+            np.multiply(upper, hangs, out=upper)  # 0 above the first one
+            np.subtract(joints, upper, out=joints)
             return fill(stamp_ns)
 
         return fill_joints
@@ -244,10 +248,12 @@ class MessageEncoder:
 
     def _tensions(self) -> Template:
         """JointState of lowest and highest tension of each rope (N), with their arc lengths (m)."""
-        (low, low_place), (high, high_place) = self._columns.lowest_tension.T, self._columns.highest_tension.T
-        names = tension_names(self._layout)
-        places, forces = marks(2 * len(names)).reshape(2, -1)
-        return Template(JointState(self._header, names, places, NONE, forces), [low_place, high_place, low, high])
+        layout, names = self._layout, tension_names(self._layout)
+        first = int(layout.places.lowest_tension[0, 0])
+        both = self._numbers[first : first + 2 * len(names)].reshape(-1, 2)  # the highest come after the lowest
+        numbers = marks(both.size).reshape(both.shape)
+        message = JointState(self._header, names, numbers[:, 1].copy(), NONE, numbers[:, 0].copy())
+        return Template(message, [both])
 
     def _cable_path(self) -> Template:
         positions = self._columns.rope_position[next(iter(self._layout.ropes.values()))]  # a path has no gaps

@@ -34,11 +34,11 @@ class ReferencesMessage:
         self._shown = np.zeros(self._sources.shape)
         places, speeds, forces = marks(self._shown.size).reshape(3, -1)
         names = [f"{name}{row}" for name in layout.commanded for row in ROWS]
-        self._template = Template(JointState(header, names, places, speeds, forces), list(self._shown))
+        self._template = Template(JointState(header, names, places, speeds, forces), [self._shown])
         # places in the message and numbers of the frame: share in use, force limit, force
-        columns = layout.columns(np.arange(float(layout.size)))
+        columns = layout.places
         self._limited = [
-            (number, int(self._sources[2, number, 2]), int(columns.drive_force[layout.vehicle_rows[name]]))
+            (number, self._sources[2, number, 2].item(), int(columns.drive_force[layout.vehicle_rows[name]]))
             for number, name in enumerate(layout.commanded)
             if name in layout.vehicle_rows
         ]
@@ -46,17 +46,17 @@ class ReferencesMessage:
     def fill(self, stamp_ns: int) -> bytes:
         """Encoded message with a stamp (ns)."""
         shown, frame = self._shown, self._frame
-        np.take(frame, self._sources, out=shown, mode="clip")
+        frame.take(self._sources, None, shown, "clip")
         shown[:, :, 2] = 0.0
         for number, limit, force in self._limited:
-            if (most := frame[limit]) > 0.0:  # there is one
-                shown[0, number, 2], shown[2, number, 2] = abs(frame[force]) / most, most
+            if (most := frame.item(limit)) > 0.0:  # there is one
+                shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
         return self._template.fill(stamp_ns)
 
 
 def _sources(layout: Layout) -> IntArray:
     """Indices (3, names, rows) of frame numbers in the message, for place, speed, force; 0 for empty fields."""
-    c = layout.columns(np.arange(float(layout.size)))
+    c = layout.places
     limits = layout.of_commanded(c.force_limit, np.zeros_like(c.drive_position))
     kinds = layout.of_commanded(c.command_kind, c.drive_command_kind)
     force = layout.of_commanded(c.commanded_force, c.drive_commanded_force)

@@ -37,13 +37,15 @@ def in_parts(
     Returns:
         What came of all of them, or until one failed or two vehicles are pressed through each other.
     """
-    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
-    most = max(PART // sum(len(part.state.nodes.position) for part in parts), 1)  # steps of a call
+    most = max(PART // sum([len(part.state.nodes.position) for part in parts]), 1)  # steps of a call
     if not _has_more_to_do(parts, meetings):
+        total = Outcome(*advance(min(steps, most)))
+        on_part()
         while total.converged and total.steps < steps:
             total = _joined(total, Outcome(*advance(min(steps - total.steps, most))))
             on_part()
         return total
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
     step, clock = parts[0].system.solver.step, parts[0].state.clock
     period = max(round(PERIOD / step), 1)
     while total.converged and total.steps < steps and not meeting_found(parts, meetings):

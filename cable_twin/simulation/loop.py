@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
-from cable_twin.mechanics.readout.columns import STOPPING, Columns
-from cable_twin.mechanics.solution.bundle.bullwheels import stop_wheel
+from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel
 from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, BullwheelMotion, Bundle
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
@@ -42,10 +43,11 @@ class Loop:
         self._names, self._strands = list(scenario.sheaves), scenario.strands
         on_wheels = {name: drive.sheave for name, drive in scenario.drives.items() if drive.sheave is not None}
         self._drives = {name: self._names.index(sheave) for name, sheave in on_wheels.items()}
-        self._drive_rows = list(self._drives.values())
-        self._numbers = [number for number, name in enumerate(scenario.drives) if name in self._drives]
+        driven = np.array([*self._drives.values()], dtype=np.int64)
+        numbers = np.array([row for row, name in enumerate(scenario.drives) if name in self._drives], dtype=np.int64)
+        self._packed = pack(bundle.sheaves), pack(motion), driven, numbers
         self._scenario = scenario
-        motion.mode[self._drive_rows] = SPEED
+        motion.mode[driven] = SPEED
 
     def settle(self, relax: Any) -> None:
         """Find the equilibrium of a loop of strands; `relax` finds that of all ropes between given ends.
@@ -208,27 +210,8 @@ class Loop:
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of bullwheels and their drives."""
-        motion, sheaves, rows, at = self.motion, self._bundle.sheaves, self._drive_rows, self._numbers
-        force = motion.traction + sheaves.inertia * motion.rim.acceleration
-        force += sheaves.resistance * np.sign(motion.rim.velocity)
-        braked = (motion.braking != 0) & (sheaves.brake_force > 0.0)
-        given = (motion.mode == FORCE) & (motion.braking == 0)
-        force[given] = motion.force[given]  # bearings may hold the wheel with less than they have
-        force[(sheaves.driven == 0) | braked] = 0.0
-        columns.sheave_position[:], columns.sheave_speed[:] = motion.rope.position, motion.rope.velocity
-        columns.sheave_force[:], columns.sheave_tension[:] = force, motion.tension
-        columns.sheave_travel[:] = np.where(sheaves.tensioning == FIXED, np.nan, motion.carriage.position)
-        columns.sheave_slip[:] = motion.rim.position - motion.rope.position
-        columns.sheave_rolled_back[:] = motion.rolled_back
-        columns.drive_position[at], columns.drive_speed[at] = motion.rim.position[rows], motion.rim.velocity[rows]
-        columns.moving_cable_force[at] = force[rows]
-        columns.drive_reference_position[at] = columns.drive_position[at]
-        columns.drive_reference_speed[at] = columns.drive_speed[at]
-        for number, row in zip(at, rows, strict=True):
-            mode = int(motion.mode[row])
-            columns.drive_command_kind[number] = STOPPING if motion.braking[row] else mode
-            columns.drive_commanded_speed[number] = motion.target[row] if mode == SPEED else 0.0
-            columns.drive_commanded_force[number] = motion.force[row] if mode == FORCE else 0.0
+        if self._names:
+            observe_bullwheels(*self._packed, columns)
 
     def energy(self) -> Energy:
         """Energy (J) of the bullwheels, the rope on them, and their tensioning devices."""

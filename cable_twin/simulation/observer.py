@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.readout.columns import observe
+from cable_twin.mechanics.readout.samples import places_on
 from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
@@ -35,8 +36,9 @@ class Observer:
             if own is not None:
                 self._own[name] = numbers = np.zeros(own.size)
                 columns = own.columns(numbers)
-            packed = pack(part.state), pack(part.sections)
-            self._of_ropes.append((part, packed, layout.arc_lengths[points], pack(columns)))
+            places = places_on(part.system.cable, layout.arc_lengths[points])
+            packed = pack(part.state), pack(part.sections), pack(places)
+            self._of_ropes.append((part, packed, pack(columns)))
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read a snapshot from the present state.
@@ -46,8 +48,8 @@ class Observer:
             report: what the solver did since the snapshot before.
         """
         self._engine.couple()
-        for part, (state, sections), arc_lengths, columns in self._of_ropes:
-            observe(part.packed_system, state, sections, arc_lengths, part.start.tower_load, columns)
+        for part, packed, columns in self._of_ropes:
+            observe(part.packed_system, *packed, part.start.tower_load, columns)
         for name, own in self._own.items():
             self.layout.put(self._numbers, name, own)
         self._engine.observe(self._columns)

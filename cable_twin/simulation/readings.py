@@ -11,7 +11,7 @@ from cable_twin.geometry.clearance import clearance_seen, ground_of, surrounding
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
-from cable_twin.mechanics.readout.samples import sample_positions, sample_shape
+from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
 from cable_twin.records import Clearance, Energy, SolverReport
@@ -50,7 +50,7 @@ class Readings:
         """
         part, arc_lengths = self._places(rope, arc_lengths)
         positions = np.empty((arc_lengths.size, 3))
-        sample_shape(part.system, part.state, arc_lengths, positions)
+        sample_shape(part.system, part.state, places_on(part.system.cable, arc_lengths), positions)
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
@@ -65,7 +65,8 @@ class Readings:
         tensions = np.empty(arc_lengths.size)
         self._engine.couple()
         recover_sections(part.system, part.state, part.sections)
-        sample_tensions(part.system, part.state, part.sections, arc_lengths, tensions)
+        places = places_on(part.system.cable, arc_lengths)
+        sample_tensions(part.system, part.state, part.sections, places, tensions)
         return tensions
 
     def clearance(self) -> Clearance:
@@ -115,10 +116,11 @@ class Readings:
         _, shapes = self._modes(count)
         arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
         result = np.empty((count, arc_lengths.size, 3))
+        places = places_on(self._ropeway.system.cable, arc_lengths)
         for shape, positions in zip(shapes, result, strict=True):
             nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
             mode = self._ropeway.state._replace(nodes=nodes)
-            sample_positions(self._ropeway.system.cable, mode, arc_lengths, positions)
+            sample_positions(self._ropeway.system.cable, mode, places, positions)
         return result / np.abs(result).max(axis=(1, 2), keepdims=True)
 
     def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:

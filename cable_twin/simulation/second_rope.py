@@ -6,7 +6,7 @@ import numpy as np
 
 from cable_twin.mechanics.parameters import FREE, FloatArray
 from cable_twin.mechanics.readout.columns import Columns
-from cable_twin.mechanics.readout.samples import sample_positions
+from cable_twin.mechanics.readout.samples import places_on, sample_positions
 from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
@@ -119,7 +119,7 @@ def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) ->
 def _position(part: Ropeway, place: float) -> FloatArray:
     """Position (dim,) in m of a rope at an arc length (m)."""
     found = np.empty((1, 3))
-    sample_positions(part.system.cable, part.state, np.array([place]), found)
+    sample_positions(part.system.cable, part.state, places_on(part.system.cable, np.array([place])), found)
     return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 

@@ -94,24 +94,38 @@ for _plain, _in_place, _instruction in (
 
 
 @_intrinsic
-def _read(typingctx, coordinates, first, end, slot, entry):
-    """Lanes of coordinates[first + lane + end, slot, entry]; past the last element, those of the last one."""
+def _read(typingctx, coordinates, first, like):
+    """Lanes of both ends of elements from `first` on; past the last element, those of the last one.
+
+    What a node has is loaded at once, as it stands in memory, and then turned into lanes.
+    """
+    vector = types.UniTuple(LANES, like.count)
+    whole = types.UniTuple(vector, 4)
 
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
         array = context.make_array(kinds.args[0])(context, builder, values[0])
-        _, first, end, slot, entry = values
-        nodes, slots, dim = cgutils.unpack_tuple(builder, array.shape, 3)
+        nodes, _, _ = cgutils.unpack_tuple(builder, array.shape, 3)
+        first, size = values[1], 2 * like.count
         last = builder.sub(nodes, ir.Constant(first.type, 2))
-        within = builder.add(builder.mul(slot, dim), entry)
-        numbers = []
+        stored = ir.VectorType(ir.DoubleType(), size).as_pointer()
+        rows: tuple[list[ir.Value], list[ir.Value]] = [], []
         for lane in range(WIDTH):
             element = builder.add(first, ir.Constant(first.type, lane))
             element = builder.select(builder.icmp_signed("<", element, last), element, last)
-            place = builder.add(builder.mul(builder.add(element, end), builder.mul(slots, dim)), within)
-            numbers.append(builder.load(builder.gep(array.data, [place])))
-        return put_beside(builder, numbers)
+            for end in range(2):
+                node = builder.add(element, ir.Constant(first.type, end))
+                place = builder.gep(array.data, [builder.mul(node, ir.Constant(first.type, size))])
+                rows[end].append(builder.load(builder.bitcast(place, stored), align=8))
+        vectors = []
+        for end in range(2):
+            lanes = [
+                put_beside(builder, [take_lane(builder, row, number) for row in rows[end]]) for number in range(size)
+            ]
+            slots = lanes[: like.count], lanes[like.count :]
+            vectors += [context.make_tuple(builder, vector, slot) for slot in slots]
+        return context.make_tuple(builder, whole, vectors)
 
-    return LANES(coordinates, types.intp, types.intp, types.intp, types.intp), generate
+    return whole(coordinates, types.intp, like), generate
 
 
 def gather(coordinates: Any, first: int, like: tuple[float, ...]) -> tuple[Any, ...]:
@@ -126,24 +140,10 @@ def gather(coordinates: Any, first: int, like: tuple[float, ...]) -> tuple[Any, 
 
 @overload(gather, jit_options=OVERLOAD)
 def _gather(coordinates, first, like):
-    def planar(coordinates, first, like):
-        return (
-            (_read(coordinates, first, 0, 0, 0), _read(coordinates, first, 0, 0, 1)),
-            (_read(coordinates, first, 0, 1, 0), _read(coordinates, first, 0, 1, 1)),
-            (_read(coordinates, first, 1, 0, 0), _read(coordinates, first, 1, 0, 1)),
-            (_read(coordinates, first, 1, 1, 0), _read(coordinates, first, 1, 1, 1)),
-        )
+    def lanes(coordinates, first, like):
+        return _read(coordinates, first, like)
 
-    def spatial(coordinates, first, like):
-        c, k = coordinates, first
-        return (
-            (_read(c, k, 0, 0, 0), _read(c, k, 0, 0, 1), _read(c, k, 0, 0, 2)),
-            (_read(c, k, 0, 1, 0), _read(c, k, 0, 1, 1), _read(c, k, 0, 1, 2)),
-            (_read(c, k, 1, 0, 0), _read(c, k, 1, 0, 1), _read(c, k, 1, 0, 2)),
-            (_read(c, k, 1, 1, 0), _read(c, k, 1, 1, 1), _read(c, k, 1, 1, 2)),
-        )
-
-    return planar if like.count == 2 else spatial
+    return lanes
 
 
 @_intrinsic

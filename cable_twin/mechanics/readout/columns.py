@@ -97,20 +97,20 @@ class Columns(NamedTuple):
 
 
 @kernel
-def observe(system, state, sections, arc_lengths, rest_loads, columns):
+def observe(system, state, sections, places, rest_loads, columns):
     """Fill the columns of a frame.
 
     Args:
         system: parameters.
         state: what is read.
         sections: scratch, with the forces that other ropes exert.
-        arc_lengths: (samples,) m, where the cable is shown.
+        places: where the cable is shown.
         rest_loads: (towers, ...) N, loads of the towers at the start of the run in the first column.
         columns: takes the result.
     """
-    sample_shape(system, state, arc_lengths, columns.rope_position)
+    sample_shape(system, state, places, columns.rope_position)
     recover_sections(system, state, sections)
-    sample_tensions(system, state, sections, arc_lengths, columns.rope_tension)
+    sample_tensions(system, state, sections, places, columns.rope_tension)
     tension_range(system, state, sections, columns.lowest_tension[0], columns.highest_tension[0])
     observe_vehicles(system, state, columns)
     for carriage in range(columns.command_kind.size):

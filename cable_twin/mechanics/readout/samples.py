@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from cable_twin.mechanics.drives.pull import joint_forces
-from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import dot, load, scale, subtract
+from cable_twin.mechanics.language.by_reference import by_reference
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import dot, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.sliding_joint import joint_kink
+from cable_twin.mechanics.parameters import Cable, FloatArray, IntArray
 from cable_twin.mechanics.rope.kink import has_kinks
-from cable_twin.mechanics.rope.point import position_on_cable
+from cable_twin.mechanics.rope.point import interpolate, point_at, position_on_cable
 
 KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
@@ -20,27 +26,82 @@ def store_in_space(vector, row):
         row[1] = vector[1]
 
 
-@kernel
-def sample_positions(cable, state, arc_lengths, positions):
-    """Fill `positions` (n, 3) in m at `arc_lengths` (n,) in m."""
-    for k in range(arc_lengths.size):
-        store_in_space(position_on_cable(cable, state, arc_lengths[k]), positions[k])
+@by_reference
+class Places(NamedTuple):
+    """Places on a rope, with what never changes about them."""
+
+    arc_length: FloatArray  # (n,) m
+    element: IntArray  # (n,) that holds each
+    shape: FloatArray  # (n, 4) S there: - for positions, m for slopes
+    share: FloatArray  # (n,) from 0 at the first node of the element to 1 at the second one
+    rising: bool  # whether none is before the one that it comes after
+
+
+def places_on(cable: Cable, arc_lengths: FloatArray) -> Places:
+    """Places at `arc_lengths` (n,) in m."""
+    count = arc_lengths.size
+    places = Places(
+        arc_length=np.array(arc_lengths, dtype=np.float64),
+        element=np.zeros(count, dtype=np.int64),
+        shape=np.zeros((count, 4)),
+        share=np.zeros(count),
+        rising=bool(np.all(np.diff(arc_lengths) >= 0.0)),
+    )
+    find_places(cable, places)
+    return places
 
 
 @kernel
-def sample_shape(system, state, arc_lengths, positions):
+def find_places(cable, places):
+    """Fill what follows from the arc lengths."""
+    for k in range(places.arc_length.size):
+        point = point_at(cable, places.arc_length[k])
+        places.element[k] = point.element
+        store(point.shape, places.shape[k])
+        x = places.arc_length[k] - cable.node_arc_length[point.element]
+        places.share[k] = x / cable.element_length[point.element]
+
+
+@kernel
+def sample_positions(cable, state, places, positions):
+    """Fill `positions` (n, 3) in m at all places."""
+    for k in range(places.arc_length.size):
+        shape = load(places.shape[k], (0.0, 0.0, 0.0, 0.0))
+        store_in_space(interpolate(state.nodes.position, places.element[k], shape, cable.gravity), positions[k])
+
+
+@kernel
+def sample_shape(system, state, places, positions):
     """The same, with the kinks under vehicles that elements round off where they are sharp."""
-    cable = system.cable
-    sample_positions(cable, state, arc_lengths, positions)
+    cable, arc_lengths, rising = system.cable, places.arc_length, places.rising
+    sample_positions(cable, state, places, positions)
     for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
         if state.attached[carriage]:
             way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
-            reach = KINK_REACH * cable.element_length[state.joint_element[carriage]]
-            for k in range(arc_lengths.size):
-                off = abs(arc_lengths[k] - state.joints.position[carriage])
-                if off < reach:
-                    share = 1.0 - off / reach
+            place, reach = (
+                state.joints.position[carriage],
+                KINK_REACH * cable.element_length[state.joint_element[carriage]],
+            )
+            for k in range(first_from(arc_lengths, place - reach) if rising else 0, arc_lengths.size):
+                off = arc_lengths[k] - place
+                if abs(off) < reach:
+                    share = 1.0 - abs(off) / reach
                     bend_down(cable, state, arc_lengths[k], scale(share * share, way), positions[k])
+                elif rising and off > 0.0:
+                    break
+
+
+@inlined_kernel
+def first_from(numbers, least):
+    """Place of the first of rising numbers that is no less than `least`."""
+    low, high = 0, numbers.size
+    while low < high:
+        middle = (low + high) // 2
+        if numbers[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @kernel
@@ -57,9 +118,9 @@ def bend_down(cable, state, arc_length, way, position):
 def sample_joints(system, state, positions):
     """Fill `positions` (vehicles, 3) in m with the places where vehicles hang on the rope, in their kinks."""
     cable = system.cable
-    sample_positions(cable, state, state.joints.position, positions)
-    for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
-        if state.attached[carriage]:
+    for carriage in range(system.carriages.fixed.size):
+        place = position_on_cable(cable, state, state.joints.position[carriage])
+        if has_kinks(cable) and state.attached[carriage]:
             way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
-            place = position_on_cable(cable, state, state.joints.position[carriage])
-            store_in_space(subtract(place, way), positions[carriage])
+            place = subtract(place, way)
+        store_in_space(place, positions[carriage])

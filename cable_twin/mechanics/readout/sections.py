@@ -27,9 +27,10 @@ from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, l
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
-from cable_twin.mechanics.rope.element import force_of_element, forces_of_elements
-from cable_twin.mechanics.rope.flow import flow_factors, flows
-from cable_twin.mechanics.rope.point import element_at, point_at, point_on, slope
+from cable_twin.mechanics.rope.element import force_of_element, forces_of_elements, strand_now
+from cable_twin.mechanics.rope.flow import flows
+from cable_twin.mechanics.rope.point import point_at, point_on, slope
+from cable_twin.mechanics.rope.strand import rest_stretch
 
 NONE = -1  # no further point load on an element
 SMALL = 1e-160
@@ -106,8 +107,9 @@ def own_force(system, state, number):
 def recover_sections(system, state, sections):
     """Find the forces and tensions in a rope, with the forces that other ropes have given."""
     cable, like, last = system.cable, system.cable.gravity, system.cable.element_count - 1
+    strand = strand_now(system, state)
     for first in range(0, cable.element_count, WIDTH):
-        spread(forces_of_elements(system, state, first, 0), sections.lanes, 0)
+        spread(forces_of_elements(system, state, strand, first, 0), sections.lanes, 0)
         for lane in range(min(WIDTH, cable.element_count - first)):
             store(load(sections.lanes[:, lane], like), sections.node_force[first + lane])
             sections.first[first + lane] = NONE
@@ -144,18 +146,30 @@ def add_point_load(cable, sections, number):
 @kernel
 def find_node_tensions(system, state, sections):
     """Find the tension at all nodes, from the forces in the sections there."""
-    like, flowing = system.cable.gravity, system.moving_cable.moving and flows(system, state)
+    like, going = system.cable.gravity, momentum_of(system, state)
     for node in range(system.cable.element_count + 1):
         section, r_s = load(sections.node_force[node], like), load(state.nodes.position[node, 1], like)
-        if flowing:
-            section = add_scaled(momentum(system, state, system.cable.node_arc_length[node]), r_s, section)
+        section = with_momentum(system, going, system.cable.node_arc_length[node], r_s, section)
         sections.node_tension[node] = signed_size(section, r_s)
 
 
 @inlined_kernel
-def momentum(system, state, arc_length):
-    """ρA u² / λ (N) of a rope that goes by, at an arc length (m)."""
-    return -flow_factors(system.cable, state, arc_length)[2]
+def momentum_of(system, state):
+    """How a rope goes by, for `with_momentum`: whether at all, ρA / λ (kg/m), u at its start (m/s), and per m."""
+    cable, speed = system.cable, state.rope.velocity
+    if not (system.moving_cable.moving and flows(system, state)):
+        return False, 0.0, 0.0, 0.0
+    mass = cable.mass_per_length / rest_stretch(cable, state)
+    return True, mass, speed[0], (speed[1] - speed[0]) / cable.unstrained_length
+
+
+@inlined_kernel
+def with_momentum(system, going, arc_length, r_s, section):
+    """The force in a section (dim,) in N at an arc length (m), with ρA u² / λ r_s of a rope that goes by."""
+    if system.moving_cable.moving and going[0]:
+        speed = going[2] + going[3] * arc_length
+        return add_scaled(going[1] * speed * speed, r_s, section)
+    return section
 
 
 @inlined_kernel
@@ -169,42 +183,41 @@ def signed_size(section, r_s):
 
 
 @kernel
-def tension_beside(system, state, sections, element, arc_length, after):
-    """Tension (N) at an arc length (m) on an element that bears loads; where one is, before it, or `after` it."""
+def tensions_beside(system, state, sections, element, arc_length):
+    """Tension (N) at an arc length (m) on an element that bears loads: before and after a load that is there."""
     cable, like = system.cable, system.cable.gravity
-    on_element, before = scale(0.0, like), scale(0.0, like)
+    on_element, before, at = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     number = sections.first[element]
     while number != NONE:
-        force = load(sections.force[number], like)
+        force, place = load(sections.force[number], like), sections.place[number]
         on_element = add_scaled(1.0, force, on_element)
-        if sections.place[number] < arc_length or (after and sections.place[number] == arc_length):
+        if place < arc_length:
             before = add_scaled(1.0, force, before)
+        elif place == arc_length:
+            at = add_scaled(1.0, force, at)
         number = sections.following[number]
     here, there = load(sections.node_force[element], like), load(sections.node_force[element + 1], like)
     u = (arc_length - cable.node_arc_length[element]) / cable.element_length[element]
     along = subtract(subtract(here, there), on_element)
-    section = subtract(add_scaled(-u, along, here), before)
     r_s = slope(state.nodes.position, point_on(cable, element, arc_length), like)
-    if system.moving_cable.moving and flows(system, state):
-        section = add_scaled(momentum(system, state, arc_length), r_s, section)
-    return signed_size(section, r_s)
+    section = subtract(add_scaled(-u, along, here), before)
+    section = with_momentum(system, momentum_of(system, state), arc_length, r_s, section)
+    return signed_size(section, r_s), signed_size(subtract(section, at), r_s)
 
 
 @kernel
-def sample_tensions(system, state, sections, arc_lengths, tensions):
-    """Fill `tensions` (n,) in N at `arc_lengths` (n,) in m, before a load that is there; needs the sections.
+def sample_tensions(system, state, sections, places, tensions):
+    """Fill `tensions` (n,) in N at all places, before a load that is there; needs the sections.
 
     Between nodes without a load it is next to a line.
     """
-    cable = system.cable
-    for k in range(arc_lengths.size):
-        element = element_at(cable, arc_lengths[k])
+    for k in range(places.arc_length.size):
+        element = places.element[k]
         if sections.first[element] != NONE:
-            tensions[k] = tension_beside(system, state, sections, element, arc_lengths[k], False)
+            tensions[k] = tensions_beside(system, state, sections, element, places.arc_length[k])[0]
         else:
             here, there = sections.node_tension[element], sections.node_tension[element + 1]
-            u = (arc_lengths[k] - cable.node_arc_length[element]) / cable.element_length[element]
-            tensions[k] = here + u * (there - here)
+            tensions[k] = here + places.share[k] * (there - here)
 
 
 @kernel
@@ -221,9 +234,8 @@ def tension_range(system, state, sections, lowest, highest):
         while number != NONE:
             if number < contacts:
                 place = sections.place[number]
-                before = tension_beside(system, state, sections, node, place, False)
+                before, after = tensions_beside(system, state, sections, node, place)
                 take_tension(before, place, lowest, highest)
-                after = tension_beside(system, state, sections, node, place, True)
                 take_tension(after, place, lowest, highest)
             number = sections.following[number]
 

@@ -61,7 +61,7 @@ def add_products(c, matrix, k):
     )
 
 
-@kernel
+@inlined_kernel
 def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the energy W = ½∫(EA ε² + EI k·k)dx with Kelvin-Voigt damping.
 
@@ -141,6 +141,12 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
 
     k_dd, k_da, k_db, k_aa, k_ab, k_bb = k
     return force_d, force_a, force_b, k_dd, full(1.0, k_da, 0.0), full(1.0, k_db, 0.0), k_aa, k_ab, k_bb
+
+
+@kernel
+def whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
+    """`continuum`, compiled once for all who take force and tangent."""
+    return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
 @kernel
@@ -260,7 +266,15 @@ def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
     """Force and tangent of the elastic model of the cable, as `continuum` gives them."""
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
-    return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+    return whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
+
+
+@inlined_kernel
+def chord_force(cable, length, d, a, b, d_dot, a_dot, b_dot):
+    """Force (dim,) in N on d alone, as `elastic_force` has it; the compiler leaves out what is not asked for."""
+    if cable.elastic_model == ELEMENT_FRAME:
+        return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
+    return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
 
 
 @inlined_kernel

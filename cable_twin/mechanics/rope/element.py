@@ -21,7 +21,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.rope.elastic_models import combine, elastic_force, mean_tension
+from cable_twin.mechanics.rope.elastic_models import chord_force, combine, elastic_force, mean_tension
 from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flow_forces, flows, nodal_vectors
 from cable_twin.mechanics.rope.groups import block_row, vector_row
 from cable_twin.mechanics.rope.rope_drag import add_drag, drag_on
@@ -111,13 +111,24 @@ def rates_of_strain(taken_in, shape, shape_rates):
 
 
 @inlined_kernel
-def forces_of_elements(system, state, first, row):
-    """Forces (dim,) in N of `WIDTH` elements, with all that acts along them, on r_A (row 0) or r_B (row 2)."""
+def strand_now(system, state):
+    """What is the same on the whole rope: λ of `strand`, its rate over it (1/s), and whether the rope goes by."""
+    flowing = system.moving_cable.moving and flows(system, state)
+    return rest_stretch(system.cable, state), thickening(system.cable, state), flowing
+
+
+@inlined_kernel
+def forces_of_elements(system, state, strand, first, row):
+    """Forces (dim,) in N of `WIDTH` elements, with all that acts along them, on r_A (row 0) or r_B (row 2).
+
+    Takes the `strand_now`.
+    """
     cable, like = system.cable, system.cable.gravity
     wind = gather_vectors(state.wind_field.along_rope, first, like)
     return along_element(
         system,
         state,
+        strand,
         gather_numbers(cable.element_length, first),
         gather_numbers(cable.node_arc_length, first),
         gather_numbers(state.kink_length, first),
@@ -136,6 +147,7 @@ def force_of_element(system, state, element, row):
     return along_element(
         system,
         state,
+        strand_now(system, state),
         cable.element_length[element],
         cable.node_arc_length[element],
         state.kink_length[element],
@@ -148,7 +160,7 @@ def force_of_element(system, state, element, row):
 
 
 @inlined_kernel
-def along_element(system, state, length, place, kink_length, e, e_dot, e_ddot, wind, row):
+def along_element(system, state, strand, length, place, kink_length, e, e_dot, e_ddot, wind, row):
     """Elastic force less inertia, weight and flow, with the drag of the air: (dim,) in N on r_A (row 0) or r_B (2).
 
     All is of one element, or of `WIDTH`.
@@ -156,6 +168,7 @@ def along_element(system, state, length, place, kink_length, e, e_dot, e_ddot, w
     Args:
         system: parameters.
         state: of the whole rope.
+        strand: `strand_now`.
         length: m.
         place: arc length of the first node, m.
         kink_length: rope that sharp kinks take, m.
@@ -165,14 +178,14 @@ def along_element(system, state, length, place, kink_length, e, e_dot, e_ddot, w
         wind: (dim,) in m/s.
         row: 0 or 2.
     """
-    cable, stretch = system.cable, rest_stretch(system.cable, state)
+    cable, (stretch, taken_in, flowing) = system.cable, strand
     shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
     rates = subtract(e_dot[2], e_dot[0]), scale(length, e_dot[1]), scale(length, e_dot[3])
-    strain_rates = rates_of_strain(thickening(cable, state), shape, rates)
-    elastic = elastic_force(cable, stretch * length - kink_length, *shape, *strain_rates, 0.0, 0.0)[0]
+    strain_rates = rates_of_strain(taken_in, shape, rates)
+    elastic = chord_force(cable, stretch * length - kink_length, *shape, *strain_rates)
     inert = inertia(cable, length, stretch, *e_ddot)[row]
     total = subtract(scale(1.0 if row == 0 else -1.0, elastic), inert)
-    if system.moving_cable.moving and flows(system, state):
+    if system.moving_cable.moving and flowing:
         factors = flow_factors(cable, state, place + 0.5 * length)
         total = subtract(total, flow_forces(length, shape, rates, factors)[row])
     if system.air.present:

@@ -9,14 +9,15 @@ that slips, a wheel that its brake stops and a cylinder go as the forces at the 
 
 from __future__ import annotations
 
-from math import inf, sqrt, tanh
+from math import inf, nan, sqrt, tanh
 
 from cable_twin.mechanics.drives.reference import capped_speed, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, HYDRAULIC, SYSTEM
+from cable_twin.mechanics.readout.columns import STOPPING
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, HYDRAULIC, SYSTEM
 from cable_twin.mechanics.solution.newmark import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
@@ -312,3 +313,40 @@ def stop_wheel(sheaves, motion, sheave):
     motion.braking[sheave], motion.target[sheave], motion.by_forces[sheave] = 1, 0.0, NOTHING
     if sheaves.driven[sheave]:
         motion.mode[sheave] = SPEED
+
+
+@kernel
+def observe_bullwheels(sheaves, motion, driven, numbers, columns):
+    """Fill the columns of all bullwheels, and of the drives `numbers` (n,), which are on the wheels `driven` (n,)."""
+    for sheave in range(sheaves.inertia.size):
+        rim, rope = motion.rim, motion.rope
+        columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]
+        columns.sheave_force[sheave] = force_of_drive(sheaves, motion, sheave)
+        columns.sheave_tension[sheave, 0] = motion.tension[sheave, 0]
+        columns.sheave_tension[sheave, 1] = motion.tension[sheave, 1]
+        fixed = sheaves.tensioning[sheave] == FIXED
+        columns.sheave_travel[sheave] = nan if fixed else motion.carriage.position[sheave]
+        columns.sheave_slip[sheave] = rim.position[sheave] - rope.position[sheave]
+        columns.sheave_rolled_back[sheave] = motion.rolled_back[sheave]
+    for row in range(driven.size):
+        sheave, drive = driven[row], numbers[row]
+        mode, place, speed = motion.mode[sheave], motion.rim.position[sheave], motion.rim.velocity[sheave]
+        columns.drive_position[drive], columns.drive_speed[drive] = place, speed
+        columns.drive_reference_position[drive], columns.drive_reference_speed[drive] = place, speed
+        columns.moving_cable_force[drive] = columns.sheave_force[sheave]
+        columns.drive_command_kind[drive] = STOPPING if motion.braking[sheave] else mode
+        columns.drive_commanded_speed[drive] = motion.target[sheave] if mode == SPEED else 0.0
+        columns.drive_commanded_force[drive] = motion.force[sheave] if mode == FORCE else 0.0
+
+
+@kernel
+def force_of_drive(sheaves, motion, sheave):
+    """Force (N) of a drive at the rim; 0 of a wheel without one, and while a brake stops it."""
+    if not sheaves.driven[sheave] or (motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0):
+        return 0.0
+    if motion.mode[sheave] == FORCE and not motion.braking[sheave]:
+        return motion.force[sheave]  # bearings may hold the wheel with less than they have
+    force = motion.traction[sheave] + sheaves.inertia[sheave] * motion.rim.acceleration[sheave]
+    speed = motion.rim.velocity[sheave]
+    sense = 1.0 if speed > 0.0 else -1.0 if speed < 0.0 else 0.0
+    return force + sheaves.resistance[sheave] * sense
