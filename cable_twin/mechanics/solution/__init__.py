@@ -1,1 +1,1 @@
-"""The equations of the whole system, and what solves them: at rest, in time, for small oscillations."""
+"""Equations of the whole system and their solvers: equilibrium, time integration, natural modes."""

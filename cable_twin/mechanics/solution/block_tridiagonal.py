@@ -1,4 +1,4 @@
-"""The linear solver: block elimination along the cable, O(nodes), no fill.
+"""Linear solver of one rope: block elimination along the cable, O(nodes), without fill.
 
 It goes from both ends to the middle, with the nodes of either side beside each other in one register: no node waits for
 those of the other side, as it does for the one before it.
@@ -92,5 +92,5 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
 
 @formula
 def without(block, right, coupling, factor, known):
-    """Block and right side of a node, one beside it eliminated: that is `known` less `factor` times this one."""
+    """Block and right side of a node after elimination of a neighbour, solved as `known` - `factor` x this node."""
     return minus_nodes(block, multiply_nodes(coupling, factor)), subtract_pair(right, apply_node(coupling, known))

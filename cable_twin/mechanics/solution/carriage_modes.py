@@ -1,4 +1,4 @@
-"""Inertia and stiffness of carriages whose joints stand, by the motion of the cable and the angles of their hinges.
+"""Inertia and stiffness of carriages with held joints, by motion of the cable and angles of their hinges.
 
 A body turns with what is above it, and by the angles that its joint leaves: D = D_above exp([a] α) exp([c] β), of the
 axes as they are at rest. The cable turns what hangs on it by the shortest turn of its tangent. So nothing is held by
@@ -24,7 +24,7 @@ LATERAL = np.array([0.0, 1.0, 0.0])
 
 
 class Hanging(NamedTuple):
-    """One carriage, by n unknowns: the nodal coordinates of its element, then its angles."""
+    """Mass and stiffness of one carriage in n unknowns: nodal coordinates of its element, then its hinge angles."""
 
     places: IntArray  # (4 dim,) number of each of these nodal coordinates
     bodies: IntArray  # numbers of its bodies
@@ -34,12 +34,12 @@ class Hanging(NamedTuple):
 
     @property
     def angles(self) -> int:
-        """How many angles its joints leave."""
+        """Number of hinge angles of the carriage."""
         return self.mass.shape[0] - self.places.size
 
 
 def hanging_carriages(system: System, state: State) -> list[Hanging]:
-    """All carriages on the cable, at an equilibrium."""
+    """Mass and stiffness of all carriages on the cable, at an equilibrium."""
     return [_hanging(system, state, int(number)) for number in np.flatnonzero(state.attached)]
 
 
@@ -97,7 +97,7 @@ def _rotation(state: State, body: int, lift: FloatArray) -> FloatArray:
 def _hinges(
     system: System, bodies: IntArray, rotations: list[FloatArray], tangent: FloatArray
 ) -> list[tuple[list[FloatArray], list[float]]]:
-    """Axes (3,) about which the joint above each body turns it, those above first, and springs (N m/rad) about them."""
+    """Rotation axes (3,) of the joint above each body, from above downwards, and their springs (N m/rad)."""
     found: list[tuple[list[FloatArray], list[float]]] = []
     for number, body in enumerate(bodies):
         spring = float(system.carriages.hinge_stiffness[body])
@@ -113,7 +113,7 @@ def _hinges(
 
 
 def _by_turns(turns: list[FloatArray], matrix: FloatArray) -> FloatArray:
-    """Second derivative (n, n) of what [a][b] makes a·(matrix b), by turns (3, n) one after the other."""
+    """Second derivative (n, n) of a·(matrix b) in [a][b], by rotations (3, n) one after another."""
     before = np.zeros_like(turns[0])
     total = np.zeros((before.shape[1],) * 2)
     for turn in turns:

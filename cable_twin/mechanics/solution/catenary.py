@@ -1,4 +1,4 @@
-"""The bare cable at rest over its supports: an elastic catenary in each span (Irvine 1981), in closed form.
+"""Equilibrium of the bare cable over its supports: an elastic catenary in each span (Irvine 1981).
 
 Towers are taken as points without friction, so that the tension is the same on both sides of each, and as if they held
 the cable down as well: a load that comes out negative is that of a tower which the cable does not touch.
@@ -22,11 +22,11 @@ ENOUGH = 1.02  # times the change with which it just does
 
 
 class EquilibriumError(RuntimeError):
-    """No static equilibrium was found; the message says how far it came."""
+    """Failure to find a static equilibrium; the message states the last increment or the misfit."""
 
 
 class Rest(NamedTuple):
-    """The spans of the cable at rest; span k is before tower k."""
+    """Spans of the cable in equilibrium; span k is before tower k."""
 
     corner: FloatArray  # (spans + 1, dim) m: ends and towers
     basis: FloatArray  # (spans, 2, dim): unit vectors, level along each span and up
@@ -79,13 +79,13 @@ def _plane(whole: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def line_over(before: FloatArray, here: FloatArray, after: FloatArray) -> FloatArray:
-    """Unit vector (dim,) along the line at a support `here`, between those from the one before and to the one after."""
+    """Unit vector (dim,) of the line at a support: bisector of the directions from the previous and to the next one."""
     along = (here - before) / np.linalg.norm(here - before) + (after - here) / np.linalg.norm(after - here)
     return along / np.linalg.norm(along)
 
 
 def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[int, FloatArray, float]:
-    """End that a counterweight pulls, direction (2,) and force (N) of that; -1 and zeros where there is none."""
+    """End of a counterweight, its direction (2,) and force (N); -1 and zeros without one."""
     weighted = np.flatnonzero(counterweights.mass > 0.0)
     if weighted.size == 0:
         return -1, np.zeros(2), 0.0
@@ -101,7 +101,7 @@ def _too_light(end: int, force: float, reach: str, weight: float) -> Equilibrium
 
 
 def rest_over_supports(system: System) -> Rest:
-    """The cable at rest over its towers, both ends held or one of them by a counterweight.
+    """Solve for the equilibrium of the bare cable over its towers, with held ends or one counterweight.
 
     Unknown are pull and length of each span, and the travel of the counterweight; known are the corners, that the
     tension is the same on both sides of a tower, and the whole length.
@@ -163,14 +163,14 @@ def rest_over_supports(system: System) -> Rest:
 
 
 class Cure(NamedTuple):
-    """A quantity that sets the tension, which lets a rope touch towers that it misses."""
+    """Quantity that sets the tension of a rope, to be changed until a tower is touched."""
 
     given: float
     text: str  # of what is allowed, with places for `bound` ("at most", "at least") and `value`
     at: Callable[[float], System]  # the same rope with another value, as its own ends and length then are
 
     def value(self, tower: int) -> str:
-        """The text with the nearest value with which a tower is touched; nothing where there is none that helps."""
+        """Text with the nearest value for contact with a tower; empty if no value helps."""
 
         def load(change: float) -> float:
             try:
@@ -194,7 +194,7 @@ class Cure(NamedTuple):
 
 
 def cure_of(system: System) -> Cure:
-    """What sets the tension of a rope by itself: its counterweight, or its length."""
+    """Quantity that sets the tension of a single rope: its counterweight, or else its length."""
     cable, counterweights = system.cable, system.counterweights
     for end in np.flatnonzero(counterweights.mass > 0.0):
 
@@ -210,7 +210,7 @@ def cure_of(system: System) -> Cure:
 
 
 def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure | None = None) -> None:
-    """Refuse towers that the bare cable does not touch at rest, and a counterweight that then rests at a limit.
+    """Refuse towers without contact, and counterweights at a limit of travel, in equilibrium of the bare cable.
 
     What hangs on a rope can only lift its counterweight: one that lies at its upper limit may rest below it then.
 
@@ -252,7 +252,7 @@ def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure
 
 
 def beyond_travel(system: System, end: int, travel: float) -> str:
-    """What is wrong with the counterweight at an end of the cable, of which the rest would be at `travel` (m)."""
+    """Message for a counterweight at an end of the cable with an equilibrium beyond its limits, at `travel` (m)."""
     low, high = system.counterweights.travel[end]
     short = travel <= low
     cause, way = (
@@ -275,7 +275,7 @@ def _opening(system: System, tower: int) -> FloatArray:
 def _first_guess(
     spans: FloatArray, weight: float, stiffness: float, length: float, given: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Where to look for pulls (spans, 2) in N and lengths (spans,) in m; `given` is the force of a counterweight (N).
+    """Initial pulls (spans, 2) in N and lengths (spans,) in m of the solver; `given` is a counterweight force (N).
 
     One span that is slack: a parabola of the same sag (Jayaraman, Knudson 1981). Else a common tension T at which flat
     parabolas, stretched by T / EA, take up the whole length.

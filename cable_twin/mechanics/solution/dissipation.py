@@ -1,4 +1,4 @@
-"""What generalized-alpha itself loses: energy that no damper, friction or brake has taken.
+"""Numerical dissipation of generalized-alpha: energy lost without damper, friction or brake.
 
 All forces of a step are in balance with M q_ddot at both of its ends, so that by the trapezoidal rule their work is
 ½ (q_ddot + q_ddot')·M Δq. The kinetic energy changes by ½ (q_dot + q_dot')·M Δq_dot, to the last bit. With the updates
@@ -35,7 +35,7 @@ SECOND = 2  # steps, of which one is looked at for the error of the trapezoidal 
 
 @kernel
 def numerical_loss(system, before, after, c, h):
-    """What a step has lost, and by how much it has changed the kinetic energy (J).
+    """Energy lost by the integrator in a step, and change of kinetic energy (J).
 
     Counted are cable, counterweights and bodies that were on the cable all the time.
 
@@ -61,14 +61,14 @@ def numerical_loss(system, before, after, c, h):
 
 @kernel
 def loss_factors(c, h):
-    """The loss is (p Δa + q Δq_ddot)·M (r Δa + s Δq_ddot): p, q, and r, s with h² in them."""
+    """Factors p, q, r, s of the loss (p Δa + q Δq_ddot)·M (r Δa + s Δq_ddot); h² is in r and s."""
     eta = 0.5 - c.alpha_f
     return 0.5 - c.alpha_m, -eta, h * h * (eta * (c.gamma - 0.5) - 0.5 * c.gamma + c.beta), h * h * eta * eta
 
 
 @kernel
 def trapezoidal_error(system, before, after):
-    """What the trapezoidal rule takes for energy that is there (J), in a step: on tension, and on forces of joints."""
+    """Spurious loss (J) of the trapezoidal rule in a step, on tension and on joint forces."""
     cable = system.cable
     lost = stretching_error(cable, before, after)
     for carriage in range(system.carriages.fixed.size):
@@ -80,13 +80,13 @@ def trapezoidal_error(system, before, after):
 
 @inlined_kernel
 def changed(start, end, like):
-    """By how much a row (dim,) has changed."""
+    """Difference between the end and the start of a step of a row (dim,)."""
     return subtract(load(end, like), load(start, like))
 
 
 @kernel
 def body_loss(system, before, after, body, factors):
-    """The same of one body (J): of its centre of mass, and of its turn."""
+    """Energy lost by the integrator and change of kinetic energy (J) of one body, translation and rotation."""
     like, carriages, (p, q, r, s) = system.cable.gravity, system.carriages, factors
     first, last, still = before.bodies, after.bodies, no_turn(system.cable.gravity)
     by, true = first.algorithmic[body], first.acceleration[body]
@@ -105,7 +105,7 @@ def body_loss(system, before, after, body, factors):
 
 @kernel
 def spun(carriages, bodies, body, like):
-    """Energy of the turning of a body (J)."""
+    """Rotational kinetic energy (J) of a body."""
     inertia = inertia_of(carriages.inertia, body, orientation(bodies.position[body], like), like)
     spin = load(bodies.velocity[body, len(like) :], no_turn(like))
     return 0.5 * dot(spin, times(inertia, spin, spin))
@@ -113,7 +113,7 @@ def spun(carriages, bodies, body, like):
 
 @kernel
 def joint_work(system, at, before, after, carriage):
-    """Work (J) that the forces of the joints of a carriage `at` one end of a step would do on all of its way.
+    """Work (J) of the joint forces of a carriage `at` one end of a step over the displacement of the whole step.
 
     Joints that yield (`rope.kink`) have some of their own on the cable.
     """
@@ -142,7 +142,7 @@ def joint_work(system, at, before, after, carriage):
 
 @formula
 def combined(weight, start, end, length):
-    """The four nodal vectors (dim,) at the end plus `weight` times those at the start, slopes times l."""
+    """Four nodal vectors (dim,) at the end plus `weight` times the ones at the start, slopes times l."""
     return (
         add_scaled(weight, start[0], end[0]),
         scale(length, add_scaled(weight, start[1], end[1])),
@@ -176,7 +176,7 @@ def product(one, other):
 
 @inlined_kernel
 def cable_loss(cable, before, after, factors):
-    """The same of the consistent mass of all elements (J).
+    """Energy lost by the integrator and change of kinetic energy (J) of the consistent mass of all elements.
 
     Elements are computed `WIDTH` at a time, and those that are left over one by one.
     """
@@ -210,7 +210,7 @@ def cable_loss(cable, before, after, factors):
 
 @inlined_kernel
 def elements_loss(mass_per_length, length, factors, auxiliary, true, rates):
-    """Loss and gain of kinetic energy (J) of one element, or of `WIDTH`, from nodal vectors at start and end."""
+    """Energy lost and change of kinetic energy (J) of one or `WIDTH` elements, from nodal vectors at start and end."""
     p, q, r, s = factors
     a, b = combined(-1.0, auxiliary[0], auxiliary[1], length), combined(-1.0, true[0], true[1], length)
     gain, speed = combined(-1.0, rates[0], rates[1], length), combined(1.0, rates[0], rates[1], length)
@@ -220,7 +220,7 @@ def elements_loss(mass_per_length, length, factors, auxiliary, true, rates):
 
 @inlined_kernel
 def stretching_error(cable, before, after):
-    """The error on the tension of all elements (J), computed as in `cable_loss`."""
+    """Error of the trapezoidal rule on the tension of all elements (J), computed `WIDTH` at a time."""
     like, first, last = cable.gravity, before.nodes.position, after.nodes.position
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(last, 0, like)[0][0]
@@ -236,7 +236,7 @@ def stretching_error(cable, before, after):
 
 @inlined_kernel
 def tension_error(length, start, end):
-    """½ ∫(1 - t·t')(ε' - ε)dx (m), from nodal vectors: of a rope that stretches as it turns.
+    """Trapezoidal error ½ ∫(1 - t·t')(ε' - ε)dx (m) of rotating and stretching rope, from nodal vectors.
 
     With the strain ε = |r_x| - 1 of `continuum`, unit tangent t, it is what the trapezoidal rule makes of the strain
     energy too much, to the last bit; here without its strain beside 1: with ρ = l r_x and δ = |ρ'| - |ρ|, 1 - t·t' is
@@ -259,7 +259,7 @@ def tension_error(length, start, end):
 
 @kernel
 def counterweight_loss(system, before, after, end, factors):
-    """The same of what pulls an end (J)."""
+    """Energy lost by the integrator and change of kinetic energy (J) of the counterweight at an end."""
     mass = system.counterweights.mass[end]
     if not mass > 0.0:
         return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Residual and tangent of the whole system (paper, eq. 16) and one linear solution of it.
+"""Residual, tangent and linear solution of one rope with its vehicles (paper, eq. 16).
 
 With q = (r, e, n) and λ, eq. 16 and every Newton step on it have the same shape,
 
@@ -78,7 +78,7 @@ def measure_gaps(system, state, work, place):
 
 @inlined_kernel
 def largest_gap(system, state, work, place):
-    """Largest gap (m) of a joint, of what it does not yield; measures all of them as `measure_gaps`."""
+    """Largest constraint gap (m) of a joint, less its compliance; measures all gaps like `measure_gaps`."""
     measure_gaps(system, state, work, place)
     cable, worst = system.cable, 0.0
     for carriage in range(system.carriages.fixed.size):
@@ -96,7 +96,7 @@ def largest_gap(system, state, work, place):
 
 @kernel
 def leave_out(carriages, carriage, work):
-    """No gaps and no increments of a carriage that is not on the cable."""
+    """Clear gaps and increments of a carriage off the cable."""
     bodies = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
     work.joint_gap[bodies[0] : bodies[1]] = 0.0
     work.body_increment[bodies[0] : bodies[1]] = 0.0
@@ -105,7 +105,7 @@ def leave_out(carriages, carriage, work):
 
 @kernel
 def measure_gap_accelerations(system, state, feedback, work):
-    """Right side γ of eq. 12 for all constraints, in m/s²: what is left of Φ_ddot when all accelerations are zero.
+    """Right side γ of eq. 12 for all constraints, in m/s²: remainder of Φ_ddot at zero accelerations.
 
     The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
     """
@@ -135,7 +135,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """The same as if the supports held nothing, for what else is to be added."""
+    """Residual and tangent of rows 1-4 before supports, carriages eliminated; open for further contributions."""
     cable, carriages = system.cable, system.carriages
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
@@ -187,7 +187,7 @@ def add_loads(cable, state, stiffness_factor, work):
 
 @kernel
 def hold_ends(cable, work):
-    """Take out of the equations of both end nodes what their supports hold.
+    """Project the equations of both end nodes onto the free directions of their supports.
 
     With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
     it stands beside, or rounding of the one would let the other drift.
@@ -232,7 +232,7 @@ def solve(system, state, work):
 
 @inlined_kernel
 def recover(system, state, work):
-    """Increments of all that was eliminated, once those of the nodes are known."""
+    """Increments of all eliminated unknowns, from the nodal increments."""
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)

@@ -49,7 +49,7 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
 def settled(
     system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool = False
 ) -> tuple[int, float]:
-    """Relax one rope by itself as long as it takes, all its joints held.
+    """Relax one rope alone with all its joints held, up to `MAX_RELAXATIONS` iterations.
 
     Returns:
         Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
@@ -63,7 +63,7 @@ def settled(
 
 
 def settle_together(ropes: Assembly, tolerance: float, elements: int) -> None:
-    """Bring ropes, of which each is at rest by itself, to rest with all that couples them.
+    """Relax coupled ropes together, starting from the equilibrium of each rope alone.
 
     Args:
         ropes: what they are.
@@ -108,7 +108,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
 
 
 def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
-    """Lay the cable at rest and unstrained from `start` towards `end` (dim,) in m, the carriages hanging below it."""
+    """Initialise the cable straight and unstrained from `start` towards `end` (dim,) in m, carriages hanging below."""
     cable = system.cable
     direction = (end - start) / np.linalg.norm(end - start)
     arc_lengths = cable.node_arc_length
@@ -120,7 +120,7 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
 
 
 def lay_taut(system: System, state: State) -> None:
-    """Lay the cable straight between its two ends, evenly stretched, the carriages hanging below it."""
+    """Initialise the cable straight and evenly stretched between its ends, carriages hanging below."""
     cable = system.cable
     start, end = cable.end_position
     state.nodes.position[:, 1] = (end - start) / cable.unstrained_length
@@ -131,7 +131,7 @@ def lay_taut(system: System, state: State) -> None:
 
 
 def lay_cable(system: System, state: State) -> None:
-    """Put the nodes where the bare cable rests, as its supports and towers have it, and find its contacts there.
+    """Initialise nodes and tower contacts with the equilibrium of the bare cable over its supports.
 
     Raises:
         EquilibriumError: when there is no such place.
@@ -162,7 +162,7 @@ def lay_cable(system: System, state: State) -> None:
 
 
 def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool) -> tuple[int, float]:
-    """Relax a softer cable first, and from its shape stiffer ones up to that of the system.
+    """Relax a series of cables of increasing axial stiffness, each from the shape of the softer one before.
 
     Args:
         system: parameters.
@@ -184,7 +184,7 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, 
 
 
 def _advice(system: System) -> str:
-    """What to change where no rest is found."""
+    """Advice for a failed relaxation, as text."""
     cable = system.cable
     mass = cable.mass_per_length * cable.unstrained_length + float(system.carriages.mass.sum())
     loads = float(np.linalg.norm(cable.load_force, axis=1).sum()) + mass * float(np.linalg.norm(cable.gravity))
@@ -197,7 +197,7 @@ def _advice(system: System) -> str:
 
 
 def without_friction(system: System) -> System:
-    """The same with towers that let the rope slide, and joints that slide on it."""
+    """Copy of the parameters without friction of towers and joints."""
     smooth = np.zeros_like(system.carriages.rolling_friction)
     return system._replace(
         towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)),
@@ -206,13 +206,13 @@ def without_friction(system: System) -> System:
 
 
 def without_stops(system: System) -> System:
-    """The same with counterweights whose travel has no limits."""
+    """Copy of the parameters without travel limits of counterweights."""
     weights = system.counterweights
     return system._replace(counterweights=weights._replace(travel=np.tile([-np.inf, np.inf], (2, 1))))
 
 
 def settle(system: System, state: State, work: Workspace, *, coupled: bool = False) -> None:
-    """Bring `state` to static equilibrium with every joint held at its `sliding_coordinate`, at rest in its wind.
+    """Bring `state` to static equilibrium in its wind, with every joint held at its `sliding_coordinate`.
 
     `drive_force` is left with what holds each joint that is driven or hauled.
 

@@ -36,7 +36,7 @@ STILL = 1e-6  # m/s³, change of the acceleration of a bullwheel below which it 
 
 @kernel
 def begin_rope(c, h, system, state, work):
-    """Move what drives one rope and what is on it by `h` (s), and predict the rest."""
+    """Advance drives, wind and stations of one rope by `h` (s), and predict its motion."""
     begin_step(system, state, h)
     predict_rope(c, h, system, state, work)
 
@@ -92,7 +92,7 @@ def integrate(bundle, moving, scratch, system, state, work, h):
 
 @kernel
 def still_off_any(bundle, system, state, work, increment, before):
-    """Error (m) left where vehicles push each other on any of the ropes."""
+    """Residual error (m) of vehicles in buffer contact on any rope."""
     worst = 0.0
     for rope in range(bundle.records.shape[0]):
         own, _, room = rope_of(bundle, rope, system, state, work)
@@ -102,7 +102,7 @@ def still_off_any(bundle, system, state, work, increment, before):
 
 @kernel
 def step(bundle, moving, moving_before, scratch, system, state, work, column, h):
-    """One step of length `h` (s) in which no drive, and no brake on it, takes more than its force limit.
+    """Integrate one step of length `h` (s) with the force limits of drives and their brakes.
 
     One that would is repeated at its limit and goes on from the speed that it reached. The states at the start of the
     step, whose speeds count for the power limit, are in `column` of the records and in `moving_before`.
@@ -142,7 +142,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, h)
 
 @kernel
 def lost_in_step(bundle, system, state, work, column, c, h):
-    """Energy that the integrator alone has lost in a step, and change of kinetic energy (J), of all ropes.
+    """Energy lost by the integrator in a step, and change of kinetic energy (J), of all ropes; sampled.
 
     A step that is not looked at gives 0; one that is stands for those that are not.
     """
@@ -160,7 +160,7 @@ def lost_in_step(bundle, system, state, work, column, c, h):
 
 @kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Take `steps` whole steps, or those until a lift has rolled back: a frame in one call, without interpreter lock.
+    """Integrate `steps` whole steps, fewer after a rollback: one frame in one call, without interpreter lock.
 
     A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, all goes back to the last
     good step and the outcome says so.

@@ -1,4 +1,4 @@
-"""How large the last Newton increment was, and where."""
+"""Size and place of the last Newton increment."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cable_twin.mechanics.language.compilation import kernel
 
 @kernel
 def largest_increment(system, work):
-    """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if one is."""
+    """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if any is."""
     like, lengths, increments = system.cable.gravity, system.cable.element_length, work.right_side
     worst, total = 0.0, 0.0
     for node in range(increments.shape[0]):

@@ -1,4 +1,4 @@
-"""Integrators by name: each is a module here with a kernel `advance`, and a name in `parameters.INTEGRATORS`."""
+"""Integrators by name: modules of this package with a kernel `advance`, listed in `parameters.INTEGRATORS`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.mechanics.parameters import INTEGRATORS
 
 
 def integrator_named(name: str) -> Callable[..., Any]:
-    """The kernel `advance` of an integrator: takes what `generalized_alpha.advance` does, returns fields of `Outcome`.
+    """Kernel `advance` of an integrator, with the arguments and results of `generalized_alpha.advance`.
 
     Raises:
         KeyError: there is none of that name.

@@ -1,4 +1,4 @@
-"""What sharp kinks hold on to for a step, of the rope as it is predicted to be: `rope.kink`.
+"""Frozen quantities of joint compliance in a step, from the predicted rope: see `rope.kink`.
 
 Across what each joint yields, how slack the rope is, and the rope that its kink takes: what it takes under the
 weight of the vehicle and the mean tension of the rope. Rope that came and went with the forces beside it would be a
@@ -22,7 +22,7 @@ SLACKEST = 1.5  # τ, also of a rope that has less tension: c is worked out arou
 
 @kernel
 def hold_kinks(system, state, work):
-    """Choose all three, if joints yield at all."""
+    """Freeze tangent, slackness and rope length in the kinks for a step, if joints are compliant."""
     if has_kinks(system.cable):
         state.slackness[0] = slackness(system.cable, state, work)
         clear_array(state.kink_length)
@@ -35,7 +35,7 @@ def hold_kinks(system, state, work):
 
 @kernel
 def slackness(cable, state, work):
-    """Mean tension of the rope at rest over that now (-): one number, as a load shifts tension between its elements."""
+    """Mean tension of the rope at rest over the present one (-), a single number for the whole rope."""
     now, rest = 0.0, 0.0
     for first in range(0, cable.element_count, WIDTH):
         spread((group_tension(cable, state, first),), work.group, 0)
@@ -47,7 +47,7 @@ def slackness(cable, state, work):
 
 @kernel
 def take_rope(system, state, carriage, along):
-    """Give a joint the rope of its kink, from three elements, on a rope with the unit tangent `along` (dim,)."""
+    """Take the rope in the kink of a joint from three elements, at the unit tangent `along` (dim,)."""
     cable, carriages, gravity, mass = system.cable, system.carriages, system.cable.gravity, 0.0
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         mass += carriages.mass[body]

@@ -99,7 +99,7 @@ def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
 
 
 def _free_directions(system: System) -> csc_array:
-    """Orthonormal directions of the nodal coordinates that no support holds, (nodes 2 dim, free)."""
+    """Orthonormal directions of the nodal coordinates left free by the supports, (nodes 2 dim, free)."""
     cable = system.cable
     dim = len(cable.gravity)
     size = (cable.element_count + 1) * 2 * dim

@@ -17,7 +17,7 @@ from cable_twin.mechanics.solution.kinks import hold_kinks
 
 
 class Coefficients(NamedTuple):
-    """Generalized-alpha for one spectral radius (Chung, Hulbert 1993)."""
+    """Coefficients of generalized-alpha for one spectral radius (Chung, Hulbert 1993)."""
 
     alpha_m: float
     alpha_f: float
@@ -27,7 +27,7 @@ class Coefficients(NamedTuple):
 
 @kernel
 def coefficients(spectral_radius):
-    """The coefficients that damp infinite frequency by `spectral_radius` a step, and low ones least."""
+    """Coefficients of generalized-alpha for a `spectral_radius` at infinite frequency and least damping of low ones."""
     alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
     alpha_f = spectral_radius / (spectral_radius + 1.0)
     gamma = 0.5 + alpha_f - alpha_m
@@ -36,13 +36,13 @@ def coefficients(spectral_radius):
 
 @inlined_kernel
 def factors(c, h):
-    """What the method makes of inertia and of rates in its tangent: ∂acceleration and ∂velocity by coordinate."""
+    """Tangent factors of generalized-alpha: ∂acceleration/∂coordinate (1/s²) and ∂velocity/∂coordinate (1/s)."""
     return (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * h * h), c.gamma / (c.beta * h)
 
 
 @kernel
 def predict(c, h, kind):
-    """Start of the iteration for one kind of coordinates: the acceleration of the step before goes on."""
+    """Predict one kind of coordinates with the acceleration of the previous step."""
     x, v = flat(kind.position), flat(kind.velocity)
     q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     for i in range(x.size):
@@ -54,7 +54,7 @@ def predict(c, h, kind):
 
 @inlined_kernel
 def predict_massless(c, h, kind):
-    """The same for coordinates without inertia, which have no acceleration to go on with: the algorithmic one stays."""
+    """Predict coordinates without inertia by a constant auxiliary acceleration."""
     for i in range(kind.position.size):
         a = kind.algorithmic[i]
         kind.position[i] += h * (kind.velocity[i] + 0.5 * h * a)
@@ -80,7 +80,7 @@ def correct(c, h, increments, kind):
 
 @kernel
 def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
-    """Start of the iteration for bodies; in space, a rotation vector `turned` (bodies, 3) of the step is what moves."""
+    """Predict bodies; in space, `turned` (bodies, 3) receives the rotation vectors of the step."""
     if len(like) == 2:
         predict(c, h, kind)
     else:
@@ -89,7 +89,7 @@ def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vect
 
 @kernel
 def _predict_in_space(c, h, kind, turned):
-    """The same with turns: the orientation goes on by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
+    """Predict bodies in space; orientations advance by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
     x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
     for body in range(v.shape[0]):
         for axis in range(6):
@@ -115,7 +115,7 @@ def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned
 
 @kernel
 def _correct_in_space(c, h, increments, kind, turned):
-    """The same with turns: the rates go by what the rotation vector of the step grows by."""
+    """Apply Newton increments to bodies in space; rates change by the growth of the rotation vector of the step."""
     x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
@@ -136,7 +136,7 @@ def _correct_in_space(c, h, increments, kind, turned):
 
 @inlined_kernel
 def predict_rope(c, h, system, state, work):
-    """Start of the iteration for one rope and what is on it."""
+    """Predict all coordinates of one rope and its vehicles, and prepare constraints for the iteration."""
     leave_place(system, state, work)
     predict(c, h, state.nodes)
     predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
@@ -150,7 +150,7 @@ def predict_rope(c, h, system, state, work):
 
 @inlined_kernel
 def correct_rope(c, h, system, state, work):
-    """Apply the Newton increments of one rope and what is on it."""
+    """Apply the Newton increments of one rope and its vehicles."""
     correct(c, h, work.right_side, state.nodes)
     correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
     correct(c, h, work.sliding_increment, state.joints)

@@ -1,4 +1,4 @@
-"""One linear solution of all ropes and of what couples them: an iteration of Newton's method."""
+"""Newton iteration of all ropes and their couplings: one linear solution."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from cable_twin.mechanics.solution.increments import largest_increment
 
 @kernel
 def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Residual and tangent of one rope with what is on it, before its supports hold it."""
+    """Residual and tangent of one rope and its vehicles, before supports."""
     measure_gaps(system, state, work, True)
     assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
 
 
 @kernel
 def recover_rope(system, state, work):
-    """What was eliminated of one rope; its largest increment (m)."""
+    """Recover the eliminated unknowns of one rope; returns its largest increment (m)."""
     recover(system, state, work)
     return largest_increment(system, work)
 
 
 @kernel
 def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Newton increments of everything, each in its own scratch; multipliers are updated.
+    """Solve for the Newton increments of all ropes and couplings, in their workspaces; updates multipliers.
 
     `system`, `state` and `work` are those of any of the ropes, for their types; factors as in `assemble`.
 
@@ -63,7 +63,7 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
 
 @kernel
 def solve_nodes(bundle, scratch, system, work):
-    """Nodal increments: of ropes that something holds together in one sweep, of each other rope from both its ends.
+    """Solve for the nodal increments: of coupled ropes in one sweep, of each other rope from both ends.
 
     Returns:
         False when a block has no inverse.

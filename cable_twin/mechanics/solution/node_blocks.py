@@ -19,20 +19,20 @@ from cable_twin.mechanics.language.vectors import (
 
 @formula
 def no_node(like):
-    """A block of zeros."""
+    """Zero block of a node."""
     zero = outer(0.0, like, like)
     return zero, zero, zero, zero
 
 
 @formula
 def load_node(array, square):
-    """The four matrices of an array (2, 2, dim²)."""
+    """Block of a node from an array (2, 2, dim²)."""
     return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
 
 
 @formula
 def store_node(matrices, array):
-    """Write the four matrices."""
+    """Write the block of a node to an array (2, 2, dim²)."""
     store(matrices[0], array[0, 0])
     store(matrices[1], array[0, 1])
     store(matrices[2], array[1, 0])
@@ -41,7 +41,7 @@ def store_node(matrices, array):
 
 @formula
 def multiply_nodes(a, b):
-    """Product a b."""
+    """Product a b of two node blocks."""
     return (
         add_scaled(1.0, multiply(a[0], b[0]), multiply(a[1], b[2])),
         add_scaled(1.0, multiply(a[0], b[1]), multiply(a[1], b[3])),
@@ -52,7 +52,7 @@ def multiply_nodes(a, b):
 
 @formula
 def minus_nodes(a, b):
-    """Difference a - b."""
+    """Difference a - b of two node blocks."""
     return subtract(a[0], b[0]), subtract(a[1], b[1]), subtract(a[2], b[2]), subtract(a[3], b[3])
 
 
@@ -67,26 +67,26 @@ def apply_node(a, x):
 
 @formula
 def load_pair(array, like):
-    """The two vectors of an array (2, dim)."""
+    """Two vectors of a node from an array (2, dim)."""
     return load(array[0], like), load(array[1], like)
 
 
 @formula
 def store_pair(pair, array):
-    """Write the two vectors."""
+    """Write the two vectors of a node to an array (2, dim)."""
     store(pair[0], array[0])
     store(pair[1], array[1])
 
 
 @formula
 def subtract_pair(a, b):
-    """Difference a - b of two pairs."""
+    """Difference a - b of two pairs of vectors."""
     return subtract(a[0], b[0]), subtract(a[1], b[1])
 
 
 @formula
 def factor_node(block):
-    """Factors of a block, by the Schur complement of its first matrix, and 0, or nan where it has no inverse."""
+    """Schur factors of a node block, and 0, or nan for a singular block."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
@@ -99,7 +99,7 @@ def factor_node(block):
 
 @formula
 def solve_pair(factors, x):
-    """The two vectors that a block of these factors makes those of `x`."""
+    """Solve a factored node block for a right side `x` of two vectors."""
     inverse, a_b, c_a, schur_inverse = factors
     last = apply(schur_inverse, subtract(x[1], apply(c_a, x[0])))
     return subtract(apply(inverse, x[0]), apply(a_b, last)), last
@@ -107,7 +107,7 @@ def solve_pair(factors, x):
 
 @formula
 def solve_node(factors, block):
-    """The block that one of these factors makes another."""
+    """Solve a factored node block for a right side of another block."""
     inverse, a_b, c_a, schur_inverse = factors
     last = tuple(multiply(schur_inverse, subtract(block[2 + j], multiply(c_a, block[j]))) for j in range(2))
     first = tuple(subtract(multiply(inverse, block[j]), multiply(a_b, last[j])) for j in range(2))
@@ -116,7 +116,7 @@ def solve_node(factors, block):
 
 @formula
 def invert_node(block):
-    """Inverse of a block by the Schur complement of its first matrix, and 0, or nan where there is none."""
+    """Inverse of a node block by the Schur complement of its first matrix, and 0, or nan for a singular block."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)

@@ -1,4 +1,4 @@
-"""Relaxation to static equilibrium, in parts: between two of them Ctrl-C is heard, and progress is told."""
+"""Relaxation to static equilibrium, interruptible in parts and with reports of its progress."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def hang_carriages(system, state):
 
 @kernel
 def note_rest(system, state):
-    """Keep what holds each joint at rest; friction starts from none, and the extremes of towers with this rest."""
+    """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
     for carriage in range(state.drive_mode.size):
         state.drive_force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
@@ -57,7 +57,7 @@ def note_rest(system, state):
 
 @kernel
 def begin_relaxation(system, state, work):
-    """Make ready for one iteration of one rope: the wind where it is now, and what sharp kinks hold on to."""
+    """Prepare one rope for an iteration: present wind, and frozen quantities of joint compliance."""
     if system.air.varies:
         blow(system, state, 0.0)
     hold_kinks(system, state, work)
@@ -65,7 +65,7 @@ def begin_relaxation(system, state, work):
 
 @kernel
 def move_relaxed(system, state, work):
-    """Apply the increments of one rope, without any velocity; returns the sharpest turn of a body (rad)."""
+    """Apply the increments of one rope, without velocities; returns the largest rotation of a body (rad)."""
     turn = sharpest_turn(work, system.cable.gravity)
     combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
     combine_arrays(state.joints.position, 1.0, work.sliding_increment, state.joints.position)
@@ -75,7 +75,7 @@ def move_relaxed(system, state, work):
 
 @kernel
 def sharpest_turn(work, like):
-    """Largest turn (rad) among the increments of bodies."""
+    """Largest rotation (rad) among the increments of bodies."""
     turn = 0.0
     for body in range(work.body_increment.shape[0]):
         for axis in range(len(like), work.body_increment.shape[1]):
@@ -85,7 +85,7 @@ def sharpest_turn(work, like):
 
 @brief_kernel
 def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, longest, mass_factor, iterations):
-    """Pseudo-transient continuation: implicit steps without velocity, longer and longer until they are Newton's.
+    """Pseudo-transient continuation to equilibrium: implicit steps without velocity, growing into Newton steps.
 
     A rope by itself begins with what is on it hanging upright, all its joints held, and ends with their drive forces
     in `drive_force`. Several ropes go on from where each of them lies.
@@ -156,7 +156,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
 
 
 class Moment(NamedTuple):
-    """How far a relaxation is."""
+    """Progress of a relaxation."""
 
     elements: int
     iterations: int
@@ -165,7 +165,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float:
-        """Time (s) left at most, at the speed so far: most lines rest after a tenth of the iterations or less."""
+        """Upper bound of the remaining time (s) at the present rate; most lines need a tenth of the iterations at most."""
         return self.elapsed / self.iterations * (MAX_RELAXATIONS - self.iterations)
 
 
@@ -174,7 +174,7 @@ _watchers: list[Callable[[Moment], object]] = []
 
 @contextmanager
 def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
-    """Tell how far relaxations are within this block, after each part."""
+    """Context in which the progress of relaxations is reported to `shown` after each part."""
     _watchers.append(shown)
     try:
         yield
@@ -183,7 +183,7 @@ def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
 
 
 def relax_in_parts(relax: Callable[[float, int], tuple[int, float, float]], elements: int) -> tuple[int, float]:
-    """Relax until all forces balance, or for the most iterations that are allowed.
+    """Relax in parts until all forces balance, or up to the largest number of iterations.
 
     Args:
         relax: takes a mass factor, 0 for the first one, and iterations; gives how many it took, the last increment (m)

@@ -1,4 +1,4 @@
-"""The paper's integrator, for verification: explicit Runge-Kutta of order 4 on eq. 16 at acceleration level.
+"""Explicit Runge-Kutta of order 4 on eq. 16 at acceleration level: the paper's integrator, for verification.
 
 A joint stays on its element within a step. A step in which one leaves its element is cut at the node: there the
 Jacobian is rebuilt on the neighbour, since r_xx, and with it γ, jumps (paper, end of section 3.2). Constraints hold at
@@ -74,14 +74,14 @@ def _at_phase(element: FloatArray, phase: float) -> NDArray[np.complex128]:
 
 @kernel
 def add_rates(weight, rates, start, target):
-    """Write `start` plus `weight` (s) times the `rates`, for one kind of coordinates and for their velocities."""
+    """Write `start` plus `weight` (s) times the `rates` of one kind of coordinates, positions and velocities."""
     combine_arrays(start.position, weight, rates.velocity, target.position)
     combine_arrays(start.velocity, weight, rates.acceleration, target.velocity)
 
 
 @kernel
 def add_body_rates(weight: float, rates: Any, start: Any, target: Any, like: Vector) -> None:
-    """The same for bodies, in space with the rates of their quaternions, which leaves these a little too long."""
+    """Write `start` plus `weight` (s) times the `rates` of bodies; quaternions in space become slightly too long."""
     if len(like) == 2:
         add_rates(weight, rates, start, target)
     else:
@@ -100,7 +100,7 @@ def _add_rates_in_space(weight, rates, start, target):
 
 @kernel
 def add_all_rates(weight, rates, start, target, like):
-    """The same for nodes, bodies and joints of three states, of which any may be another one."""
+    """Write `start` plus `weight` (s) times the `rates` of nodes, bodies and joints; the three states may coincide."""
     add_rates(weight, rates.nodes, start.nodes, target.nodes)
     add_body_rates(weight, rates.bodies, start.bodies, target.bodies, like)
     add_rates(weight, rates.joints, start.joints, target.joints)
@@ -108,7 +108,7 @@ def add_all_rates(weight, rates, start, target, like):
 
 @kernel
 def classical_step(system, state, start, total, h, work):
-    """One step of the classical method from `start`; returns whether all four stages could be solved.
+    """Classical Runge-Kutta step from `start`; returns whether all four stages were solvable.
 
     Quaternions go with the others in their four numbers and are made unit ones at its end, where they are too long by
     h⁵: a projection, which keeps the order (Hairer, Lubich, Wanner 2006, IV.4).
@@ -133,21 +133,21 @@ def classical_step(system, state, start, total, h, work):
 
 @kernel
 def copy_place(source, target):
-    """Write coordinates and velocities, not accelerations."""
+    """Copy coordinates and velocities, without accelerations."""
     copy_array(source.position, target.position)
     copy_array(source.velocity, target.velocity)
 
 
 @inlined_kernel
 def place_in_element(cable, state, carriage):
-    """Where the joint is on its element, from 0 to 1."""
+    """Relative position of a joint on its element, from 0 to 1."""
     element = state.joint_element[carriage]
     return (state.joints.position[carriage] - cable.node_arc_length[element]) / cable.element_length[element]
 
 
 @kernel
 def overshoot(cable, state):
-    """How far (elements) the joint that left its element most is beyond its node; and which joint that is."""
+    """Largest overshoot (elements) of a joint beyond a node of its element, and index of the joint."""
     farthest, which = 0.0, -1
     for carriage in range(state.joints.position.size):
         place = place_in_element(cable, state, carriage)
@@ -163,7 +163,7 @@ def overshoot(cable, state):
 
 @kernel
 def step_to_node(system, state, start, total, h, work):
-    """Take a step of at most `h` (s) that ends where the first joint on its way reaches a node.
+    """Step of at most `h` (s), ending when the first joint reaches a node.
 
     Returns:
         The time taken (s), or -1 when a stage could not be solved; the joint now on a node, or -1.
@@ -200,7 +200,7 @@ def step_to_node(system, state, start, total, h, work):
 
 @kernel
 def change_element(cable, state, carriage):
-    """Move a joint that is on a node to the element it goes to."""
+    """Move a joint on a node to the next element on its way."""
     place = place_in_element(cable, state, carriage)
     element = state.joint_element[carriage] + (1 if place > 0.5 else -1)
     state.joint_element[carriage] = min(max(element, 0), cable.element_count - 1)
@@ -208,7 +208,7 @@ def change_element(cable, state, carriage):
 
 @kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Take `steps` whole steps of one rope; the counterpart of `generalized_alpha.advance`, with the same outcome.
+    """Integrate `steps` whole steps of one rope; counterpart of `generalized_alpha.advance` with equal results.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
     is the drift of the constraints (m); what is lost is not looked at. A step after which the energy is not finite is

@@ -1,4 +1,4 @@
-"""What every integrator does around its own step: drives before it, friction, contacts and grips after it."""
+"""Common parts of a step of every integrator: drives and wind before it; friction, contacts and stations after it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 
 
 class Outcome(NamedTuple):
-    """What came of a call: read `converged` before anything else.
+    """Result of an integrator call, to be checked for `converged` first.
 
     An integrator gives the fields alone: numba makes a named tuple by Python code of its own, which a Ctrl-C crashes.
     """
@@ -34,7 +34,7 @@ class Outcome(NamedTuple):
 
 @kernel
 def begin_step(system, state, h):
-    """Let all that is driven know where it is to be after `h` (s), and the wind blow as it does then."""
+    """Advance the references of all drives, and the wind, to the end of a step of `h` (s)."""
     move_drives(system, state, h)
     if system.air.present:
         blow(system, state, h)
@@ -42,7 +42,7 @@ def begin_step(system, state, h):
 
 @kernel
 def end_step(system, state, work):
-    """Keep what friction and contacts have become, and attach what has come onto the rope; the largest gap (m)."""
+    """End a step: store friction and contacts, attach carriers entering the rope; returns the largest gap (m)."""
     gap = largest_gap(system, state, work, True)
     settle(system, state)
     take_up(state)
@@ -53,7 +53,7 @@ def end_step(system, state, work):
 
 @kernel
 def settle(system, state):
-    """What friction is mobilised now, and what each tower bears, is where the next step starts from."""
+    """Store the mobilised friction, buffer contacts and tower loads as the start of the next step."""
     for carriage in range(system.carriages.fixed.size):
         settle_friction(system.carriages, state, carriage)
     if system.buffers.present:

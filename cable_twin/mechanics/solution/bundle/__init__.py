@@ -1,1 +1,1 @@
-"""Several ropes, and what couples them: each stays a system of its own, block-tridiagonal along itself."""
+"""Coupled ropes: several block-tridiagonal systems, and the couplings between them."""

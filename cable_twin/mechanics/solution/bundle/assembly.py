@@ -1,4 +1,4 @@
-"""Ropes side by side, and what couples them, as the kernels of the solver take them."""
+"""Ropes and their couplings, assembled into the arguments of the solver kernels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNCOUPLED = cast(bool, Known(False))  # `Bundle.coupled` of a rope by itself, wh
 
 
 class Rope(NamedTuple):
-    """What the solver has of one rope."""
+    """Parameters, state and workspace of one rope."""
 
     system: System
     state: State
@@ -40,7 +40,7 @@ class Rope(NamedTuple):
 
 
 class Couplings(NamedTuple):
-    """What couples ropes, or acts on them beside what is on each; numbers of ropes in their order."""
+    """Couplings between ropes and loads on several ropes, by indices of the ropes in their order."""
 
     connectors: Connectors
     pantographs: Pantographs
@@ -52,13 +52,13 @@ class Couplings(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """Whether there are any."""
+        """True if any coupling exists."""
         things = self.connectors.rope, self.pantographs.rope, self.clamps.rope, self.sheaves.rope
         return self.wires.present or any(thing.size > 0 for thing in things)
 
 
 def no_couplings(ropes: int, dim: int) -> Couplings:
-    """Nothing between ropes."""
+    """Empty couplings for a number of ropes."""
     none, pair, vector, row = np.zeros(0), np.zeros((0, 2)), np.zeros((0, dim)), np.zeros((0, 1))
     number, numbers = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
     wheels: dict[str, Any] = dict.fromkeys(Bullwheels._fields, none)
@@ -82,7 +82,7 @@ def no_couplings(ropes: int, dim: int) -> Couplings:
 
 
 class Assembly:
-    """Ropes, what couples them, and room for the solver; kept alive as long as kernels use it.
+    """Ropes, their couplings and scratch memory of the solver; kept alive as long as kernels use the memory.
 
     Attributes:
         bundle: parameters of couplings, and where the records of each rope are.
@@ -92,7 +92,7 @@ class Assembly:
     """
 
     def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None) -> None:
-        """Put ropes together; without couplings, which may be empty ones, kernels are compiled for none."""
+        """Assemble ropes; without couplings (None), kernels are compiled without couplings, unlike for empty ones."""
         first = ropes[0]
         dim = len(first.system.cable.gravity)
         given = couplings or no_couplings(len(ropes), dim)
@@ -129,7 +129,7 @@ class Assembly:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """What an integrator gets before the number of steps."""
+        """Arguments of an integrator before the number of steps."""
         return (
             self.bundle,
             self.moving,
@@ -142,7 +142,7 @@ class Assembly:
 
     @property
     def relaxed(self) -> tuple[Any, ...]:
-        """What `relaxation.relax` gets before the tolerance."""
+        """Arguments of `relaxation.relax` before the tolerance."""
         return (
             self.bundle,
             self.moving,
@@ -154,7 +154,7 @@ class Assembly:
         )
 
     def put(self, row: int, system: System) -> None:
-        """Let a rope have other parameters of the same type."""
+        """Replace the parameters of a rope by others of equal type."""
         if self._systems[row] is not system:
             self._addresses.write(row, SYSTEM, system)
             self._systems[row] = system

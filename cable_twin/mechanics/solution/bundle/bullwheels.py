@@ -1,4 +1,4 @@
-"""Bullwheels: rope runs off one strand, over a wheel, onto another one, by friction; some are driven, some tension.
+"""Bullwheels: friction drives and tensioning devices between two strands of a rope.
 
 A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; a force by that length is the
 tension times the stretch there, and times the rate of that length the power. What turns by its forces, and the carriage
@@ -29,7 +29,7 @@ NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 @kernel
 def move_bullwheels(sheaves, motion, c, h):
-    """Move all wheels and their carriages by `h` (s): where they are prescribed, else as a first guess."""
+    """Advance all bullwheels and their carriages by `h` (s): prescribed motion, or prediction of the iteration."""
     for sheave in range(sheaves.inertia.size):
         turn_wheel(sheaves, motion, sheave, c, h)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
@@ -40,7 +40,7 @@ def move_bullwheels(sheaves, motion, c, h):
 
 @kernel
 def turn_wheel(sheaves, motion, sheave, c, h):
-    """Move the rim of one wheel, and the rope with it or over it, by `h` (s)."""
+    """Advance the rim of one bullwheel, and the rope sticking to or slipping on the rim, by `h` (s)."""
     rim, rope, wrapped = motion.rim, motion.rope, sheaves.wrapped[sheave]
     pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     place, was_turned = rim.position[sheave], motion.by_forces[sheave] == WHEEL
@@ -77,7 +77,7 @@ def turn_wheel(sheaves, motion, sheave, c, h):
 
 @kernel
 def drive_rim(sheaves, motion, sheave, net, inertia, h):
-    """Move one rim by `h` (s) as its drive has it, or its brake and its bearings, against a net force (N) of the rope.
+    """Advance one rim by `h` (s) under its drive, or brake and bearings, against a net rope force (N).
 
     Returns:
         Whether its forces turn it and the rope with it, which is left to do; and its acceleration (m/s²).
@@ -112,14 +112,14 @@ def drive_rim(sheaves, motion, sheave, net, inertia, h):
 
 @kernel
 def friction_on_rope(sheaves, motion, sheave, sense):
-    """Force (N) of a rim on the rope that slips on it, 1 where the rim is faster and -1 where it is slower."""
+    """Force (N) of a rim on a slipping rope; `sense` is 1 for a faster rim, -1 for a slower one."""
     share = motion.stretch[sheave] * (sheaves.adhesion[sheave] - 1.0)
     return share * max(motion.tension[sheave, 1], 0.0) if sense > 0 else -share * max(motion.tension[sheave, 0], 0.0)
 
 
 @kernel
 def resisting(sheaves, motion, sheave, h):
-    """Force (N) of bearings and brake of a wheel, against its motion or up to what would turn it."""
+    """Resisting force (N) of bearings and brake of a wheel: against its motion, or up to the driving force at rest."""
     against = sheaves.resistance[sheave]
     if motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
         motion.braking_time[sheave] += h
@@ -131,7 +131,7 @@ def resisting(sheaves, motion, sheave, h):
 
 @kernel
 def move_cylinder(sheaves, motion, sheave, h):
-    """Move the carriage of a wheel where a cylinder holds it, by `h` (s): where the pull has left its band."""
+    """Advance the carriage of a hydraulically tensioned bullwheel by `h` (s), once the pull has left its band."""
     travel, low, high = motion.carriage.position[sheave], sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
     missing, wanted = sheaves.pull[sheave] - motion.pull[sheave], 0.0
     if abs(missing) > sheaves.band[sheave]:
@@ -144,7 +144,7 @@ def move_cylinder(sheaves, motion, sheave, h):
 
 @kernel
 def guess(motion, number, c, h):
-    """`newmark.predict` of one coordinate."""
+    """Newmark prediction of one coordinate, see `newmark.predict`."""
     a = motion.algorithmic[number]
     after = (motion.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
     motion.position[number] += h * (motion.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
@@ -154,7 +154,7 @@ def guess(motion, number, c, h):
 
 @kernel
 def add_increment(motion, number, c, h, delta):
-    """`newmark.correct` of one coordinate."""
+    """Newmark correction of one coordinate, see `newmark.correct`."""
     by_acceleration, by_velocity = factors(c, h)
     motion.position[number] += delta
     motion.velocity[number] += by_velocity * delta
@@ -164,7 +164,7 @@ def add_increment(motion, number, c, h, delta):
 
 @kernel
 def correct_bullwheels(bundle, motion, scratch, system, c, h):
-    """Increments of what turns and moves by its forces, with what the strands pull with now; the largest one (m)."""
+    """Newton increments of freely moving bullwheels and counterweights, from present strand pulls; the largest (m)."""
     sheaves, largest = bundle.sheaves, 0.0
     last, measured = scratch.wheel_increment, scratch.wheel_stiffness
     for sheave in range(sheaves.inertia.size):
@@ -190,7 +190,7 @@ def correct_bullwheels(bundle, motion, scratch, system, c, h):
 
 @kernel
 def measured_increment(last, measured, sheave, kind, force, stiffness):
-    """Increment (m) for a force (N) that is left, by an estimated stiffness (N/m), or by the measured one if higher.
+    """Increment (m) for a residual force (N), by the estimated stiffness (N/m), or the measured one if higher.
 
     Where the strand next to a wheel answers more stiffly than a straight one, as it does to a rope that slips in a
     storm, increments of the estimate go to and fro, and grow. What the last one has changed is the stiffness.
@@ -215,7 +215,7 @@ def measured_increment(last, measured, sheave, kind, force, stiffness):
 
 @kernel
 def missing_rope(sheaves, motion, sheave, c, h, on, off):
-    """Force (N) that is left on the rope over a wheel, and its stiffness; `on`, `off` (N/m): answers of the strands."""
+    """Residual force (N) on the rope over a wheel, and its stiffness (N/m); `on`, `off` (N/m) are those of the strands."""
     mass_factor, _ = factors(c, h)
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
@@ -233,7 +233,7 @@ def missing_rope(sheaves, motion, sheave, c, h, on, off):
 
 @kernel
 def stiffness_of_end(cable, c, h):
-    """Force (N/m) with which a straight strand answers in a step where rope is taken in at one of its ends."""
+    """Dynamic stiffness (N/m) of a straight strand at its end, in a step of generalized-alpha."""
     by_acceleration, by_velocity = factors(c, h)
     axial = cable.axial_stiffness * (1.0 + cable.damping_time * by_velocity)
     wave = sqrt(cable.mass_per_length * by_acceleration / axial)
@@ -242,7 +242,7 @@ def stiffness_of_end(cable, c, h):
 
 @kernel
 def missing_travel(sheaves, motion, sheave, c, h, yielding):
-    """Force (N) left on the carriage of a counterweight, and its stiffness (N/m), with buffers at its limits."""
+    """Residual force (N) on the carriage of a counterweight, and its stiffness (N/m), with buffers at its limits."""
     mass_factor, rate_factor = factors(c, h)
     travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
     low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
@@ -256,7 +256,7 @@ def missing_travel(sheaves, motion, sheave, c, h, yielding):
 
 @kernel
 def end_bullwheels(sheaves, motion):
-    """End a step: take the traction of all wheels, and stop them where one has gone back further than it may."""
+    """End a step: store the traction of all bullwheels, and stop all once one has exceeded its rollback limit."""
     back = False
     for sheave in range(sheaves.inertia.size):
         pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
@@ -272,7 +272,7 @@ def end_bullwheels(sheaves, motion):
 
 @kernel
 def wheels_gone_back(motion):
-    """Number of wheels that have gone back further than they may."""
+    """Number of bullwheels beyond their rollback limit."""
     count = 0
     for sheave in range(motion.rolled_back.size):
         count += motion.rolled_back[sheave]
@@ -281,7 +281,7 @@ def wheels_gone_back(motion):
 
 @kernel
 def hold_again(motion, sheave):
-    """Let a rope that slipped stick to the rim, once that has its speed."""
+    """Let a slipping rope stick to the rim again at equal speeds."""
     rim, rope = motion.rim, motion.rope
     if (rim.velocity[sheave] - rope.velocity[sheave]) * motion.slipping[sheave] < 0.0:
         motion.slipping[sheave] = 0
@@ -291,7 +291,7 @@ def hold_again(motion, sheave):
 
 @kernel
 def way_back(motion, sheave):
-    """Way (m) that a rim has gone back since no drive holds it to a speed; either way where none has turned it yet."""
+    """Rollback (m) of a rim without speed control; in either direction before any drive has turned the rim."""
     mode, place = motion.mode[sheave], motion.rim.position[sheave]
     wanted = motion.target[sheave] if mode == SPEED else motion.force[sheave] if mode == FORCE else 0.0
     if motion.braking[sheave]:

@@ -1,4 +1,4 @@
-"""A carriage that slides on one rope and is clamped to another: the haul rope pulls it, and the track rope carries it.
+"""Clamp of a carriage that slides on a track rope to a haul rope: rigid constraint with a multiplier.
 
 The clamp is rigid, p + o = q: the place p = S(n) e of the joint, with the offset o of the clamp from it, is that of the
 other rope q = S(l) e_h at its arc length l. What holds it there is one more multiplier, the force F of the other rope
@@ -39,7 +39,7 @@ RAILS = 12.0  # m after that, over which its rails carry a part of those
 
 @kernel
 def clamp_coordinate(system, state, place, loop_length):
-    """Arc length (m) on the mesh of a rope of what was clamped to it at `place` when none of it had gone by yet.
+    """Arc length (m) on the mesh of a rope of a clamp at `place` (m) before any rope travel.
 
     On a loop, where its length (m) is not 0, it comes round again.
     """
@@ -51,7 +51,7 @@ def clamp_coordinate(system, state, place, loop_length):
 
 @inlined_kernel
 def clamp_gap(bundle, moving, clamp, system, state, like):
-    """Way (dim,) in m from the clamp, where its carriage has it, to its place on the other rope."""
+    """Gap (dim,) in m between a clamp on its carriage and its place on the other rope."""
     rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     other = moving.clamp_rope[clamp]
@@ -64,7 +64,7 @@ def clamp_gap(bundle, moving, clamp, system, state, like):
 
 @kernel
 def find_clamps(bundle, moving, system, state, h):
-    """Find to which rope each clamp holds after `h` (s), and where; off all meshes, to none and without force.
+    """Find rope and place of each clamp after `h` (s); clamps beyond all meshes hold no rope and carry no force.
 
     One that takes hold under way does so where its rope is, and as fast as that goes away from it: what is between them
     is then closed with a speed and an acceleration that begin and end with no force.
@@ -105,7 +105,7 @@ def find_clamps(bundle, moving, system, state, h):
 
 @inlined_kernel
 def what_is_left(moving, clamp, like):
-    """Way (dim,) in m that a clamp has still to close: of the fifth order in time, from its first value and rate."""
+    """Remaining gap (dim,) in m of a closing clamp: fifth-order polynomial in time from initial gap and rate."""
     u = min(moving.clamp_time[clamp] / CLOSING_TIME, 1.0)
     cubed = u * u * u
     by_place = 1.0 + cubed * (-10.0 + u * (15.0 - 6.0 * u))
@@ -116,7 +116,7 @@ def what_is_left(moving, clamp, like):
 
 @inlined_kernel
 def gap_rate(bundle, moving, clamp, system, state, like):
-    """Rate (dim,) in m/s of the gap of a clamp that does not hold yet."""
+    """Rate (dim,) in m/s of the gap of a clamp before closing."""
     rope, carriage, other = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp], moving.clamp_rope[clamp]
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     haul, there = record_at(bundle.records[other, SYSTEM], system), record_at(bundle.records[other, STATE], state)
@@ -129,14 +129,14 @@ def gap_rate(bundle, moving, clamp, system, state, like):
 
 @inlined_kernel
 def rail_share(length, place):
-    """Share of its weight that rails carry of a carriage at a `place` (m) of a track of a `length` (m)."""
+    """Share of the weight of a carriage on the station rails, at a `place` (m) of a track of a `length` (m)."""
     u = min(max((min(place, length - place) - STATION) / RAILS, 0.0), 1.0)
     return 1.0 + u * u * u * (-10.0 + u * (15.0 - 6.0 * u))
 
 
 @inlined_kernel
 def carried_mass(carriages, carriage):
-    """Mass (kg) of all bodies of a carriage, with what they carry."""
+    """Mass (kg) of all bodies of a carriage, with payload."""
     mass = 0.0
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         mass += carriages.mass[body]
@@ -145,7 +145,7 @@ def carried_mass(carriages, carriage):
 
 @kernel
 def follow_clamps(bundle, moving, system, state):
-    """Where each clamp holds now that bullwheels have let rope through within the step."""
+    """Update the places of all clamps after rope travel over bullwheels within the step."""
     clamps = bundle.clamps
     for clamp in range(clamps.rope.size):
         for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
@@ -159,7 +159,7 @@ def follow_clamps(bundle, moving, system, state):
 
 @kernel
 def add_clamps(bundle, moving, scratch, system, state, work, like):
-    """Write the block of each clamp that holds, and what couples it to its nodes; its force goes to the other rope.
+    """Write block and nodal couplings of each closed clamp, and add its force to the haul rope.
 
     Needs both ropes assembled, before their supports hold them: the row of the sliding coordinate is found there.
     """
@@ -212,7 +212,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
 
 @inlined_kernel
 def hold_coupling(cable, element, first, out, back, like):
-    """Take out of the couplings of both nodes of an element what a support holds of them, as `hold_ends` does."""
+    """Project the couplings of both nodes of an element onto the free directions of a support, like `hold_ends`."""
     square = outer(0.0, like, like)
     for end in range(2):
         held = 0 if end == 0 else cable.element_count
@@ -227,7 +227,7 @@ def hold_coupling(cable, element, first, out, back, like):
 
 @kernel
 def recover_clamps(bundle, moving, scratch, state, work, like):
-    """Bring the forces of all clamps up to date, and leave their sliding coordinates for `recover_joint`."""
+    """Update the forces of all clamps, and store their sliding coordinates for `recover_joint`."""
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] < 0:
             continue
@@ -240,7 +240,7 @@ def recover_clamps(bundle, moving, scratch, state, work, like):
 
 @kernel
 def worst_clamp_gap(bundle, moving, system, state, like):
-    """The largest gap (m) of all clamps that hold."""
+    """Largest gap (m) of all closed clamps."""
     worst = 0.0
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] >= 0:

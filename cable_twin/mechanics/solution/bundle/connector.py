@@ -1,4 +1,4 @@
-"""What hangs between two ropes and pulls them together: droppers, slack carriers (EN 50318 has them without mass)."""
+"""Connectors between two ropes: droppers and slack carriers, massless as in EN 50318."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cable_twin.mechanics.solution.bundle.records import STATE, WORK
 
 @inlined_kernel
 def connector_force(bundle, connector, state, like):
-    """Pull (N) along the unit vector from its first end to its second, that vector, and the distance (m).
+    """Pull (N) of a connector, its tangent, its direction from first to second end, and its length (m).
 
     Returns:
         Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance.
@@ -35,7 +35,7 @@ def connector_force(bundle, connector, state, like):
 
 @kernel
 def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like):
-    """Add all connectors to the nodes at their ends; what couples the two nodes goes to `cross`.
+    """Add all connectors to their end nodes, with the coupling of both nodes in `cross`.
 
     Returns:
         How many have begun to pull, or ceased to, since the last look.

@@ -1,4 +1,4 @@
-"""Motion of what couples ropes within a step of generalized-alpha: bullwheels, clamps, connectors, pantographs."""
+"""Couplings of ropes in a step of generalized-alpha: bullwheels, clamps, connectors, pantographs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def move_couplings(bundle, moving, system, state, c, h):
 
 @kernel
 def place_couplings(bundle, moving, scratch, system, state, c, h):
-    """Predict what couples ropes that have been predicted themselves."""
+    """Predict the motion of all couplings, after the prediction of their ropes."""
     place_ends(bundle, moving.sheaves, system, state)
     find_clamps(bundle, moving, system, state, h)
     predict(c, h, moving.stages)
@@ -39,7 +39,7 @@ def place_couplings(bundle, moving, scratch, system, state, c, h):
 
 @kernel
 def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Add what couples ropes to their residuals and tangents; returns how many contacts have changed."""
+    """Add all couplings to the residuals and tangents of the ropes; returns the number of changed contacts."""
     like, wires = system.cable.gravity, bundle.wires
     if wires.present and rate_factor > 0.0:
         for rope in range(bundle.records.shape[0]):
@@ -56,7 +56,7 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
 
 @kernel
 def correct_couplings(bundle, moving, scratch, system, state, c, h, iteration):
-    """Apply the increments of what couples ropes; returns the largest of a bullwheel (m)."""
+    """Apply the Newton increments of all couplings; returns the largest increment of a bullwheel (m)."""
     correct(c, h, scratch.increment, moving.stages)
     if bundle.sheaves.inertia.size == 0:
         return 0.0
@@ -71,12 +71,12 @@ def correct_couplings(bundle, moving, scratch, system, state, c, h, iteration):
 
 @kernel
 def worst_coupling_gap(bundle, moving, system, state):
-    """The largest gap (m) of what holds to two ropes."""
+    """Largest gap (m) of all constraints between two ropes."""
     return worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)
 
 
 @kernel
 def end_couplings(bundle, moving, system, state):
-    """End a step: what bullwheels transmit now, and what rides from one rope to another."""
+    """End a step: store the traction of bullwheels, and transfer carriages between tracks and stations."""
     end_bullwheels(bundle.sheaves, moving.sheaves)
     ride_tracks(bundle, system, state)

@@ -1,4 +1,4 @@
-"""The linear solver of a bundle: block elimination along all ropes side by side, O(nodes), no fill but at the front.
+"""Linear solver of coupled ropes: block elimination along all ropes at once, O(nodes), fill at the front only.
 
 The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
@@ -82,7 +82,7 @@ def solve_bundle(bundle, scratch, work, like):
 
 @kernel
 def note_touches(bundle, scratch):
-    """Make lists of the clamps that couple each node, and clear the front."""
+    """List the clamps coupled to each node, and clear the front."""
     nodes, ropes = bundle.order.node.size, bundle.records.shape[0]
     scratch.linked[:] = 0
     scratch.front[:ropes] = 0
@@ -112,7 +112,7 @@ def link(connectors, connector, scratch, like):
 
 @inlined_kernel
 def connect(a, b, scratch, like):
-    """Let two members of the front be coupled, by nothing yet."""
+    """Mark two members of the front as coupled, by zero blocks so far."""
     nothing = no_node(like)
     store_node(nothing, scratch.fill[a, b])
     store_node(nothing, scratch.fill[b, a])
@@ -121,7 +121,7 @@ def connect(a, b, scratch, like):
 
 @kernel
 def link_clamp(ropes, touch, rope, scratch, like):
-    """Couple the front node of a rope with a clamp, which comes to the front with the first of its nodes."""
+    """Couple the front node of a rope with a clamp; a clamp joins the front at its first node."""
     clamp, k, square = touch // CLAMP_NODES, touch % CLAMP_NODES, outer(0.0, like, like)
     if scratch.member[clamp] < 0:
         place = ropes
@@ -149,7 +149,7 @@ def at_front(bundle, member, scratch, work):
 
 @kernel
 def eliminate(bundle, event, rope, node, scratch, work, like):
-    """Take the front node of a rope out of the equations of the next one, and of the other members of the front."""
+    """Eliminate the front node of a rope from the equations of its next node and of the other members of the front."""
     square = outer(0.0, like, like)
     own = record_at(bundle.records[rope, WORK], work)
     inverse, missing = invert_node(load_node(own.diagonal[node], square))
@@ -183,7 +183,7 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
 
 @kernel
 def eliminate_clamp(bundle, event, clamp, scratch, work, like):
-    """Take a clamp out of the equations of the front, and free its place there."""
+    """Eliminate a clamp from the equations of the front, and free its place in the front."""
     member, square = scratch.member[clamp], outer(0.0, like, like)
     inverse, missing = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
     if missing != 0.0:
@@ -199,7 +199,7 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
 
 @inlined_kernel
 def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like):
-    """Take a member out of the equations of the others at the front; keeps what gives it when those are known."""
+    """Eliminate a member from the equations of the rest of the front; keeps the blocks for its back substitution."""
     square, width = outer(0.0, like, like), scratch.width[0]
     for other in range(scratch.front.size):  # also of those that come to the front later, as `substitute_beside` asks
         scratch.used[event, other] = scratch.linked[member, other]
@@ -225,7 +225,7 @@ def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like)
 
 @inlined_kernel
 def substitute_beside(bundle, event, x, scratch, work, like):
-    """The solution of a member once that of the others is known, with which it was coupled when it was eliminated."""
+    """Back substitution of a member from the members coupled to it at its elimination."""
     for other in range(scratch.width[0]):
         if scratch.used[event, other]:
             _, beside = at_front(bundle, other, scratch, work)
@@ -236,7 +236,7 @@ def substitute_beside(bundle, event, x, scratch, work, like):
 
 @kernel
 def substitute(bundle, event, rope, node, scratch, work, like):
-    """The solution at one node."""
+    """Back substitution of one node."""
     own = record_at(bundle.records[rope, WORK], work)
     x = load_pair(own.right_side[node], like)
     if node + 1 < own.diagonal.shape[0]:
@@ -247,7 +247,7 @@ def substitute(bundle, event, rope, node, scratch, work, like):
 
 @kernel
 def substitute_clamp(bundle, event, clamp, scratch, work, like):
-    """Force and sliding coordinate of a clamp, which takes its place at the front again."""
+    """Back substitution of a clamp, force and sliding coordinate, with its return to the front."""
     scratch.front[scratch.member[clamp]] = clamp
     x = load_pair(scratch.clamp_right[clamp], like)
     store_pair(substitute_beside(bundle, event, x, scratch, work, like), scratch.clamp_right[clamp])

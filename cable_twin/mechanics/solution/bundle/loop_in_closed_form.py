@@ -1,4 +1,4 @@
-"""A loop at rest in closed form: elastic catenaries of its strands, whose bullwheels are in balance.
+"""Equilibrium of a loop in closed form: elastic catenaries between bullwheels in balance.
 
 That is where the bare loop rests, and nearly where it rests with vehicles, if their weight is spread over its strands.
 """
@@ -18,7 +18,7 @@ CLOSE = 1e-4  # of the largest tension, by which a bullwheel may be off balance
 
 
 def rest_in_closed_form(sheaves: Bullwheels, motion: BullwheelMotion, strands: Mapping[int, System]) -> None:
-    """Bring bullwheels, and what tensions them, to where the bare strands rest; from where `motion` has them.
+    """Move bullwheels and tensioning devices to the equilibrium of the bare strands, starting from `motion`.
 
     Args:
         sheaves: the wheels.
@@ -42,7 +42,7 @@ def rest_in_closed_form(sheaves: Bullwheels, motion: BullwheelMotion, strands: M
 
 
 def on_bullwheels(sheaves: Bullwheels, motion: BullwheelMotion, row: int, system: System) -> System:
-    """The same strand, its ends where its bullwheels are, with the rope that these have let onto it."""
+    """Parameters of a strand with its ends at its bullwheels, and its length after rope travel over the bullwheels."""
     ends, length = system.cable.end_position.copy(), system.cable.unstrained_length
     for sheave, side in np.argwhere(sheaves.rope == row):
         ends[1 - side] += motion.carriage.position[sheave] * sheaves.direction[sheave]
@@ -51,7 +51,7 @@ def on_bullwheels(sheaves: Bullwheels, motion: BullwheelMotion, row: int, system
 
 
 def _end_force(rest: Rest, end: int) -> FloatArray:
-    """Force (dim,) in N of what holds a cable at its start (0) or end (1) on it."""
+    """Force (dim,) in N of the support on a cable at its start (0) or end (1)."""
     span = -end
     force = -rest.pull[0] if end == 0 else rest.pull[-1] + np.array([0.0, rest.weight * rest.length[-1]])
     return force @ rest.basis[span]

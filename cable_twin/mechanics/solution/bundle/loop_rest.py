@@ -1,4 +1,4 @@
-"""Static start of a loop: how much rope each strand has, and where what tensions it stands.
+"""Equilibrium of a loop: distribution of rope among strands, and positions of tensioning devices.
 
 A bullwheel without a drive lets rope through until both its strands pull the same; a counterweight moves until they
 pull as much as it does. The unknowns, a way for each of them, are found by Newton's method, in which each strand is
@@ -28,7 +28,7 @@ def settle_loop(
     relax: Callable[[], None],
     tolerance: float = TOLERANCE,
 ) -> None:
-    """Find the rest of all strands over their bullwheels, and leave ropes and carriages of `motion` as they are there.
+    """Solve for the equilibrium of all strands over their bullwheels; leaves rope travel and carriages in `motion`.
 
     Args:
         sheaves: the wheels.

@@ -1,4 +1,4 @@
-"""What ropes exert on each other, for a readout of the forces in their sections: `readout.sections`."""
+"""Forces between ropes as input to the readout of section forces, `readout.sections`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.mechanics.solution.bundle.records import SECTIONS, STATE, SYSTEM
 
 @kernel
 def give_forces(bundle, moving, system, state, sections):
-    """Give the sections of each rope the forces of clamps, connectors and pantographs on it now."""
+    """Add the present forces of clamps, connectors and pantographs to the sections of each rope."""
     like = system.cable.gravity
     for rope in range(bundle.records.shape[0]):
         record_at(bundle.records[rope, SECTIONS], sections).given[0] = 0

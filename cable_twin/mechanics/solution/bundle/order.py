@@ -1,4 +1,4 @@
-"""In which order the nodes of several ropes are eliminated."""
+"""Elimination order of the nodes of several ropes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cable_twin.mechanics.solution.bundle.records import Order
 
 
 def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
-    """Numbers of the connectors in an order in which they follow each other on every rope.
+    """Indices of the connectors in their common order along all ropes.
 
     Args:
         ropes: (connectors, 2).
@@ -35,7 +35,7 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
 
 
 def lines_of(count: int, pairs: IntArray) -> list[int]:
-    """Number of the line of each rope: ropes that something couples, also by way of others, are of one line.
+    """Line number of each rope; ropes coupled directly or through other ropes share a line.
 
     Args:
         count: number of ropes.

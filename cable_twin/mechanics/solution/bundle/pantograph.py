@@ -1,4 +1,4 @@
-"""A pantograph: masses on springs, the head of which slides along a rope from below and pushes it, one-sided.
+"""Pantograph: masses on springs with a head sliding along a rope from below, in one-sided contact.
 
 The gap is measured upwards where the rope is above the head, g = z_0 - z(s) with x(s) = X. Its virtual work gives the
 rope the force F (e_z - z'/x' e_x) there, which is normal to it: there is no friction. The stages are eliminated first,
@@ -30,14 +30,14 @@ def find_place(cable, nodes, arc_length, x):
 
 @inlined_kernel
 def push_direction(nodes, point, up, like):
-    """Direction (dim,) in which the head pushes the rope, of which the part upwards is 1."""
+    """Direction (dim,) of the push of the head on the rope, with a vertical component of 1."""
     r_x = slope(nodes.position, point, like)
     return add_scaled(-dot(r_x, up) / r_x[0], along_track(like), up)
 
 
 @inlined_kernel
 def springs_and_inertia(pantographs, moving, pantograph, stage):
-    """Force (N) upwards on a stage from springs and dampers above and below it, less its inertia."""
+    """Upward force (N) on a stage of the springs and dampers above and below, less the inertia of the stage."""
     z, z_dot = moving.stages.position[pantograph], moving.stages.velocity[pantograph]
     last = z.size - 1
     force = -pantographs.mass[pantograph, stage] * moving.stages.acceleration[pantograph, stage]
@@ -52,7 +52,7 @@ def springs_and_inertia(pantographs, moving, pantograph, stage):
 
 @kernel
 def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like):
-    """Condense all pantographs and add them to the ropes they push.
+    """Condense all pantographs and add their contact to the ropes.
 
     Returns:
         How many have touched, or lost, their rope since the last look.
@@ -90,7 +90,7 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
 
 @kernel
 def condense_stages(pantographs, moving, scratch, pantograph, contact, force, factors):
-    """Eliminate the stages from the base up to the head; what is left gives them once the rope has moved.
+    """Eliminate the stages from the base up to the head; keeps the factors for `recover_pantographs`.
 
     Returns:
         Increment of the head (m) if the rope stays, and its share (m/N) of a force on it.
@@ -121,7 +121,7 @@ def condense_stages(pantographs, moving, scratch, pantograph, contact, force, fa
 
 @kernel
 def recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like):
-    """Increments of all stages once those of the ropes are known; the largest of them (m)."""
+    """Increments of all stages from the increments of the ropes; returns the largest (m)."""
     largest, up = 0.0, load(bundle.up, like)
     for pantograph in range(bundle.pantographs.rope.size):
         rope = bundle.pantographs.rope[pantograph]

@@ -1,4 +1,4 @@
-"""Parameters and state of a bundle: ropes side by side, what hangs between them, and what pushes from below."""
+"""Parameters and state of coupled ropes: ropes, connectors, clamps, pantographs and bullwheels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer,
 
 @by_reference
 class Connectors(NamedTuple):
-    """Massless rods between nodes of two ropes: droppers, slack carriers. They pull; few push."""
+    """Massless rods between nodes of two ropes, such as droppers: tension, and compression by a given stiffness."""
 
     rope: IntArray  # (connectors, 2)
     node: IntArray  # (connectors, 2)
@@ -35,7 +35,7 @@ class Connectors(NamedTuple):
 
 @by_reference
 class Pantographs(NamedTuple):
-    """Masses on springs that push a rope from below, one-sided, and move along the track at a given speed.
+    """Pantographs: masses on springs below a rope, in one-sided contact, moved along the track at a given speed.
 
     Stage 0 is the head; below each stage is its spring, that of the last one stands on the vehicle.
     """
@@ -50,7 +50,7 @@ class Pantographs(NamedTuple):
 
 @by_reference
 class Clamps(NamedTuple):
-    """Carriages of one rope that are clamped to another one; each may come to several, onto one after the other."""
+    """Clamps of carriages to a second rope; each may hold several ropes, one after another."""
 
     rope: IntArray  # (clamps,) on which the carriage slides
     carriage: IntArray  # (clamps,) its number there
@@ -65,7 +65,7 @@ class Clamps(NamedTuple):
 
 @by_reference
 class Wires(NamedTuple):
-    """Damping of ropes as a share of their mass and of the stiffness that their tension gives them."""
+    """Rayleigh damping of ropes, proportional to mass and to the geometric stiffness of tension."""
 
     by_mass: FloatArray  # (ropes,) 1/s
     by_stiffness: FloatArray  # (ropes,) s
@@ -75,7 +75,7 @@ class Wires(NamedTuple):
 
 @by_reference
 class Bullwheels(NamedTuple):
-    """Bullwheels, each between the end of one strand and the start of another one or of the same."""
+    """Bullwheels, each between the end of one strand and the start of another strand, or of its own."""
 
     rope: IntArray  # (wheels, 2): whose end runs onto it, and whose start runs off it
     inertia: FloatArray  # (wheels,) kg, of all that turns with it, reduced to its rim
@@ -115,7 +115,7 @@ class Order(NamedTuple):
 
 @by_reference
 class Bundle(NamedTuple):
-    """Everything that does not change while a bundle runs."""
+    """Constant parameters of coupled ropes."""
 
     records: IntArray  # (ropes, 6) addresses of what each rope has, columns as named above
     coupled: bool  # whether there is anything of what follows: known to kernels, where there is not
@@ -130,7 +130,7 @@ class Bundle(NamedTuple):
 
 @by_reference
 class BullwheelMotion(NamedTuple):
-    """Motion of the bullwheels, and what their drives were told."""
+    """Motion of the bullwheels, and commands of their drives."""
 
     rim: Annotated[Motion, Of("wheel", unit="m")]  # of unstrained rope
     rope: Annotated[Motion, Of("wheel", unit="m")]  # unstrained, that has gone over it
@@ -159,7 +159,7 @@ class BullwheelMotion(NamedTuple):
 
 @by_reference
 class BundleState(NamedTuple):
-    """Motion of what is on no rope alone."""
+    """Motion of bullwheels, clamps and pantographs, beside the states of the ropes."""
 
     stages: Annotated[Motion, Of("pantograph", "stage", unit="m")]  # height
     place: Annotated[Course, Of("pantograph", unit="m")]  # along the track
@@ -220,7 +220,7 @@ class BundleWork(NamedTuple):
 
 @inlined_kernel
 def rope_of(bundle, rope, system, state, work):
-    """Parameters, motion and scratch of one rope; `system`, `state`, `work` are those of any, for their types."""
+    """Parameters, state and workspace of one rope; `system`, `state`, `work` of any rope give their types."""
     own = bundle.records[rope]
     return record_at(own[SYSTEM], system), record_at(own[STATE], state), record_at(own[WORK], work)
 
@@ -236,7 +236,7 @@ BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names th
 
 
 def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
-    """What the names of sizes stand for, in the shapes of the records of a bundle."""
+    """Sizes by name, for the array shapes in the records of coupled ropes."""
     clamps, connectors, nodes = bundle.clamps.rope.size, bundle.connectors.length.size, bundle.order.node.size
     pantographs, stages = bundle.pantographs.mass.shape
     coupled = bool(connectors or clamps)  # by what is eliminated beside their nodes
@@ -256,12 +256,12 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
 
 
 def allocate_bundle_state(bundle: Bundle) -> BundleState:
-    """State of what is on no rope alone, at rest."""
+    """Allocate the state of bullwheels, clamps and pantographs at rest."""
     return allocate(BundleState, sizes_of_bundle(bundle))
 
 
 def bullwheels_at_rest(count: int) -> BullwheelMotion:
-    """Motion of `count` bullwheels that nothing has moved yet."""
+    """Allocate the motion of `count` bullwheels at rest."""
     return allocate(BullwheelMotion, {"wheel": count})
 
 

@@ -1,4 +1,4 @@
-"""Carriages that ride a loop of one rope, clamped to it, and slide on another rope where that goes along it.
+"""Carriages clamped to a loop of haul rope and sliding on a track rope beside it, between stations.
 
 Where the loop leaves the track, in the stations, a carriage hangs at rest and takes no part, as what is clamped to a
 moving rope alone does; it is put on again where the loop comes to the track. Beside both ends of the track are the
@@ -21,7 +21,7 @@ from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM
 
 @kernel
 def ride_tracks(bundle, system, state):
-    """End a step: take off their tracks what has come to an end of those, and put on what comes from a station."""
+    """End a step: detach carriages at the end of their tracks, and attach carriages leaving a station."""
     clamps, like = bundle.clamps, system.cable.gravity
     for clamp in range(clamps.rope.size):
         if clamps.loop_length[clamp] > 0.0:
@@ -41,7 +41,7 @@ def ride_tracks(bundle, system, state):
 
 @kernel
 def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_state):
-    """The same of one carriage, clamped at `place` (m) of a strand, by `offset` (dim,) in m away from its joint."""
+    """Detach or attach one carriage, clamped at `place` (m) of a strand with an `offset` (dim,) in m from its joint."""
     carriage, loop_length = clamps.carriage[clamp], clamps.loop_length[clamp]
     s = clamp_coordinate(strand, strand_state, place, loop_length)
     length, ridden = strand.cable.unstrained_length, track.cable.unstrained_length
@@ -64,7 +64,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 
 @kernel
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
-    """Speed (m/s) and its rate along a track at an arc length, of what keeps beside a place `s` (m) of a strand."""
+    """Speed (m/s) and its rate along a track at an arc length, beside a moving point `s` (m) of a strand."""
     own, beside = point_at(strand, s), point_at(track, place)
     speed, rate = going_by(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)

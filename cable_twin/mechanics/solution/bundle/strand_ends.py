@@ -1,4 +1,4 @@
-"""Ends of the strands of a loop: where their bullwheels have them, and what they pull with there."""
+"""Ends of the strands of a loop: motion prescribed by bullwheels, and pull on the bullwheels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cable_twin.mechanics.solution.bundle.records import FIXED, STATE, SYSTEM
 
 @kernel
 def give_ends(bundle, motion, system, state):
-    """Let rope run onto and off all strands as their wheels have it."""
+    """Prescribe the rope travel at both ends of all strands from their bullwheels."""
     sheaves = bundle.sheaves
     for sheave in range(sheaves.inertia.size):
         for side in range(2):
@@ -27,7 +27,7 @@ def give_ends(bundle, motion, system, state):
 
 @kernel
 def place_ends(bundle, motion, system, state):
-    """Put the end nodes of all strands where the carriages of their wheels are, and let them move as those do."""
+    """Prescribe position and motion of the end nodes of all strands from the carriages of their bullwheels."""
     sheaves, like = bundle.sheaves, system.cable.gravity
     for sheave in range(sheaves.inertia.size):
         if sheaves.tensioning[sheave] == FIXED:
@@ -47,7 +47,7 @@ def place_ends(bundle, motion, system, state):
 
 @kernel
 def carry_on(bundle, motion, system, state):
-    """Let all strands, and what is clamped to them, go to where their wheels are in this iteration."""
+    """Update all strands, and all vehicles clamped to them, from the bullwheels of the present iteration."""
     give_ends(bundle, motion, system, state)
     place_ends(bundle, motion, system, state)
     for rope in range(bundle.records.shape[0]):
@@ -60,7 +60,7 @@ def carry_on(bundle, motion, system, state):
 
 @kernel
 def feel_ends(bundle, motion, system, state):
-    """Take what both strands of each wheel pull with now: their tensions, less the momentum that the wheel turns."""
+    """Update the tension of both strands at each bullwheel, less the momentum flux turned by the wheel."""
     sheaves, like = bundle.sheaves, system.cable.gravity
     for sheave in range(sheaves.inertia.size):
         pull, stretch = 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Damping of wires as EN 50318 states it: C = α M + β K, K of the tension that they hang under.
+"""Rayleigh damping of wires of EN 50318: C = α M + β K, K of their static tension.
 
 Bending has damping of its own already (`damping_time` of the elastic model); what β adds is the stiffness that a string
 has of its tension T, β T ∫S_xᵀS_x dx.
@@ -14,7 +14,7 @@ from cable_twin.mechanics.rope.shape_functions import MASS, SLOPE
 
 @kernel
 def damp_wire(cable, by_mass, tension_time, state, work, rate_factor):
-    """Add the damping of one rope.
+    """Add the Rayleigh damping of one rope.
 
     Args:
         cable: its parameters.
