@@ -1,1 +1,1 @@
-"""What sits on the rope or holds it: joints, chains of bodies, towers, counterweights, air."""
+"""Objects on the rope and its supports: joints, chains of bodies, towers, counterweights, wind."""

@@ -1,4 +1,4 @@
-"""Air on bodies: drag, quadratic in the wind relative to their centres, and the side force of eddies; no moment.
+"""Aerodynamic force on bodies: quadratic drag at the centre of mass, and vortex-shedding side force; no moment.
 
 w_b = w - ċ with the wind w there. A body that is alike all round has the force q |w_b| w_b, q = density drag_area / 2,
 one with a drag area for each of its axes A diag(q) Aᵀ |w_b| w_b. The eddies are those of `wind`; the drag of the rope
@@ -32,7 +32,7 @@ from cable_twin.mechanics.language.vectors import (
 
 @kernel
 def drag_bodies(air, state, like, rate_factor, stiffness_factor, work):
-    """Force of the air on every body (N), and minus its derivatives by the place, which acts like a mass, and turn."""
+    """Aerodynamic force on every body (N), and its negative derivatives by position and rotation."""
     dim = len(like)
     for body in range(air.body_drag.shape[0]):
         q, even = air.body_drag[body, 0], True
@@ -54,7 +54,7 @@ def drag_bodies(air, state, like, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def drag_by_axes(air, state, body, relative, factors, work):
-    """The same of a body that is wider one way than another: K |w| w, K = A diag(q) Aᵀ, which turns with the body."""
+    """Drag on a body with different areas along its axes: K |w| w, K = A diag(q) Aᵀ rotating with the body."""
     speed, rate_factor, stiffness_factor = factors
     axes = orientation(state.bodies.position[body], relative)
     k = product(product(axes, load(air.body_drag[body], axes), relative), flipped(axes, relative), relative)

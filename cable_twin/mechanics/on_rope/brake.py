@@ -1,4 +1,4 @@
-"""Brakes of a vehicle: how hard each can grip by now."""
+"""Brakes of a vehicle: available force during the rise time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from cable_twin.mechanics.language.compilation import kernel
 
 @kernel
 def brake_force(carriages, state, carriage, brake):
-    """Force (N) that one brake (SERVICE, EMERGENCY, TRACK_ROPE) can exert now: it rises evenly once applied."""
+    """Available force (N) of one brake (SERVICE, EMERGENCY, TRACK_ROPE), rising linearly once applied."""
     full = carriages.brake_force[carriage, brake]
     if full == 0.0 or not state.drive_braking[carriage]:
         return 0.0

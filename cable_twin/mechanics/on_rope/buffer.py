@@ -1,4 +1,4 @@
-"""What pushes back where something is pressed in: end stops, buffers of counterweights, contacts of towers.
+"""One-sided elastic contact with damping: end stops, counterweight buffers, tower contacts.
 
 After Hunt and Crossley (1975) the force is f(d) (1 + c ḋ) over the depth d, never pulling, so that it starts from zero.
 f has the stiffness k, which sets in over a toe d_0: k d² / 2 d_0 up to it, and k (d - d_0 / 2) beyond.
@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.compilation import kernel
 
 @kernel
 def buffer_force(stiffness, toe, damping, depth, depth_rate):
-    """Force (N) and its derivatives by the depth (N/m) and by its rate (N s/m); k in N/m, c in s/m, d_0 in m."""
+    """Contact force (N), and its derivatives by depth (N/m) and rate (N s/m); k in N/m, c in s/m, d_0 in m."""
     hysteresis = 1.0 + damping * depth_rate
     if not (depth > 0.0 and hysteresis > 0.0):
         return 0.0, 0.0, 0.0
@@ -24,7 +24,7 @@ def buffer_force(stiffness, toe, damping, depth, depth_rate):
 
 @kernel
 def buffer_energy(stiffness, toe, depth):
-    """Elastic energy (J): the integral of f over the depth (m)."""
+    """Elastic energy (J) of a contact: the integral of f over the depth (m)."""
     if not depth > 0.0:
         return 0.0
     if depth < toe:

@@ -1,4 +1,4 @@
-"""A carriage: a chain of rigid bodies below its joint with the cable.
+"""Carriage as a chain of rigid bodies below its joint with the cable, condensed to an impedance.
 
 The coordinates of a body are its centre of mass (dim,) and its pitch about y, right-handed, or in space its unit
 quaternion; a point u of the body is at c + A u. The multiplier of a joint is the force on the body below it; what turns
@@ -39,7 +39,7 @@ from cable_twin.mechanics.on_rope.joint_constraints import (
 
 @inlined_kernel
 def centre(state, body, like):
-    """Centre of mass (dim,) in m."""
+    """Centre of mass (dim,) in m of a body."""
     return load(state.bodies.position[body], like)
 
 
@@ -51,7 +51,7 @@ def axes_of(state, body, like):
 
 @inlined_kernel
 def spin_of(rates, body, like):
-    """Spin (turns,) in rad/s of a body, or its rate, from the rates (bodies, dim + turns) of all."""
+    """Angular velocity (turns,) in rad/s of a body, or its rate, from the rates (bodies, dim + turns) of all bodies."""
     return load(rates[body, len(like) :], no_turn(like))
 
 
@@ -77,7 +77,7 @@ def pivot_velocity(state, body, offset, like):
 
 @kernel
 def hang_chain(carriages, state, carriage, place, along):
-    """Hang every body of a carriage upright below `place` (dim,) in m, headed `along` (dim,) the cable."""
+    """Place every body of a carriage upright below `place` (dim,) in m, with heading `along` (dim,) the cable."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         set_upright(state.bodies.position[body], along)
         axes = axes_of(state, body, place)
@@ -88,7 +88,7 @@ def hang_chain(carriages, state, carriage, place, along):
 
 @kernel
 def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
-    """Give all bodies of a carriage one velocity and acceleration (dim,) in m/s and m/s², and the forces of that."""
+    """Set a common velocity (m/s) and acceleration (m/s²), (dim,), of all bodies of a carriage, and joint forces."""
     force, still = scale(0.0, gravity), no_turn(gravity)
     dim = len(gravity)
     for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
@@ -105,7 +105,7 @@ def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
 
 @kernel
 def close_joints(carriages, state, carriage, place, direction, work):
-    """Gaps (eq. 14) of all joints of a carriage at `place` (dim,) in m, where the cable is turned as `direction`."""
+    """Gaps (eq. 14) of all joints of a carriage at `place` (dim,) in m, for the cable orientation `direction`."""
     above = place
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         store(subtract(above, pivot_position(state, body, carriages.upper_pivot[body], place)), work.joint_gap[body])
@@ -115,7 +115,7 @@ def close_joints(carriages, state, carriage, place, direction, work):
 
 @kernel
 def joint_accelerations(carriages, state, carriage, feedback, cable, above, work):
-    """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) that remain with q_ddot = 0.
+    """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) at q_ddot = 0.
 
     `cable` has position and velocity (dim,) of the joint on the cable, and the parts that velocities make of its
     acceleration and of the rate of its spin (turns,); `above` is how the cable is turned there. The gaps and their
@@ -142,7 +142,7 @@ def joint_accelerations(carriages, state, carriage, feedback, cable, above, work
 
 @inlined_kernel
 def balance(carriages, gravity, state, body, arms, joints, factors, work):
-    """What forces (dim,) and moments (turns,) lack of the inertia of a body, and ∂(its own moment)/∂(its turn).
+    """Residual force (dim,) and moment (turns,) of a body, and derivative of its moment by its rotation.
 
     Takes its arms to both pivots, the force and moment at the lower one and the moment at the upper one, and the
     factors of `assemble`.
@@ -163,7 +163,7 @@ def balance(carriages, gravity, state, body, arms, joints, factors, work):
 
 @kernel
 def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
-    """Eliminate all bodies of a carriage; leaves D and b of its joint with the cable in row body_offset[carriage].
+    """Eliminate all bodies of a carriage; leaves D and b of its cable joint in row body_offset[carriage].
 
     Needs `joint_gap`, and how the cable is turned at the joint, `above` (`hinge.Above`). The equations of a body are
     M q_ddot - Q = λ, m at its upper pivot less λ, m at its lower one.
@@ -226,7 +226,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
 
 @inlined_kernel
 def keep_turn(coefficients, held, body, work):
-    """Keep what gives the turn of a body, and the moment that holds it, once the pivot above has moved."""
+    """Store the coefficients of rotation and constraint moment of a body by the motion of its upper pivot."""
     store(coefficients[0], work.turn_by_place[body])
     store(coefficients[1], work.turn_by_above[body])
     store(coefficients[2], work.turn_right[body])
@@ -235,7 +235,7 @@ def keep_turn(coefficients, held, body, work):
 
 @inlined_kernel
 def keep_impedance(parts, body, work):
-    """Keep D and b of the chain from a body down."""
+    """Store impedance D and b of the chain from a body downwards."""
     pp, pt, tp, tt, b, b_turn = parts
     store(pp, work.impedance[body])
     store(pt, work.impedance_turning[body])
@@ -247,7 +247,7 @@ def keep_impedance(parts, body, work):
 
 @kernel
 def recover_chain(carriages, state, carriage, moved, turned, work):
-    """Increments of bodies and multipliers for those of the joint's place (dim,) on the cable and its turn (turns,).
+    """Increments of bodies and multipliers, from displacement (dim,) and rotation (turns,) of the cable joint.
 
     The increments of the bodies go to `body_increment`; the multipliers are brought up to date here.
     """

@@ -1,4 +1,4 @@
-"""Counterweight: an end of the cable that a constant force pulls along a line, with the inertia of the weight."""
+"""Counterweight at an end of the cable: constant force along a line, with the inertia of the weight."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def counterweight_motion(counterweights, cable, state, end):
 
 @kernel
 def limit_force(counterweights, end, travel, speed):
-    """Force (N) of the buffers at the limits of the travel in its direction, and derivatives by travel and speed."""
+    """Force (N) of the travel-limit buffers along the pull, and its derivatives by travel and speed."""
     low, high = counterweights.travel[end, 0], counterweights.travel[end, 1]
     sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
     stiffness, damping = counterweights.stiffness[end], counterweights.damping[end]

@@ -1,4 +1,4 @@
-"""Friction that holds at rest and slips beyond a limit: the law, and what it is for a carriage on its cable.
+"""Dry friction with presliding (Dahl): the law, and its use at the joint of a carriage.
 
 Towers have the same law over the way of the rope (`mobilise`). What else a law needs is the normal force at hand.
 """
@@ -16,7 +16,7 @@ from cable_twin.mechanics.parameters import TRACK_ROPE
 
 @kernel
 def mobilise(way, before, presliding):
-    """Share z in -1..1 of a friction that is mobilised after a `way` (m) from the share `before`, and dz/dway (1/m).
+    """Mobilised share z in -1..1 of a friction after a slip `way` (m) from the share `before`, and dz/dway (1/m).
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
     through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
@@ -29,7 +29,7 @@ def mobilise(way, before, presliding):
 
 @kernel
 def deflection(carriages, state, carriage):
-    """Share -1..1 of the rolling friction that is mobilised, and its derivative by s (1/m)."""
+    """Mobilised share -1..1 of the rolling friction of a carriage, and its derivative by s (1/m)."""
     way = state.joints.position[carriage] - state.friction_origin[carriage]
     return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
@@ -51,14 +51,14 @@ def friction_force(carriages, state, carriage, normal):
 
 @kernel
 def settle_friction(carriages, state, carriage):
-    """End a step: what is mobilised now is where the next one starts from."""
+    """End a step: store the mobilised friction as the start of the next step."""
     state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
     state.friction_origin[carriage] = state.joints.position[carriage]
 
 
 @formula
 def along_and_across(force, r_x):
-    """Length of r_x (-); of a force (dim,) its part (N) along it, what is left of it (dim,), and the size of that."""
+    """Length of r_x (-); tangential part (N), normal part (dim,) and its size (N) of a force (dim,)."""
     norm = square_root(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
     normal_force = add_scaled(-tangential / norm, r_x, force)

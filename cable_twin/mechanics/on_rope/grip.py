@@ -1,4 +1,4 @@
-"""What the hinge of a first body does to the cable, which takes its moment by the tangent at the joint.
+"""Moment of the hinge of a first body on the tangent of the cable at its joint.
 
 With the turn G δr_x = r_x x δr_x / |r_x|² of the tangent, the cable spins at G w, w = S_x ė + ṡ r_xx. The moment m on
 the body leaves -S_x Gᵀ m to the nodes and -m·G r_xx to the sliding coordinate: the virtual work of -m on the turn.
@@ -32,14 +32,14 @@ from cable_twin.mechanics.rope.shape_functions import shape_functions_xxx
 
 @kernel
 def tangent_pitch(r_x):
-    """Pitch α (rad) of a cable of the slope r_x, within a quarter turn of level: the same whichever way it runs."""
+    """Pitch α (rad) of a cable with slope r_x, within a quarter turn of level and independent of its direction."""
     x, z = r_x[0], r_x[-1]
     return atan2(-z if x >= 0.0 else z, abs(x))
 
 
 @kernel
 def tangent_orientation(r_x: Vector) -> Vector:
-    """Pitch (1,) in rad of a cable of the slope r_x, or in space its unit tangent (3,)."""
+    """Pitch (1,) in rad of a cable with slope r_x, or in space its unit tangent (3,)."""
     if len(r_x) == 2:
         return (tangent_pitch(r_x),)
     return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
@@ -47,7 +47,7 @@ def tangent_orientation(r_x: Vector) -> Vector:
 
 @formula
 def turn_by_slope(r_x):
-    """G (turns x dim): the turn of the tangent, in a plane its pitch α, by r_x."""
+    """Derivative G (turns x dim) of the rotation of the tangent, in a plane its pitch α, by r_x."""
     return scale(1.0 / dot(r_x, r_x), flipped(by_turn(r_x), no_turn(r_x)))
 
 
@@ -75,7 +75,7 @@ def spin_by_slope(turning, r_x):
 
 @kernel
 def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector) -> Vector:
-    """What velocities alone make of the rate (turns,) in rad/s² of the spin G w at a joint; in a plane nobody asks.
+    """Rate (turns,) in rad/s² of the tangent's angular velocity G w at a joint by velocities alone; 0 in a plane.
 
     That is G w_dot - 2 (r_x·w) / |r_x|² G w.
     """
@@ -92,7 +92,7 @@ def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector)
 
 @inlined_kernel
 def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stiffness_factor, work):
-    """Add what the moment does at the nodes, and what it adds to row and column of the sliding coordinate.
+    """Add the hinge moment on the tangent to the nodes, and to row and column of the sliding coordinate.
 
     Args:
         cable: parameters.

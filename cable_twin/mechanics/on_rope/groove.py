@@ -1,4 +1,4 @@
-"""The groove of a tower's contacts in space: what holds the rope sideways, as long as it is in it.
+"""Groove of tower contacts in space: lateral stiffness and friction on the rope until derailment.
 
 With n the normal of a contact, t the direction of the rope and b = t x n, the force sideways is -g N y b with
 y = (r - p)·b, so that g y is the ratio of the forces, and nothing is held that does not lie on it. Friction adds
@@ -23,7 +23,7 @@ CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
 
 @kernel
 def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
-    """Depth (m) to which a contact feels the rope: not at all where it has left the grooves of its tower."""
+    """Contact depth (m) of the rope on its tower; -inf once derailed."""
     if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
         return depth
     return -inf
@@ -33,7 +33,7 @@ def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: V
 def with_groove(
     force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
 ) -> Vector:
-    """Force (dim,) in N of a contact with that of its groove; in a plane there is none.
+    """Force (dim,) in N of a contact with the lateral force of its groove; without groove in a plane.
 
     Args:
         force: of the contact without it, N.
@@ -65,7 +65,7 @@ def sideways(r_x, normal):
 
 @inlined_kernel
 def to_that_side(across, side):
-    """The vector `across` (3,), turned round where it points away from `side` (3,)."""
+    """Vector `across` (3,), reversed if it points away from `side` (3,)."""
     return scale(-1.0 if dot(across, side) < 0.0 else 1.0, across)
 
 
@@ -73,7 +73,7 @@ def to_that_side(across, side):
 def add_groove(
     stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector, point: Any, work: Any
 ) -> None:
-    """Add the tangent of a groove, its stiffness sideways, to the element that it touches; none in a plane.
+    """Add the lateral tangent of a groove to the element in contact; no-op in a plane.
 
     `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
     """

@@ -1,4 +1,4 @@
-"""What turns a body against what is above it, another body or the cable: a spring, a damper, and in space what is held.
+"""Hinge between a body and the body or cable above: spring, damper, and in space constrained axes.
 
 In a plane a body that is turned by φ = θ - θ_above has the moment m = -k φ - c φ_dot at its upper pivot, and what is
 above has -m. A law of another kind is another `hinge_moment`: all that uses it takes moment and derivatives as they
@@ -31,14 +31,14 @@ from cable_twin.mechanics.language.vectors import (
 
 
 class Above(NamedTuple):
-    """How the cable is turned at a joint."""
+    """Orientation and angular velocity of the cable at a joint."""
 
     orientation: Any  # (1,) its pitch in rad; in space its unit tangent (3,)
     spin: Any  # (turns,) rad/s, of its tangent
 
 
 class Joint(NamedTuple):
-    """What a joint does to the body below it."""
+    """Moment of a joint on the body below, with derivatives and constrained axes."""
 
     moment: Any  # (turns,) N m
     by_turn: Any  # (turns²) minus its derivative by the turn of the body
@@ -50,26 +50,26 @@ class Joint(NamedTuple):
 
 @kernel
 def hinge_moment(carriages, body, angle, rate):
-    """Moment (N m) on a body turned by an angle (rad), at a rate (rad/s), and minus its derivatives by both."""
+    """Moment (N m) of spring and damper at an angle (rad) and rate (rad/s), and its negative derivatives by both."""
     stiffness, damping = carriages.hinge_stiffness[body], carriages.hinge_damping[body]
     return -stiffness * angle - damping * rate, stiffness, damping
 
 
 @kernel
 def hinge_energy(carriages, body, angle):
-    """Elastic energy (J) of the spring."""
+    """Elastic energy (J) of the spring of a hinge."""
     return 0.5 * carriages.hinge_stiffness[body] * angle * angle
 
 
 @kernel
 def is_hinged(carriages, body):
-    """Whether anything turns a body but forces: a bare pivot is not asked for angles."""
+    """Return whether a joint has a spring, damper or constrained axes; a bare pivot needs no angles."""
     return carriages.hinge_stiffness[body] > 0.0 or carriages.hinge_damping[body] > 0.0 or carriages.held[body] > 0
 
 
 @inlined_kernel
 def hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
-    """The joint at the upper pivot of a body, `first` of a chain below the cable that is turned as `above`."""
+    """Joint at the upper pivot of a body; `first` for the top of a chain, below a cable of orientation `above`."""
     if len(like) == 2:
         return _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor)
     return _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate_factor)
@@ -88,7 +88,7 @@ def _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate
 
 @inlined_kernel
 def joint_axes(state, body, first, tangent):
-    """Axes a of what is above and c of the body, the second c of a revolute joint, and the angle of pitch (rad)."""
+    """Joint axes a (of the upper part) and c (of the body), second c of a revolute joint, and pitch angle (rad)."""
     axes = orientation(state.bodies.position[body], tangent)
     x, y, z = (axes[0], axes[3], axes[6]), (axes[1], axes[4], axes[7]), (axes[2], axes[5], axes[8])
     if first:
@@ -100,7 +100,7 @@ def joint_axes(state, body, first, tangent):
 
 @inlined_kernel
 def hinge_angle(state, body, first, above):
-    """Angle of pitch (rad) of a body against what is above it, for its spring."""
+    """Pitch angle (rad) of a body relative to the body or cable above, for its spring."""
     if len(above.spin) == 1:
         return state.bodies.position[body, 2] - (above.orientation[0] if first else state.bodies.position[body - 1, 2])
     return joint_axes(state, body, first, above.orientation)[3]

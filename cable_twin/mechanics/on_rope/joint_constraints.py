@@ -1,4 +1,4 @@
-"""What a joint in space holds: one equation and one moment for each axis, eliminated with the body below it.
+"""Rotational constraints of joints in space: one equation and one moment per axis, eliminated with the body below.
 
 In a plane nothing is held, and all of this is left out as kernels are compiled.
 """
@@ -26,7 +26,7 @@ from cable_twin.mechanics.on_rope.hinge import joint_axes
 
 
 class Held(NamedTuple):
-    """Increment of the moment that holds, by the place of the pivot, by the turn of what is above, and at least."""
+    """Increment of a constraint moment: derivatives by pivot position and upper rotation, and constant part."""
 
     by_place: Any
     by_above: Any
@@ -35,7 +35,7 @@ class Held(NamedTuple):
 
 @kernel
 def measure_held(carriages, state, body, first, direction, gap):
-    """Write Φ = a·c of what a joint holds into `gap` (2,); there is nothing of that in a plane."""
+    """Write the rotational constraints Φ = a·c of a joint into `gap` (2,); no-op in a plane."""
     if len(direction.spin) == 1:
         return
     a, c, other, _ = joint_axes(state, body, first, direction.orientation)
@@ -44,7 +44,7 @@ def measure_held(carriages, state, body, first, direction, gap):
 
 @kernel
 def accelerate_held(state, body, first, above, turning, feedback, gap):
-    """Write what is left of Φ_ddot when all accelerations are zero into `gap` (2,); in a plane there is nothing held.
+    """Write Φ_ddot of the rotational constraints at zero accelerations into `gap` (2,); no-op in a plane.
 
     With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is what velocities alone make of the rate of the
     spin Ω above the first body of a chain; gaps and rates are fed back with `feedback` (1/s) squared and doubled.
@@ -66,7 +66,7 @@ def accelerate_held(state, body, first, above, turning, feedback, gap):
 
 @inlined_kernel
 def hold(joint, inverse, by_place, by_above, least, gap):
-    """Turn of a body that its joint holds, from the turn -(by_place p + by_above θ + least) of one that is free.
+    """Constrained rotation of a body, from the free rotation -(by_place p + by_above θ + least).
 
     Takes the inverse of what stiffens the turn, and the gaps Φ (2,). Each axis q that holds is one equation
     q·(turn - θ) = -Φ with one moment λ q.
@@ -100,13 +100,13 @@ def hold(joint, inverse, by_place, by_above, least, gap):
 
 @formula
 def add_held(a, held):
-    """Sum of a matrix and what a joint that holds has for it; in a plane the matrix."""
+    """Sum of a matrix and the contribution of rotational constraints; in a plane the matrix alone."""
     return add_scaled(1.0, held, a) if held else a
 
 
 @inlined_kernel
 def keep_held(held, body, work):
-    """Keep what `recover_held` needs."""
+    """Store the coefficients of a constraint moment for `recover_held`."""
     store(held.by_place, work.held_by_place[body])
     store(held.by_above, work.held_by_above[body])
     store(held.least, work.held_right[body])
@@ -114,7 +114,7 @@ def keep_held(held, body, work):
 
 @kernel
 def recover_held(state, body, moved, turned, work):
-    """Bring the moment that holds up to date, for the increments of the pivot and of the turn above."""
+    """Update the constraint moment of a joint, from the increments of pivot and upper rotation."""
     if len(turned) == 1:
         return
     square = outer(0.0, moved, moved)

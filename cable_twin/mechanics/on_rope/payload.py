@@ -1,4 +1,4 @@
-"""Payload: a point mass in a body, which with it becomes one rigid body of another mass, centre and inertia."""
+"""Payload: a point mass merged with its body into one rigid body of changed mass, centre and inertia."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray)
 
 
 def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> Carriages:
-    """The empty `carriages` with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from it."""
+    """Carriages with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from that centre."""
     offsets = centre_offsets(carriages, payloads, masses)
     mass, inertia = carriages.mass.copy(), carriages.inertia.copy()
     for body, position, load in zip(payloads.body, payloads.position, masses, strict=True):
@@ -42,7 +42,7 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
 
 
 def shift_centres(state: State, change: FloatArray) -> None:
-    """Move the centres of mass of `state` by `change` (bodies, dim) in m in the bodies' axes; no body moves by it."""
+    """Move the reference centres of mass of `state` by `change` (bodies, dim) in m in body axes, bodies unmoved."""
     for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
         dim = change.shape[1]
         axes = np.array(orientation(state.bodies.position[body], tuple(change[body]))).reshape(dim, dim)

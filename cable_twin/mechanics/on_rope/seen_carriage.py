@@ -1,4 +1,4 @@
-"""A carriage as the cable has it: force and impedance, without haul rope and neighbours, its joint yielding or not.
+"""Statically condensed vehicle: contact force and driving-point impedance at its joint, rigid or compliant.
 
 F is the force of the cable alone. Where its elements round off the kink under a joint, the pivot is at S(s) e - δ(s, F)
 (`rope.kink`). With the impedance Δ(F, m) = D Δ(x, θ) + b by the place x of the pivot, and the way u of the joint on
@@ -34,7 +34,7 @@ from cable_twin.mechanics.rope.kink import has_kinks, kink
 
 
 class Seen(NamedTuple):
-    """A carriage as the cable has it: the force on it now, and its impedance Δ(F, m) = D Δ(place, θ) + b."""
+    """Contact force on a vehicle and its driving-point impedance at the joint: Δ(F, m) = D Δ(place, θ) + b."""
 
     force: Any  # F (dim,) N
     by_place: Any  # (dim²) N/m
@@ -47,7 +47,7 @@ class Seen(NamedTuple):
 
 @inlined_kernel
 def contact_force(system, state, carriage):
-    """Force (dim,) in N of the cable, and of a haul rope of its own, on a carriage: λ without what a clamp gives."""
+    """Force (dim,) in N of the cable, and of an own haul rope, on a carriage: λ less the force of a clamp."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))
@@ -56,7 +56,7 @@ def contact_force(system, state, carriage):
 
 @inlined_kernel
 def seen_by_cable(system, state, carriage, work):
-    """A carriage by the place of its pivot, the force on it that of the cable alone (`Seen`)."""
+    """Contact force of the cable alone, and impedance of a carriage with haul rope and buffers, at its pivot."""
     first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
@@ -78,7 +78,7 @@ def seen_by_cable(system, state, carriage, work):
 
 @kernel
 def beside_haul_rope(carriage, force, impedance, residual, work):
-    """What the cable sees of a carriage that a haul rope pulls: force (dim,) in N, impedance D, and b of it.
+    """Contact force (dim,) in N, impedance D and b of a carriage, with the haul rope's impedance added.
 
     The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
     """
@@ -91,7 +91,7 @@ def beside_haul_rope(carriage, force, impedance, residual, work):
 
 @inlined_kernel
 def yielding(cable, state, point, seen, r_x, carriage, work):
-    """A joint at a `point`, as it yields, if it does, on a cable with the slope r_x (dim,).
+    """Impedance of a carriage at a `point` of a cable with slope r_x (dim,), with joint compliance if any.
 
     Returns:
         The carriage by the way of its joint on the cable, the place (dim,) of its pivot by s, the force (N) that pushes
@@ -108,7 +108,7 @@ def yielding(cable, state, point, seen, r_x, carriage, work):
 
 @inlined_kernel
 def let_yield(seen, bent, carriage, work):
-    """The same carriage by the way of its joint on the cable."""
+    """Impedance of a carriage by the displacement of the cable at a compliant joint."""
     like, still = seen.force, seen.moment_left
     giving = block(1.0, multiply(bent.by_force, seen.by_place), 1.0)
     stiff = adjugate(1.0 / determinant(giving), giving)
@@ -131,7 +131,7 @@ def let_yield(seen, bent, carriage, work):
 
 @inlined_kernel
 def pivot_way(carriage, moved, turned, work):
-    """Way (dim,) in m of the pivot, for that of the joint on the cable and the turn (turns,) of the cable there."""
+    """Displacement (dim,) in m of the pivot, from displacement and rotation (turns,) of the cable at the joint."""
     like = moved
     by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))
     by_turn = load(work.pivot_by_turn[carriage], outer(0.0, like, turned))

@@ -1,4 +1,4 @@
-"""The sliding joint between cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
+"""Sliding joint of cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
 
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
 f_t is what the cable does to the carriage along itself (the paper has f_t = 0). A driven joint has s given instead, and
@@ -37,25 +37,25 @@ from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate,
 
 @kernel
 def place_joint(cable, state, carriage):
-    """Element that holds the joint now; explicit integrators keep it until they have found the node on the way."""
+    """Update the element of the joint; explicit integrators keep it until a node on the way is found."""
     state.joint_element[carriage] = element_at(cable, state.joints.position[carriage])
 
 
 @inlined_kernel
 def joint_point(cable, state, carriage):
-    """Place of the joint, on the element on which it is."""
+    """Point of the joint on its present element."""
     return point_on(cable, state.joint_element[carriage], state.joints.position[carriage])
 
 
 @kernel
 def joint_position(cable, state, carriage):
-    """S(n) e (dim,) in m."""
+    """Position S(n) e (dim,) in m of the joint on the cable."""
     return value(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
 @kernel
 def joint_tangent(cable, state, carriage):
-    """S_x(n) e (dim,), way along the cable by arc length."""
+    """Slope S_x(n) e (dim,) of the cable at the joint."""
     return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
@@ -68,14 +68,14 @@ def joint_along(cable, state, carriage):
 
 @inlined_kernel
 def joint_kink(cable, state, carriage, force):
-    """What a joint yields under a force (dim,) in N, as `rope.kink`."""
+    """Displacement of a compliant joint under a force (dim,) in N, see `rope.kink`."""
     element, place = state.joint_element[carriage], state.joints.position[carriage]
     return kink(cable, element, place, force, joint_along(cable, state, carriage), state.slackness[0])
 
 
 @kernel
 def joint_velocity(cable, state, carriage):
-    """Velocity (dim,) in m/s of the joint's place: S ė + ṡ S_x e."""
+    """Velocity (dim,) in m/s of the joint: S ė + ṡ S_x e."""
     point = joint_point(cable, state, carriage)
     moving = value(state.nodes.velocity, point, cable.gravity)
     return add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, cable.gravity), moving)
@@ -83,7 +83,7 @@ def joint_velocity(cable, state, carriage):
 
 @inlined_kernel
 def direction_above(system, state, carriage):
-    """`cable_direction` where the first body of a carriage asks for it, else level and still."""
+    """Orientation of the cable above a hinged first body; level and at rest above a bare pivot."""
     like = system.cable.gravity
     if is_hinged(system.carriages, system.carriages.body_offset[carriage]):
         return cable_direction(system.cable, state, carriage)
@@ -92,7 +92,7 @@ def direction_above(system, state, carriage):
 
 @inlined_kernel
 def cable_direction(cable, state, carriage):
-    """How the cable is turned at the joint, and its spin G (S_x ė + ṡ S_xx e) there, as `hinge.Above`."""
+    """Orientation of the cable at the joint, and its angular velocity G (S_x ė + ṡ S_xx e), as `hinge.Above`."""
     point, like = joint_point(cable, state, carriage), cable.gravity
     r_x = slope(state.nodes.position, point, like)
     turning = slope(state.nodes.velocity, point, like)
@@ -102,14 +102,14 @@ def cable_direction(cable, state, carriage):
 
 @inlined_kernel
 def grip_of(system, state, carriage, stiffness_factor, rate_factor):
-    """The joint of the first body of a carriage with the cable, as `hinge.Joint`."""
+    """Joint of the first body of a carriage with the cable, as `hinge.Joint`."""
     first, above = system.carriages.body_offset[carriage], cable_direction(system.cable, state, carriage)
     return hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, system.cable.gravity)
 
 
 @kernel
 def grip_moment(system, state, carriage):
-    """Moment m (turns,) in N m of the cable on the first body of a carriage, and m·∂θ/∂s (N), its share in row s."""
+    """Moment m (turns,) in N m of the cable on the first body of a carriage, and its share m·∂θ/∂s (N) in row s."""
     first, like = system.carriages.body_offset[carriage], system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, first):
@@ -122,7 +122,7 @@ def grip_moment(system, state, carriage):
 
 @kernel
 def grip_force(system, state, carriage, row):
-    """Force (dim,) in N of the moment of a carriage on coordinate `row` of the element where it is: -S_x Gᵀ m."""
+    """Force (dim,) in N of a carriage's moment on coordinate `row` of the joint's element: -S_x Gᵀ m."""
     moment, _ = grip_moment(system, state, carriage)
     point, like = joint_point(system.cable, state, carriage), system.cable.gravity
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
@@ -141,7 +141,7 @@ def spring_energy(system, state, carriage, body):
 
 @kernel
 def velocity_acceleration(cable, state, carriage):
-    """Part (dim,) in m/s² of the joint's acceleration that velocities make: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
+    """Velocity-dependent acceleration (dim,) in m/s² of the joint: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     point = joint_point(cable, state, carriage)
     s_dot = state.joints.velocity[carriage]
     turning = slope(state.nodes.velocity, point, cable.gravity)
@@ -150,14 +150,14 @@ def velocity_acceleration(cable, state, carriage):
 
 @kernel
 def velocity_turning(cable, state, carriage):
-    """Part (turns,) in rad/s² of the rate of the cable's spin at the joint that velocities make; 0 in a plane."""
+    """Velocity-dependent rate (turns,) in rad/s² of the cable's angular velocity at the joint; 0 in a plane."""
     s_dot = state.joints.velocity[carriage]
     return turning_left(cable, state.nodes, joint_point(cable, state, carriage), s_dot, cable.gravity)
 
 
 @inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Condense the sliding coordinate and add the carriage, now an impedance, to the element it hangs on.
+    """Condense the sliding coordinate and add the impedance of the carriage to its element.
 
     Needs the chain and the drive condensed (`condense_chain`, `condense_drive`), and `sliding_increment` where the
     joint is driven.
@@ -214,7 +214,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
-    """Add force (dim,) in N and impedance of a joint to its element, less what its eliminated arc length takes."""
+    """Add force (dim,) in N and impedance of a joint to its element, less the condensed sliding coordinate."""
     like, shape = contact, point.shape
     for i in range(4):
         column = load(columns[i], like)
@@ -227,7 +227,7 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
 
 @kernel
 def driven_force(system, state, carriage):
-    """Drive force (N) of a driven joint: what its contact force has along the cable less friction and end stops.
+    """Drive force (N) of a driven joint: tangential contact force less friction and end stops.
 
     What others push it with is no part of that contact, so that its drive shows what it takes to hold against them.
     """
@@ -248,7 +248,7 @@ def driven_force(system, state, carriage):
 
 @kernel
 def recover_joint(system, state, carriage, work):
-    """Increment of s, and way (dim,) of the joint on the cable, once the nodal increments are known."""
+    """Increment of s, and displacement (dim,) of the joint on the cable, from the nodal increments."""
     cable = system.cable
     like = cable.gravity
     point = joint_point(cable, state, carriage)
@@ -268,7 +268,7 @@ def recover_joint(system, state, carriage, work):
 
 @kernel
 def recover_turn(system, state, carriage, work):
-    """Turn (turns,) of the cable at the joint, as a hinge there sees it; needs the increment of s."""
+    """Rotation (turns,) of the cable at the joint, including damping as in the hinge; needs the increment of s."""
     like = system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):

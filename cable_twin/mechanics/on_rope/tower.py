@@ -50,14 +50,14 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 
 @kernel
 def find_contact(cable, towers, state, contact):
-    """Bring the arc length of a contact to the nearest point of the rope."""
+    """Update the arc length of a contact to the nearest point of the rope."""
     point = load(towers.position[contact], cable.gravity)
     state.contact_arc_length[contact] = nearest(cable, state.nodes.position, point, state.contact_arc_length[contact])
 
 
 @kernel
 def nearest(cable, coordinates, place, arc_length):
-    """Arc length (m) of what is nearest of the rope to `place` (dim,) in m, by Newton's method from `arc_length`.
+    """Arc length (m) of the point of the rope nearest to `place` (dim,) in m, by Newton's method from `arc_length`.
 
     Where the rope bends so sharply around the place that the distance is no minimum, which no rope at rest does, the
     slope is kept positive.
@@ -80,7 +80,7 @@ def nearest(cable, coordinates, place, arc_length):
 
 @kernel
 def slid(cable, state, contact):
-    """Way (m) of the rope over a contact since the start of the step, positive towards the start of the rope.
+    """Sliding displacement (m) of the rope over a contact since the start of the step, positive towards its start.
 
     The mesh moves with the rope, less what has run through it.
     """
@@ -103,7 +103,7 @@ def contact_energy(cable, towers, state, contact):
 
 @kernel
 def contact_frame(cable, towers, state, contact):
-    """What a contact sees of the rope at its arc length.
+    """Contact kinematics at a tower contact: point, tangent, offset, normal, depth and velocity of the rope.
 
     Returns:
         The place; r_x (dim,) there; r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity (dim,) of the
@@ -135,7 +135,7 @@ def contact_force(cable, towers, state, contact):
 
 @kernel
 def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
-    """Add the forces of all contacts on the rope, and their tangent, to the elements that they touch.
+    """Add forces and tangents of all tower contacts to the elements in contact.
 
     The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
     """
@@ -185,7 +185,7 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def settle_towers(cable, towers, state):
-    """End a step: find the contacts, keep what friction is mobilised and the normal load of each tower."""
+    """End a step: update all contacts, and store mobilised friction and normal load of each tower."""
     for tower in range(towers.top.shape[0]):
         total = 0.0
         for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
@@ -203,7 +203,7 @@ def settle_towers(cable, towers, state):
 
 @kernel
 def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector) -> None:
-    """Keep what the groove of a tower bears sideways, and how near that has come to what it can; none in a plane."""
+    """Store the lateral groove force of a tower, and its highest ratio to the normal force; no-op in a plane."""
     if len(like) == 2:
         return
     lateral, left = 0.0, load(towers.left[tower], like)
@@ -219,14 +219,14 @@ def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector)
 
 @inlined_kernel
 def lateral_ratio(state, tower):
-    """Force sideways over normal force (-) of a tower as it is now; NO_RATIO where there is no normal force."""
+    """Present ratio of lateral to normal force (-) of a tower; NO_RATIO without normal force."""
     normal = state.tower_load[tower, 0]
     return abs(state.tower_lateral[tower, 0]) / normal if normal > 0.0 else NO_RATIO
 
 
 @kernel
 def begin_extremes(cable, towers, state):
-    """Begin the least load and the highest lateral ratio of each tower with those of now, which is the start."""
+    """Reset least load and highest lateral ratio of each tower to their present values."""
     for tower in range(towers.top.shape[0]):
         state.tower_load[tower, 1] = state.tower_load[tower, 0]
         if len(cable.gravity) == 3:
@@ -235,7 +235,7 @@ def begin_extremes(cable, towers, state):
 
 @kernel
 def derail(cable: Any, towers: Any, state: Any, like: Vector) -> None:
-    """End a step: let the rope out of each groove that holds it no longer, for good; in a plane it stays."""
+    """End a step: release the rope for good from each groove beyond its lateral or lift limit; no-op in a plane."""
     if len(like) == 2:
         return
     for tower in range(towers.top.shape[0]):
@@ -252,7 +252,7 @@ def derail(cable: Any, towers: Any, state: Any, like: Vector) -> None:
 
 @kernel
 def lift(cable, towers, state, tower):
-    """How high (m) the rope is above that contact of a tower to which it is nearest, negative where it lies on it."""
+    """Height (m) of the rope above its nearest contact of a tower, negative in contact."""
     deepest = -inf
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])

@@ -1,4 +1,4 @@
-"""Buffers between vehicles on one rope: where two meet they push each other, one-sided, along the way between them.
+"""Buffers between vehicles on one rope: one-sided contact force along the line between their joints.
 
 The force is an internal one of the two: equal, opposite and in one line, it acts on their joints and not on the rope,
 as a haul rope's pull does; what the rope takes is λ less the push. Depth d = room - |r_2 - r_1| of the places of both
@@ -28,7 +28,7 @@ LEAST_SPEED = 0.01  # m/s, slower than that two which have met before only lean 
 
 @inlined_kernel
 def place_and_velocity(cable, state, carriage):
-    """Place (dim,) in m of a joint, and its velocity (dim,) in m/s."""
+    """Position (dim,) in m and velocity (dim,) in m/s of a joint."""
     point, like = point_on(cable, state.joint_element[carriage], state.joints.position[carriage]), cable.gravity
     moving = value(state.nodes.velocity, point, like)
     velocity = add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, like), moving)
@@ -37,7 +37,7 @@ def place_and_velocity(cable, state, carriage):
 
 @kernel
 def press(system, state, carriage, entry):
-    """Depth (m) by which the buffers of a pair are pressed in, its rate (m/s), and the way (dim,) to the other one."""
+    """Compression (m) of the buffers of two vehicles, its rate (m/s), and the direction (dim,) to the other one."""
     buffers, other = system.buffers, system.buffers.other[entry]
     apart = buffers.side[entry] * (state.joints.position[other] - state.joints.position[carriage])
     still = scale(0.0, system.cable.gravity)
@@ -57,13 +57,13 @@ def press(system, state, carriage, entry):
 
 @inlined_kernel
 def pressed_force(buffers, entry, depth, rate):
-    """Force (N) of a pair and its derivatives, as `buffer_force`."""
+    """Buffer force (N) of a pair of vehicles and its derivatives, see `buffer_force`."""
     return buffer_force(buffers.stiffness[entry], 0.0, buffers.damping[entry], depth, rate)
 
 
 @kernel
 def push_on(system, state, carriage, rate_factor, stiffness_factor):
-    """Force (dim,) in N of its neighbours on a vehicle at its joint, and minus its tangent (dim²) by that place."""
+    """Buffer force (dim,) in N of all neighbours on a vehicle at its joint, and its negative tangent (dim²)."""
     buffers, like = system.buffers, system.cable.gravity
     force, tangent = scale(0.0, like), outer(0.0, like, like)
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
@@ -77,7 +77,7 @@ def push_on(system, state, carriage, rate_factor, stiffness_factor):
 
 @kernel
 def foresee(system, state, rate_factor, stiffness_factor, work):
-    """Leave in `foreseen` how far those go that push each other; needs chains and drives condensed."""
+    """Predict in `foreseen` the displacement of vehicles in buffer contact; needs chains and drives condensed."""
     buffers, any_pressed = system.buffers, False
     for carriage in range(work.pressed.size):
         work.pressed[carriage], work.foreseen[carriage, 2] = False, 0.0
@@ -102,7 +102,7 @@ def foresee(system, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def condense_along(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Leave the row of a pressed carriage along the rope: its own stiffness and inertia (N/m), and force (N)."""
+    """Condense a vehicle in buffer contact along the rope: stiffness and inertia (N/m), and force (N)."""
     cable, carriages, like = system.cable, system.carriages, system.cable.gravity
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     r_x = slope(state.nodes.position, point_on(cable, state.joint_element[carriage], s), like)
@@ -130,7 +130,7 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
 
 @kernel
 def beside_neighbours(system, state, carriage, force, impedance, work):
-    """What the cable sees of a carriage that others push: force (dim,) in N and impedance D, as `beside_haul_rope`.
+    """Contact force (dim,) in N and impedance D of a carriage, with the buffers of its neighbours added.
 
     The others are where `foresee` has them, along the way between.
     """
@@ -146,7 +146,7 @@ def beside_neighbours(system, state, carriage, force, impedance, work):
 
 @kernel
 def still_off(system, work, increment, before):
-    """Error (m) left where vehicles push each other, whose increments shrink evenly; 0 where none does.
+    """Residual error (m) of linearly converging vehicles in buffer contact; 0 without contact.
 
     Args:
         system: parameters.
@@ -163,7 +163,7 @@ def still_off(system, work, increment, before):
 
 @kernel
 def buffers_energy(system, state, carriage):
-    """Elastic energy (J) of the buffers between a vehicle and those after it on the rope."""
+    """Elastic energy (J) of the buffers between a vehicle and the vehicles after it on the rope."""
     energy, buffers = 0.0, system.buffers
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
         if buffers.side[entry] > 0.0:
@@ -174,7 +174,7 @@ def buffers_energy(system, state, carriage):
 
 @kernel
 def settle_buffers(system, state):
-    """End a step: keep what each vehicle and those after it push each other with, and who has met whom."""
+    """End a step: store buffer forces and touches of each vehicle with the vehicles after it on the rope."""
     buffers = system.buffers
     for carriage in range(state.push.shape[0]):
         total, closing, speed, partner = 0.0, 0.0, 0.0, -1

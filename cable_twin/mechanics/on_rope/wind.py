@@ -1,4 +1,4 @@
-"""The wind where it acts: a power law of height, gusts, and turbulence that goes by with it.
+"""Wind at elements and bodies: power law of height, gusts, frozen turbulence, vortex shedding.
 
 Power law and gusts are those of IEC 61400-1 (2005), 6.3.1.2 and 6.3.2.2, and of CS-25.341: a gust has the amplitude a,
 the duration T and, t after its start, the speed
@@ -23,7 +23,7 @@ from cable_twin.mechanics.state import State
 
 
 def set_wind(state: State, wind: FloatArray) -> None:
-    """Let a wind (dim,) in m/s blow, the same everywhere; where it varies, until the next step."""
+    """Set a uniform wind (dim,) in m/s; a varying wind replaces the field in the next step."""
     state.wind[:] = wind
     state.wind_field.along_rope[:] = state.wind[:, None]
     state.wind_field.at_bodies[:] = wind
@@ -31,7 +31,7 @@ def set_wind(state: State, wind: FloatArray) -> None:
 
 @kernel
 def blow(system, state, h):
-    """Let the wind blow for `h` (s), and write what it then is where it acts."""
+    """Advance the wind by `h` (s), and write its field at elements and bodies."""
     air, field, dim = system.air, state.wind_field, state.wind.size
     field.time[0] += h
     if not air.varies and field.gust[4] == 0.0:
@@ -67,7 +67,7 @@ def blow(system, state, h):
 
 @kernel
 def share_of_gust(gust, time):
-    """How much of its amplitude a gust (6,) has at a time (s)."""
+    """Speed of a gust (6,) relative to its amplitude at a time (s)."""
     duration, passed = gust[4], time - gust[3]
     if not 0.0 < passed < duration:
         return 0.0
@@ -79,7 +79,7 @@ def share_of_gust(gust, time):
 
 @kernel
 def wind_at(wind, field, place, even):
-    """Wind x, y, z in m/s at a place (3,) in m: `even` (3,) at its height, and turbulence."""
+    """Wind x, y, z in m/s at a position (3,) in m: `even` (3,) scaled to its height, plus turbulence."""
     factor = 1.0
     if wind.exponent > 0.0:
         height = place[2] - ground_at(wind, place[0])
@@ -108,7 +108,7 @@ def ground_at(wind, x):
 
 @inlined_kernel
 def share_of_line(wind, place):
-    """How far along the line from its start to its end a place (3,) is, from 0 to 1."""
+    """Relative position along the line of a point (3,), from 0 at its start to 1 at its end."""
     start, end = wind.points[0], wind.points[wind.points.shape[0] - 1]
     along, length = 0.0, 0.0
     for axis in range(3):
@@ -119,7 +119,7 @@ def share_of_line(wind, place):
 
 @kernel
 def stir(wind, field, mean):
-    """Write the turbulence at all points in a mean wind (3,) in m/s; what is downwind of the first one comes later."""
+    """Write the turbulence at all points in a mean wind (3,) in m/s, delayed with the distance downwind."""
     flat = hypot(mean[0], mean[1])
     speed = hypot(flat, mean[2])
     ahead = (mean[0] / flat, mean[1] / flat) if flat > 0.0 else (1.0, 0.0)
@@ -151,7 +151,7 @@ def stir(wind, field, mean):
 
 @kernel
 def shed(wind, state, body, h):
-    """Let the eddies behind a body go on for `h` (s), and write how they push it."""
+    """Advance the vortex shedding of a body by `h` (s), and write its side force."""
     field = state.wind_field
     x = field.at_bodies[body, 0] - state.bodies.velocity[body, 0]
     y = field.at_bodies[body, 1] - state.bodies.velocity[body, 1]

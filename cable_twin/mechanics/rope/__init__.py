@@ -1,1 +1,1 @@
-"""The rope alone: its element, what that is made of, and places on it."""
+"""Rope finite elements: elastic models, loads along the element, joint compliance, points on the rope."""

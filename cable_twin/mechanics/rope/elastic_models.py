@@ -1,4 +1,4 @@
-"""The two elastic models of an element: elastic and viscous force, tangent, tension, energy (paper, eq. 7-9).
+"""Elastic models of an element: elastic and viscous force, tangent, tension, energy (paper, eq. 7-9).
 
 Inside, an element is its chord d = r_B - r_A and its two slopes times length, A = l r_x(A) and B = l r_x(B): three
 vectors in m that describe the shape without its place. With u = x / l, rho = dr/du and chi = d²r/du².
@@ -145,7 +145,7 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
 
 @kernel
 def whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """`continuum`, compiled once for all who take force and tangent."""
+    """Force and tangent of `continuum`, compiled as one shared kernel."""
     return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
@@ -257,13 +257,13 @@ def across_of(i, vector):
 
 @formula
 def turned_block(c, i, y, z):
-    """Tangent of d against a slope that comes from the turning of i: c (P y iᵀ + z P), with P y given."""
+    """Tangent block of d and a slope by rotation of the chord i: c (P y iᵀ + z P), P y given."""
     return subtract(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
 
 
 @inlined_kernel
 def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Force and tangent of the elastic model of the cable, as `continuum` gives them."""
+    """Elastic force and tangent of an element in the elastic model of the cable, see `continuum`."""
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
     return whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
@@ -271,7 +271,7 @@ def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
 
 @inlined_kernel
 def chord_force(cable, length, d, a, b, d_dot, a_dot, b_dot):
-    """Force (dim,) in N on d alone, as `elastic_force` has it; the compiler leaves out what is not asked for."""
+    """Elastic force (dim,) in N on the chord d alone, in the elastic model of the cable."""
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
     return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
@@ -299,7 +299,7 @@ def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
 
 @kernel
 def tension_of(cable, state, element):
-    """Mean tension (N) of an element, without what damps it."""
+    """Mean tension (N) of an element, without damping."""
     d, a, b = chord_and_slopes(state.nodes.position, element, cable)
     still = scale(0.0, d)
     return mean_tension(cable, rest_length(cable, state, element), d, a, b, still, still, still)

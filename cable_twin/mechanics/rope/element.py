@@ -1,4 +1,4 @@
-"""The elements of the cable: their residual and tangent with all that acts along them (paper, eq. 1-10).
+"""Rope elements: residual and tangent with all distributed loads (paper, eq. 1-10).
 
 Inside, an element is its chord and its two slopes times length, as in `elastic_models`.
 """
@@ -82,7 +82,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def group_tension(cable, state, first):
-    """Mean tension (N) of `WIDTH` elements from `first` on, with what damps it."""
+    """Mean tension (N) of `WIDTH` elements from `first` on, with damping."""
     length, like = gather_numbers(cable.element_length, first), cable.gravity
     r_a, slope_a, r_b, slope_b = gather(state.nodes.position, first, like)
     d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
@@ -95,14 +95,14 @@ def group_tension(cable, state, first):
 
 @kernel
 def element_tensions(cable, state, tensions):
-    """Fill `tensions` (groups, WIDTH) in N with the means of all elements; past the last one, that is repeated."""
+    """Fill `tensions` (groups, WIDTH) in N with element means; the last element is repeated to fill its group."""
     for group in range(tensions.shape[0]):
         spread((group_tension(cable, state, group * WIDTH),), tensions, group)
 
 
 @formula
 def rates_of_strain(taken_in, shape, shape_rates):
-    """Rates of chord and slopes as the rope has them, of which the share `taken_in` (1/s) is new there."""
+    """Rates of chord and slopes relative to the rope, for a relative growth `taken_in` (1/s) of rope on the mesh."""
     return (
         add_scaled(-taken_in, shape[0], shape_rates[0]),
         add_scaled(-taken_in, shape[1], shape_rates[1]),
@@ -112,14 +112,14 @@ def rates_of_strain(taken_in, shape, shape_rates):
 
 @inlined_kernel
 def strand_now(system, state):
-    """What is the same on the whole rope: λ of `strand`, its rate over it (1/s), and whether the rope goes by."""
+    """Mesh-wide flow quantities: rest stretch λ of `strand`, its relative rate (1/s), and whether the rope moves."""
     flowing = system.moving_cable.moving and flows(system, state)
     return rest_stretch(system.cable, state), thickening(system.cable, state), flowing
 
 
 @inlined_kernel
 def forces_of_elements(system, state, strand, first, row):
-    """Forces (dim,) in N of `WIDTH` elements, with all that acts along them, on r_A (row 0) or r_B (row 2).
+    """Nodal force (dim,) in N of `WIDTH` elements with all distributed loads, on r_A (row 0) or r_B (row 2).
 
     Takes the `strand_now`.
     """
@@ -142,7 +142,7 @@ def forces_of_elements(system, state, strand, first, row):
 
 @kernel
 def force_of_element(system, state, element, row):
-    """Force (dim,) in N of one element, with all that acts along it, on r_A (row 0) or r_B (row 2)."""
+    """Nodal force (dim,) in N of one element with all distributed loads, on r_A (row 0) or r_B (row 2)."""
     cable, like = system.cable, system.cable.gravity
     return along_element(
         system,
@@ -221,7 +221,7 @@ def write_group(cable, length, elastic, inert, mass_factor, group):
 
 @inlined_kernel
 def write_pair(matrix, group, i, j, like):
-    """Write a block of coordinates i and j, and its mirror image."""
+    """Write the block of coordinates i and j, and its transpose for j and i."""
     spread(matrix, group, block_row(i, j, like))
     spread(transpose(matrix), group, block_row(j, i, like))
 

@@ -1,4 +1,4 @@
-"""A rope that goes by along itself on a mesh that stands still: what that adds to its equations of motion.
+"""Axially moving rope on a fixed mesh: arbitrary Lagrangian-Eulerian terms of the equations of motion.
 
 The description is arbitrary Lagrangian-Eulerian, as `strand` has it: per arc length of the mesh there is a mass of
 ρA λ, and a point of the rope has the acceleration r_tt + 2 w r_ts + w² r_ss + (w_t + w w_s) r_s with w = u / λ.
@@ -18,7 +18,7 @@ from cable_twin.mechanics.rope.strand import between_ends, rest_stretch
 
 @inlined_kernel
 def flows(system, state):
-    """Whether any rope goes by."""
+    """Return whether the rope moves through its mesh, by speed or acceleration."""
     if not system.moving_cable.moving:
         return False
     speed, rate = state.rope.velocity, state.rope.acceleration
@@ -27,7 +27,7 @@ def flows(system, state):
 
 @inlined_kernel
 def flow_factors(cable, state, arc_length):
-    """Factors of FLOW of the rates (kg/s), of FLOW of the places (N/m) and of SLOPE (N), of elements around a place.
+    """Factors of FLOW by rates (kg/s), FLOW by positions (N/m) and SLOPE (N), of elements around an arc length.
 
     2 ρA u ∫SᵀS_s ds of ė, and ρA u_t ∫SᵀS_s ds - ρA u² / λ ∫S_sᵀS_s ds of e. The last one is SᵀS_ss integrated by
     parts; what w w_s adds to it, and to w_t, and λ_t in that, cancel, so that u_t is all that is left. Its boundary
@@ -41,7 +41,7 @@ def flow_factors(cable, state, arc_length):
 
 @inlined_kernel
 def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group):
-    """Add to a group of elements what the motion of the cable along itself makes.
+    """Add the transport terms of axial rope motion to a group of elements.
 
     Args:
         length: of the elements, m.
@@ -70,7 +70,7 @@ def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor,
 
 @formula
 def flow_forces(length, shape, shape_rates, factors):
-    """What the flow takes (dim,) in N at r_A, slope A, r_B, slope B of an element, those of slopes per length."""
+    """Transport forces (dim,) in N at r_A, slope A, r_B, slope B of an element; on slopes per length."""
     d, a, b = shape
     by_velocity, by_place, by_slope = factors[0], factors[1], factors[2] / length
     d_flow = add_scaled(by_velocity, shape_rates[0], scale(by_place, d))
@@ -86,7 +86,7 @@ def flow_forces(length, shape, shape_rates, factors):
 
 @kernel
 def flow_energy(cable, state):
-    """Kinetic energy (J) that the motion of the cable along itself adds to ½ ∫ρA λ r_t² ds; u is that in the middle."""
+    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the speed u at mid-rope."""
     along, squared, _, _ = flow_integrals(cable, state)
     speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
     return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
@@ -134,7 +134,7 @@ def nodal_vectors(coordinates, element, like):
 
 @formula
 def flow_products(length, place, rate, acceleration):
-    """The integrals of `flow_integrals` over elements, without ρA, from their nodal vectors and the rates of those."""
+    """Integrals of `flow_integrals` over elements, without ρA, from nodal vectors and their rates."""
     d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
     by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
     for i in range(4):

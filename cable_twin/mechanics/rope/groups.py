@@ -1,4 +1,4 @@
-"""Where residual and tangent of a group of elements stand in `Workspace.group`, a row a number and a lane an element.
+"""Layout of residual and tangent of element groups in `Workspace.group`: one row a number, one lane an element.
 
 First the vectors of the four nodal coordinates, then the sixteen blocks of coordinate i against j, row by row.
 """

@@ -1,4 +1,4 @@
-"""The kink of the rope under a joint, as what the joint yields: elements with continuous slopes round it off.
+"""Joint compliance at the kink of a rope: correction of elements with continuous slopes under a point load.
 
 A force F across a taut rope bends it at one place. Elements bend over their length instead, and their rope is too high
 under the force by what `rounding` works out, depending on the place: a vehicle rides over waves, from node to node.
@@ -22,7 +22,7 @@ from cable_twin.mechanics.language.vectors import add_scaled, block, dot, outer,
 
 
 class Kink(NamedTuple):
-    """What a joint yields under its force."""
+    """Displacement of a compliant joint under its force, with derivatives."""
 
     way: Any  # δ (dim,) m
     by_force: Any  # ∂δ/∂F (dim²) m/N
@@ -33,7 +33,7 @@ class Kink(NamedTuple):
 
 @inlined_kernel
 def has_kinks(cable):
-    """Whether joints of this rope yield at all."""
+    """Return whether joints of this rope are compliant."""
     return cable.rounding.shape[0] > 0
 
 
@@ -51,7 +51,7 @@ def shares(cable, element, arc_length):
 
 @inlined_kernel
 def kink(cable, element, arc_length, force, along, tau):
-    """What a joint at an arc length (m) on an element yields under the `force` (dim,) in N of the rope on it.
+    """Displacement of a joint at an arc length (m) on an element under the rope's `force` (dim,) in N.
 
     The unit vector `along` (dim,) is that of the rope there, `tau` its slackness (-).
     """
@@ -74,14 +74,14 @@ def kink(cable, element, arc_length, force, along, tau):
 
 @inlined_kernel
 def rounded_off(cable, element, arc_length, tau):
-    """C in m/N and d in m/N³ at an arc length (m) on an element and a slackness (-), each with two derivatives by s."""
+    """Compliances c in m/N and d in m/N³ at an arc length (m) and slackness (-), with two derivatives by s."""
     c, d, k = at_rest(cable, element, arc_length)
     return add_scaled(tau - tau * tau, k, scale(tau, c)), scale(tau**4, d)
 
 
 @inlined_kernel
 def at_rest(cable, element, arc_length):
-    """c_0 in m/N, d_0 in m/N³ and k in m/N there, each with two derivatives by s; none where nothing bends."""
+    """Compliances c_0 in m/N, d_0 in m/N³, k in m/N at an arc length (m), with two derivatives by s; 0 off the rope."""
     per_length = 1.0 / cable.element_length[element]
     u = (arc_length - cable.node_arc_length[element]) * per_length
     if arc_length < 0.0 or arc_length > cable.unstrained_length:
@@ -106,7 +106,7 @@ def polynomial(coefficients, u, factor):
 
 @kernel
 def kink_length(cable, element, arc_length, force, tau):
-    """Rope (m) that a kink takes under a force (N) across it, at a slackness (-): -∂E/∂T, at least 0."""
+    """Rope length (m) in a kink under a transverse force (N), at a slackness (-): -∂E/∂T, at least 0."""
     (c, _, _), (d, _, _), (k, _, _) = at_rest(cable, element, arc_length)
     tension = 0.0
     for number, share in shares(cable, element, arc_length):
@@ -119,7 +119,7 @@ def kink_length(cable, element, arc_length, force, tau):
 
 @kernel
 def kink_energy(cable, element, arc_length, force, along, tau):
-    """Energy (J) of what a joint yields, F·δ - E, with the arguments of `kink`."""
+    """Elastic energy (J) of a compliant joint, F·δ - E, with the arguments of `kink`."""
     (c, _, _), (d, _, _) = rounded_off(cable, element, arc_length, tau)
     squared = dot(force, force) - dot(force, along) ** 2
     limited = 1.0 / (1.0 + cable.rounding_limit * tau**3 * squared)

@@ -1,4 +1,4 @@
-"""A place on the rope: which element holds it, what the rope is like there, and what acts on it there.
+"""Points on the rope: element search, interpolation, and point loads.
 
 Of an element with the nodal coordinates e, r = S e there; coordinate i of it is r or r_x of its first node (0, 1), or
 of its second one (2, 3).
@@ -17,7 +17,7 @@ Four = tuple[float, float, float, float]
 
 
 class Point(NamedTuple):
-    """A place on an element, as all that is worth knowing about it: the shape functions (eq. 2) there."""
+    """Point on an element, given by the shape functions (eq. 2) and their derivatives at this point."""
 
     element: int
     shape: Four  # S: - for positions, m for slopes
@@ -27,7 +27,7 @@ class Point(NamedTuple):
 
 @kernel
 def element_at(cable, arc_length):
-    """Element that holds `arc_length` (m); beyond an end, the end element. What is no number is on the first one."""
+    """Element at an `arc_length` (m); beyond an end, the end element; the first one for NaN."""
     place = arc_length / cable.cell_length
     cell = int(min(place, cable.cell_element.size - 1.0)) if place > 0.0 else 0
     element = cable.cell_element[cell]
@@ -38,14 +38,14 @@ def element_at(cable, arc_length):
 
 @inlined_kernel
 def point_on(cable, element, arc_length):
-    """The place at `arc_length` (m) on an element, which is extrapolated where it does not reach so far."""
+    """Point at an `arc_length` (m) on a given element, extrapolated beyond its nodes."""
     x, length = arc_length - cable.node_arc_length[element], cable.element_length[element]
     return Point(element, shape_functions(x, length), shape_functions_x(x, length), shape_functions_xx(x, length))
 
 
 @inlined_kernel
 def point_at(cable, arc_length):
-    """The place at `arc_length` (m) of the whole cable."""
+    """Point at an `arc_length` (m) of the whole cable."""
     return point_on(cable, element_at(cable, arc_length), arc_length)
 
 
@@ -112,7 +112,7 @@ def add_force(force, point, right_side):
 
 @inlined_kernel
 def add_block(matrix, element, i, j, work):
-    """Add a full matrix to the equations of coordinate `i` of an element, where they have its coordinate `j`."""
+    """Add a full matrix to the tangent block of coordinates `i` and `j` of an element."""
     if i // 2 == j // 2:
         accumulate(matrix, work.diagonal[element + i // 2, i % 2, j % 2])
     elif i // 2 == 0:

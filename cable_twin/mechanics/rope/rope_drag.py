@@ -1,4 +1,4 @@
-"""Air drag on the rope, quadratic in the relative wind across it; along itself it feels nothing.
+"""Air drag on the rope, quadratic in the transverse relative wind; no drag along the rope.
 
 A rope of the velocity ṙ and tangent t has the force q |w_n| w_n per unstrained length, w_n = P (w - ṙ), P = 1 - t tᵀ,
 with the wind w of its element and q = density drag_coefficient diameter / 2.
@@ -36,7 +36,7 @@ CALM = 1e-200  # m²/s², below which the square of a relative wind is none
 
 @inlined_kernel
 def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group):
-    """Add the drag on a group of elements to its residual and tangent, exact by places, slopes and their rates.
+    """Add the drag on a group of elements to residual and tangent, exact by positions, slopes and rates.
 
     Args:
         rope_drag: q in kg/m².
@@ -74,7 +74,7 @@ def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_facto
 
 @inlined_kernel
 def wind_across(number, length, shape, rates, wind):
-    """What the wind (dim,) in m/s is at a Gauss point of an element, relative to it.
+    """Wind relative to the rope at a Gauss point of an element, split along and across.
 
     Returns:
         |r_x|; the tangent t (dim,); the part of the relative wind along it in m/s; the part across (dim,) in m/s.
@@ -91,7 +91,7 @@ def wind_across(number, length, shape, rates, wind):
 
 @inlined_kernel
 def drag_on(rope_drag, wind, length, shape, rates, row):
-    """Share (dim,) in N of the drag on elements that r_A (row 0) or r_B (row 2) takes, as `add_drag` has it."""
+    """Nodal drag (dim,) in N on elements, at r_A (row 0) or r_B (row 2), consistent with `add_drag`."""
     total = scale(0.0, wind)
     for number in range(POINTS):
         _, _, _, across = wind_across(number, length, shape, rates, wind)

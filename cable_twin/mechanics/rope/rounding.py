@@ -1,4 +1,4 @@
-"""How much elements with continuous slopes round off the kink of a rope under a load, for `kink`.
+"""Compliance table of the mesh for `kink`: height missing under a point load in elements with continuous slopes.
 
 Beside the element that bears the load only its neighbours matter, so that each element is looked at within a few of
 them, held at both ends. Across itself a taut rope is a string with some bending stiffness, T w'² + EI w''², which is
@@ -35,7 +35,7 @@ _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(PLACES) / (PLACES - 1))
 
 
 def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
-    """The fields of `Cable` for joints that yield what its elements round off: c_0, d_0 and k of `kink`, and b_0.
+    """Fields of `Cable` for compliant joints: tables of c_0, d_0 and k of `kink`, and b_0.
 
     Args:
         cable: its mesh and its stiffness.
@@ -61,7 +61,7 @@ def rounding(cable: Cable, tension: FloatArray) -> dict[str, Any]:
 
 
 def smoothed(cable: Cable, tension: FloatArray) -> FloatArray:
-    """Tension (elements,) in N that swings beside loads, as means over elements of lines from middle to middle."""
+    """Element tensions (elements,) in N smoothed beside loads: means of the linear interpolation of mid-values."""
     if cable.element_count == 1:
         return tension
     places = cable.node_arc_length[:-1, None] + cable.element_length[:, None] * QUARTERS
@@ -73,7 +73,7 @@ def smoothed(cable: Cable, tension: FloatArray) -> FloatArray:
 
 
 def _join(table: FloatArray, length: FloatArray) -> None:
-    """Make polynomials (elements, 3, PLACES) of neighbours meet in value and slope, which they do but for rounding.
+    """Join polynomials (elements, 3, PLACES) of neighbours in value and slope, against rounding errors.
 
     Newton's method would go to and fro between two that do not. At the ends of the rope nothing yields.
     """
@@ -156,7 +156,7 @@ def _stiffness(cable: Cable, length: FloatArray, pull: FloatArray, bent: FloatAr
 
 
 def _assembled(blocks: FloatArray) -> FloatArray:
-    """Matrices (patches, n, n) of blocks (patches, elements, 4, 4) that overlap by half."""
+    """Assemble matrices (patches, n, n) from element blocks (patches, elements, 4, 4) overlapping by half."""
     whole = np.zeros((len(blocks), 2 * blocks.shape[1] + 2, 2 * blocks.shape[1] + 2))
     for k in range(blocks.shape[1]):
         whole[:, 2 * k : 2 * k + 4, 2 * k : 2 * k + 4] += blocks[:, k]

@@ -28,12 +28,12 @@ def _slopes(x: FloatArray) -> FloatArray:
 
 
 def _curvatures(x: FloatArray) -> FloatArray:
-    """S_xx l² in the same order, shape (points, 3)."""
+    """S_xx l² of (d, slope A times l, slope B times l) at x = 0..1, shape (points, 3)."""
     return np.stack([6 - 12 * x, -4 + 6 * x, -2 + 6 * x], axis=1)
 
 
 def _rows(table: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """The table as constants that kernels are compiled with."""
+    """Table as nested tuples, constants for compiled kernels."""
     return tuple(tuple(float(value) for value in row) for row in table)
 
 
@@ -96,6 +96,6 @@ def shape_functions_xx(x, length):
 
 @formula
 def shape_functions_xxx(length):
-    """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; the same all over an element."""
+    """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; constant over an element."""
     s = 12 / (length * length * length)
     return s, 6 / (length * length), -s, 6 / (length * length)

@@ -1,4 +1,4 @@
-"""How much rope there is on the mesh, and how fast it goes by.
+"""Amount and speed of the rope on a fixed mesh: transport kinematics of an axially moving rope.
 
 Rope runs onto the mesh at its start with V_0 and off it at its end with V_1 (m/s of unstrained length), and is spread
 evenly over it: an arc length s of the mesh holds λ s of rope, where λ = 1 + (surplus + P_0 - P_1) / L, P being what has
@@ -16,33 +16,33 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 
 @inlined_kernel
 def rest_stretch(cable, state):
-    """λ: unstrained length of the rope on the mesh, over that of the mesh (-)."""
+    """Rest stretch λ (-): unstrained length of the rope on the mesh over the length of the mesh."""
     gone = state.rope.position
     return 1.0 + (state.surplus[0] + gone[0] - gone[1]) / cable.unstrained_length
 
 
 @inlined_kernel
 def rest_length(cable, state, element):
-    """Unstrained length (m) of the rope on an element, less what sharp kinks take of it."""
+    """Unstrained length (m) of the rope on an element, less the rope taken by sharp kinks."""
     return rest_stretch(cable, state) * cable.element_length[element] - state.kink_length[element]
 
 
 @inlined_kernel
 def thickening(cable, state):
-    """λ_t / λ (1/s): rate at which what is between two places of the mesh takes in rope, of the rope there."""
+    """Mesh dilution rate λ_t / λ (1/s): relative rate of rope taken in between two points of the mesh."""
     speed = state.rope.velocity
     return (speed[0] - speed[1]) / (cable.unstrained_length * rest_stretch(cable, state))
 
 
 @inlined_kernel
 def between_ends(cable, values, arc_length):
-    """What is `values[0]` at the start of the mesh and `values[1]` at its end, linearly, at an arc length (m)."""
+    """Linear interpolation at an arc length (m) between `values[0]` at the start and `values[1]` at the end."""
     return values[0] + (values[1] - values[0]) * (arc_length / cable.unstrained_length)
 
 
 @kernel
 def going_by(cable, state, arc_length):
-    """Speed w (m/s) at which what is clamped to the rope at an arc length (m) goes along the mesh, and its rate."""
+    """Transport velocity w (m/s) along the mesh of a point clamped to the rope at an arc length (m), and its rate."""
     stretch, speed = rest_stretch(cable, state), state.rope.velocity
     rate = (speed[0] - speed[1]) / cable.unstrained_length
     on_mesh = between_ends(cable, speed, arc_length) / stretch
@@ -51,5 +51,5 @@ def going_by(cable, state, arc_length):
 
 @kernel
 def rope_before(cable, state, arc_length):
-    """Unstrained rope (m) before an arc length (m), from that which was at the start of the mesh at first."""
+    """Unstrained rope (m) before an arc length (m), counted from the initial start of the mesh."""
     return rest_stretch(cable, state) * arc_length - state.rope.position[0]

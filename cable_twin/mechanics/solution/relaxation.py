@@ -165,7 +165,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float:
-        """Upper bound of the remaining time (s) at the present rate; most lines need a tenth of the iterations at most."""
+        """Upper bound of the remaining time (s) at the present rate; most lines need a tenth of the iterations."""
         return self.elapsed / self.iterations * (MAX_RELAXATIONS - self.iterations)
 
 

@@ -215,7 +215,7 @@ def measured_increment(last, measured, sheave, kind, force, stiffness):
 
 @kernel
 def missing_rope(sheaves, motion, sheave, c, h, on, off):
-    """Residual force (N) on the rope over a wheel, and its stiffness (N/m); `on`, `off` (N/m) are those of the strands."""
+    """Residual force (N) on the rope over a wheel, and its stiffness (N/m); `on`, `off`: stiffness of the strands."""
     mass_factor, _ = factors(c, h)
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
