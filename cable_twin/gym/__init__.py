@@ -1,4 +1,4 @@
-"""The twin as an environment of gymnasium, for learning controllers; needs the extra `gym`.
+"""Gymnasium environment of the twin, for learning controllers; needs the extra `gym`.
 
 `gymnasium.make("cable_twin.gym:cable_twin/Ropeway-v0", scenario="single_span")` works as well.
 """

@@ -1,4 +1,4 @@
-"""The environment: one twin, driven by actions, seen by observations; rewards are the user's."""
+"""Gymnasium environment with one twin, its actions and observations; rewards are left to the user."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENDS_OF_CABLE = 2  # samples of the cable: the fewest
 
 
 class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
-    """A ropeway of a scenario as gymnasium has environments.
+    """Gymnasium environment of a ropeway scenario.
 
     An action is a number for each of `action_names`, a speed (m/s) or a force (N), within the limits of the scenario;
     what is beyond is cut off there. An observation is a number for each of `observation_names`, in `observation_units`.
@@ -93,19 +93,19 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         self._before = self._observed()
 
     def named(self, observation: FloatArray) -> Observed:
-        """An observation (n,) with its names."""
+        """Observation (n,) with access by name."""
         return Observed(self._numbers, observation)
 
     def reward(self, before: Observed, action: FloatArray, after: Observed) -> float:
-        """What a step was worth; for a subclass, where no argument says it."""
+        """Reward of a step; to be overridden in a subclass, unless given as an argument."""
         return 0.0 if self._reward is None else self._reward(before, action, after)
 
     def ended(self, after: Observed) -> bool:
-        """Whether the episode has ended there; for a subclass, where no argument says it."""
+        """Whether the episode has ended; to be overridden in a subclass, unless given as an argument."""
         return self._ended is not None and self._ended(after)
 
     def prepare(self, simulation: Simulation, generator: np.random.Generator) -> None:
-        """Change the start of an episode: wind, payload, a command, some time; for a subclass as well."""
+        """Change the start of an episode by wind, payload, a command or some time; may be overridden in a subclass."""
         if self._prepare is not None:
             self._prepare(simulation, generator)
 
@@ -121,7 +121,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         return self._before.array.copy(), {"time": self.simulation.time}
 
     def step(self, action: FloatArray) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
-        """Drive as `action` (n,) says for a period.
+        """Apply an action (n,) for one period.
 
         Raises:
             ValueError: not one finite number for each name.
@@ -155,7 +155,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
 
 
 def vector_env(count: int, *arguments: Any, context: str | None = None, **named: Any) -> AsyncVectorEnv:
-    """As many environments, each in a process of its own; on one core for each of them as fast as one alone.
+    """Vector of `count` environments, each in its own process; full speed with one core for each.
 
     Args:
         count: how many.
@@ -171,7 +171,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _whole_steps(period: float, step: float) -> float:
-    """The period (s), in whole solver steps."""
+    """Period (s) rounded to whole solver steps; raises ValueError where the given one is not a multiple."""
     count = round(period / step) if math.isfinite(period) else 0
     if count < 1 or abs(count * step - period) > 1e-9:
         raise ValueError(f"period: {period:g} s given; allowed: a whole number of solver steps of {step:g} s")
@@ -179,7 +179,7 @@ def _whole_steps(period: float, step: float) -> float:
 
 
 def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, tuple[str, float]]:
-    """Kind of command and its limit by name of carriage or drive."""
+    """Kind of command and its limit, by name of carriage or drive."""
     known = command_limits(scenario)
     wanted = dict.fromkeys(known, command) if isinstance(command, str) else dict(command)
     kinds = [name for name, kind in KINDS.items() if kind.drives]

@@ -1,4 +1,4 @@
-"""What an environment shows of a frame: numbers with names, and where they stand in a frame."""
+"""Observation of an environment: named numbers and their places in a frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cable_twin.snapshot import Layout, Snapshot
 
 
 class Quantity(NamedTuple):
-    """One number of an observation."""
+    """One number of an observation, with unit, place in a frame and bounds."""
 
     unit: str
     column: float  # of a frame, a whole number
@@ -24,7 +24,7 @@ class Quantity(NamedTuple):
 
 
 class Observed(Mapping[str, float]):
-    """An observation with names: `after["cabin/speed"]`.
+    """Observation with access by name: `after["cabin/speed"]`.
 
     Attributes:
         array: (n,) as the environment gives them.
@@ -46,7 +46,7 @@ class Observed(Mapping[str, float]):
 
 
 def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
-    """All that can be observed of a scenario, by name; the cable is seen at its ends."""
+    """All observable quantities of a scenario, by name; the cable is observed at its ends."""
     places = layout.columns(np.arange(layout.size, dtype=np.float64))
     length = scenario.cable.unstrained_length
     found = {"time": Quantity("s", 0, 0.0)}
@@ -105,7 +105,7 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
 
 
 def by_default(layout: Layout) -> tuple[str, ...]:
-    """Motion of what is driven, and pitch of the bodies of carriages, with their rates."""
+    """Default quantities: motion of driven objects, and pitch of the bodies of carriages, with their rates."""
     return (
         *(f"{name}/{what}" for name in layout.drives for what in ("position", "speed")),
         *(f"{name}/{what}" for name in layout.carriages for what in ("arc_length", "speed")),
@@ -119,7 +119,7 @@ def by_default(layout: Layout) -> tuple[str, ...]:
 
 
 def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapshot) -> dict[str, Quantity]:
-    """Quantities whose names fit the patterns (`*` for any text), in the order of the patterns.
+    """Quantities with names that match the patterns (`*` for any text), in the order of the patterns.
 
     Raises:
         ValueError: a pattern fits nothing that this scenario has.

@@ -1,1 +1,1 @@
-"""What needs no ROS: running a scenario, looking at a log, and replaying it."""
+"""Offline tools without ROS: run a scenario, review a log, and replay it."""

@@ -1,4 +1,4 @@
-"""How sure key figures are: the same run with half the mesh and half the step, and the difference of each figure."""
+"""Discretisation check of key figures: a run with half the mesh and half the step, and the differences."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.simulation import Simulation
 
 
 def refined(scenario: Scenario) -> Scenario:
-    """The same scenario with elements and steps of half the length."""
+    """Scenario with elements and solver steps of half the length."""
     changes: dict[str, Any] = {}
     for rope, cable in scenario.cables.items():
         key, elements = f"{scenario.rope_key(rope)}.elements", cable.elements
@@ -35,7 +35,7 @@ def checked(
     duration: float,
     frame_steps: int,
 ) -> list[KeyFigure]:
-    """Key figures of a run from its start, each with its difference from those of the refined one.
+    """Key figures of a run from its start, each with its difference from the refined run.
 
     Args:
         figures: of the run.
@@ -51,7 +51,7 @@ def checked(
 
 
 def compared(figures: Sequence[KeyFigure], finer: Sequence[KeyFigure]) -> list[KeyFigure]:
-    """Key figures, each with its difference from that of the same name of a finer model."""
+    """Key figures, each with its difference from the figure of equal name of a finer model."""
     values = {figure.name: figure.value for figure in finer}
     return [
         replace(figure, uncertainty=abs(values[figure.name] - figure.value)) if figure.name in values else figure

@@ -1,4 +1,4 @@
-"""Several runs in one rerun recording: each below a root of its own, their plots laid over each other."""
+"""Comparison of several runs in one rerun recording: each below its own root, with overlaid plots."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cable_twin.snapshot import Layout, Snapshot
 
 
 class _RootedStream:
-    """A stream that puts everything below a root, and names lines of plots after it; the blueprint is another's."""
+    """Rerun stream that puts a run below a root and prefixes the lines of its plots; has no blueprint."""
 
     def __init__(self, stream: rr.RecordingStream, root: str, first_color: int) -> None:
         self._stream = stream
@@ -38,13 +38,13 @@ class _RootedStream:
         self._stream.send_columns(f"{self._root}/{path}", *columns, **options)
 
     def send_blueprint(self, *_: Any, **__: Any) -> None:
-        """Leave it to the comparison."""
+        """Do nothing, as the comparison sends the blueprint."""
 
     def flush(self, *, timeout_sec: float) -> None:
         self._stream.flush(timeout_sec=timeout_sec)
 
     def disconnect(self) -> None:
-        """Leave it to the comparison."""
+        """Do nothing, as the comparison closes the stream."""
 
     def _named(self, entity: Any) -> Any:
         if not isinstance(entity, rr.SeriesLines) or entity.names is None:
@@ -57,7 +57,7 @@ class _RootedStream:
 
 
 class ComparisonView:
-    """One recording of several runs.
+    """Rerun recording of several runs.
 
     Args:
         scenarios: Of the runs.
@@ -79,7 +79,7 @@ class ComparisonView:
         self._stream.send_blueprint(_blueprint(titles, unit, first.layout))
 
     def close(self) -> None:
-        """Send what waits and close the file.
+        """Send waiting data and close the file.
 
         Raises:
             OSError: It cannot be written.
@@ -91,7 +91,7 @@ class ComparisonView:
 
 
 def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprint:
-    """Tracks and commands side by side, plots of all runs below."""
+    """Blueprint with tracks and commands side by side, and plots of all runs below."""
     roots = LABELS[: len(titles)]
     tracks = [
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")

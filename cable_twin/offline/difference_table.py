@@ -1,4 +1,4 @@
-"""How runs differ, as tables for people."""
+"""Tables of the differences between runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDE = 110  # characters that the whole table needs
 
 
 def print_differences(console: Console, a: Reading, b: Reading, comparison: Comparison, label: str = "b") -> None:
-    """Print what the comparison of two runs found; the second one has this label.
+    """Print the comparison of two runs; `label` names the second one.
 
     On a narrow terminal, when each signal differed most, and its values then, go to a line below.
     """
@@ -52,7 +52,7 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
 
 
 def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | None) -> dict[str, Difference]:
-    """Signals to show: of each signal of the carriers only that of the one that differs most."""
+    """Signals of the table: of carriers, for each kind of signal, only the one with the largest difference."""
     if carriers is None:
         return dict(differences)
     worst: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""The commands without ROS, such as `simulate`, as they are installed: what ends them from outside is a line."""
+"""Entry points of the commands without ROS, such as `simulate`, with one line for an end from outside."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all 
 
 
 def __getattr__(command: str) -> Callable[[], int]:
-    """The command of a module beside this one, as `setup.cfg` names it: what runs its `main`."""
+    """Command of a module in this package by its name in `setup.cfg`: a callable that runs its `main`."""
     if find_spec(f"cable_twin.offline.{command}") is None:
         raise AttributeError(f"no command {command!r}")
     return partial(_run, command)

@@ -1,4 +1,4 @@
-"""What a key of a scenario file means: `simulate --explain KEY`."""
+"""Explanation of a key of a scenario file: `simulate --explain KEY`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def print_entries(key: str) -> None:
 
 
 def _print_block(console: Console, entry: Entry) -> None:
-    """Print an entry as a key with its unit, and below it its meaning, default and what is allowed, filled."""
+    """Print an entry as a filled block: key with unit, below it meaning, default and allowed values."""
     unit = f" [{entry.unit}]" if entry.unit else ""
     rest = "; ".join(f"{title}: {text}" for title, text in zip(("default", "allowed"), entry[2:4], strict=True) if text)
     lines = [f"{entry.key}{unit}"]

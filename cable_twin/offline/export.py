@@ -1,4 +1,4 @@
-"""Key figures and signals of runs for other programs, as CSV and JSON, in SI units, every frame.
+"""Export of key figures and signals of runs as CSV and JSON, in SI units, every frame.
 
 Frames wait in a file without a name until all is known, so that memory does not grow with a run.
 """
@@ -28,7 +28,7 @@ FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "
 
 
 class RunTable:
-    """Signals of one run, a row each frame; `name` and `scenario` say which."""
+    """Table of the signals of one run, a row each frame; `name` and `scenario` identify the run."""
 
     def __init__(self, name: str, scenario: str) -> None:
         self.name, self.scenario = name, scenario
@@ -39,7 +39,7 @@ class RunTable:
         self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take in a frame; what it does not hold is empty."""
+        """Add a frame; missing values are empty."""
         layout, c = snapshot.layout, snapshot.columns
         if not self.columns:
             self._lay_out(snapshot)
@@ -50,17 +50,17 @@ class RunTable:
         self._lines.write(json.dumps(row) + "\n")
 
     def rows(self) -> Iterator[list[float | None]]:
-        """All frames, a number or None for each column."""
+        """Rows of all frames, with a number or None for each column."""
         self._lines.seek(0)
         return map(json.loads, self._lines)
 
     def lines(self) -> Iterator[str]:
-        """The same as JSON."""
+        """Rows of all frames as JSON."""
         self._lines.seek(0)
         return (line.rstrip("\n") for line in self._lines)
 
     def _lay_out(self, first: Snapshot) -> None:
-        """A column for all that has a signal: of those that only some have, for who has it at the start."""
+        """Define the columns: for partial signals only those with a value at the start."""
         self.columns = ["time [s]"]
         for signal in SIGNALS.values():
             names, values = signal.names(first.layout), signal.values(first.layout, first.columns)
@@ -70,7 +70,7 @@ class RunTable:
 
 
 class Export:
-    """What `--csv` and `--json` ask for.
+    """Output of the options `--csv` and `--json`.
 
     Raises:
         OSError: A file cannot be made; before anything runs.
@@ -86,22 +86,22 @@ class Export:
                 Path(str(path)).touch()
 
     def __bool__(self) -> bool:
-        """Whether anything is asked for."""
+        """Whether any export is requested."""
         return self._csv is not None or self._json is not None
 
     def add(self, name: str, scenario: str) -> RunTable | None:
-        """A table for one more run; None where nothing is asked for."""
+        """Table for one more run; None without a requested export."""
         if not self:
             return None
         self._tables.append(RunTable(name, scenario))
         return self._tables[-1]
 
     def words(self) -> AbstractContextManager[Any]:
-        """What is printed for people goes to stderr where the output is for a program."""
+        """Context that prints text for people to stderr where standard output is for a program."""
         return redirect_stdout(sys.stderr) if STDOUT in (self._csv, self._json) else nullcontext()
 
     def write(self, command: str) -> bool:
-        """Write all, the figures of the tables too; says what prevents it, as this command."""
+        """Write all tables and figures; prints an error as `command` and returns False where prevented."""
         try:
             self._write_all()
         except BrokenPipeError:
@@ -137,7 +137,7 @@ class Export:
         self._write_rows(file, FIGURE_COLUMNS, rows)
 
     def _write_rows(self, file: TextIO, columns: Sequence[str], rows: Iterable[tuple[RunTable, list[Any]]]) -> None:
-        """Write CSV; with several runs the first column says which."""
+        """Write CSV; with several runs the first column names the run."""
         several = len(self._tables) > 1
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["run", *columns] if several else columns)
@@ -158,7 +158,7 @@ class Export:
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """Take `--csv` and `--json`."""
+    """Add the options `--csv` and `--json`."""
     for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
         parser.add_argument(
             f"--{kind}", metavar="PATH", help=f"write {what} of every frame, in SI units; '-': to standard output"
@@ -166,7 +166,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 
 def export_fault(options: argparse.Namespace) -> str | None:
-    """What is wrong with them, in a line."""
+    """Message about invalid export options, in a line; None for valid ones."""
     if options.csv == options.json == STDOUT:
         return "--csv - and --json - are given; only one of them can go to standard output"
     for key, path in (("csv", options.csv), ("json", options.json)):
@@ -176,7 +176,7 @@ def export_fault(options: argparse.Namespace) -> str | None:
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:
-    """A key figure by the names of `FIGURE_COLUMNS`."""
+    """Key figure as a mapping by the names of `FIGURE_COLUMNS`."""
     numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None

@@ -1,4 +1,4 @@
-"""Key figures as a table for people: of one run, or of several beside each other."""
+"""Table of key figures: of one run, or of several beside each other."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ NOISE = 1e-6  # of the unit that is shown; what is less is rounding
 
 
 def table_console() -> Console:
-    """Where tables are printed; wide enough for them where it is no terminal."""
+    """Console for tables, with a fixed width where output is no terminal."""
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
 
 
 def print_figures(
     console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "at", unit_at: str = "s"
 ) -> None:
-    """Print one table with a column for each run; when and where only for a single one.
+    """Print one table with a column for each run; time and place only for a single one.
 
     `at` and `unit_at` are what the time of a figure is, and its unit. On a narrow terminal all but name, value, unit
     and verdict goes to a line below.
@@ -84,7 +84,7 @@ def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
 
 
 def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
-    """What a long table comes to: how many limits are not kept, and which; arguments as of `print_figures`."""
+    """Summary of a long table: number and names of exceeded limits; arguments as in `print_figures`."""
     runs = [{figure.name: figure for figure in run if figure.limit is not None} for run in figures]
     names = dict.fromkeys(name for run in runs for name in run)
     if not names:
@@ -105,7 +105,7 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
 
 
 def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
-    """A figure with its limit, and when and where that was where it is not brief."""
+    """Text of a figure with its limit, and unless brief with time and place."""
     assert figure.limit is not None
     unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
     unit = "" if unit == "-" else f" {unit}"
@@ -114,19 +114,19 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
 
 
 def shown(value: float, scale: float) -> str:
-    """A value in SI in the unit that has this scale; 0 where it is but rounding there."""
+    """Text of an SI value in the unit of a scale; 0 for a mere rounding error."""
     return "0" if abs(value * scale) < NOISE else rounded(value * scale)
 
 
 def _uncertainty(figure: KeyFigure, scale: float) -> str:
-    """Uncertainty of a figure with two digits; 0 where it is too small to change the value that is shown."""
+    """Uncertainty of a figure with two digits; 0 where too small to change the shown value."""
     assert figure.uncertainty is not None
     small = figure.uncertainty < max(NEGLIGIBLE * abs(figure.value), NOISE / scale)
     return "0" if small else rounded(figure.uncertainty * scale, 2)
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
-    """Limit of a figure with the number of its source."""
+    """Text of the limit of a figure with the number of its source."""
     if figure.limit is None:
         return ""
     note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
@@ -134,7 +134,7 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
-    """Whether the limit is kept, by which run it is not, and how sure the value is where that is known."""
+    """Text of the verdict: kept, or exceeded by which run, with the uncertainty where known."""
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
         word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict

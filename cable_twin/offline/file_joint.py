@@ -1,4 +1,4 @@
-"""Where a replay goes from one file of a log to the next."""
+"""Transition of a replay from one file of a log to the next."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cable_twin.snapshot import Snapshot
 
 
 class Joint(Enum):
-    """How a replay gets from one file to the next."""
+    """Kinds of transition of a replay to the next file."""
 
     GOES_ON = auto()
     FROM_ITS_STATE = auto()
@@ -34,7 +34,7 @@ def join(
     *,
     exactly: bool,
 ) -> Joint:
-    """Go from one file of a log to the next: compare the state attached to it, or take it over.
+    """Go from one file of a log to the next, by comparing or taking over the attached state.
 
     A state that is damaged is said; where it is needed, the file is left out.
 
@@ -82,7 +82,7 @@ def join(
 
 
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
-    """Where two full states differ in a bit."""
+    """Bitwise differences of two full states."""
     for part in ("state", "start"):
         others = arrays_of(getattr(replayed, part))
         for name, array in arrays_of(getattr(logged, part)).items():

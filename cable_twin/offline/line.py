@@ -1,4 +1,4 @@
-"""The command `line`: a static line calculation, the vehicle at many places, and the envelope of all of them."""
+"""Command `line`: a static line calculation with the vehicle at many places, and the envelope of all results."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parser() -> OneLineParser:
-    """Options of `line`."""
+    """Parser of the options of `line`."""
     result = OneLineParser(
         "line", "Calculate a line at rest with its vehicle at many places.", EPILOG, failure=UNUSABLE
     )
@@ -149,7 +149,7 @@ def _fault(error: object, code: int) -> int:
 
 @contextmanager
 def _progress(console: Console, count: int) -> Iterator[Callable[[int], None]]:
-    """A bar where it takes longer than somebody waits."""
+    """Show a progress bar for long calculations."""
     columns = (
         TextColumn("at rest at"),
         BarColumn(),
@@ -177,7 +177,7 @@ def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None
 
 
 def _rows(line: Line) -> tuple[list[str], list[list[float | None]]]:
-    """Names with units, and a row of numbers each place; None where there is none."""
+    """Column names with units, and a row of numbers for each place; None for missing ones."""
     table = np.column_stack([line.places, *line.rows.values()])
     return ["place [m]", *line.rows], [
         [value if math.isfinite(value) else None for value in row] for row in table.tolist()

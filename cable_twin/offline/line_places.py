@@ -1,4 +1,4 @@
-"""A line at rest with its vehicle at one place after the other, and the envelope of what is there."""
+"""Static line calculation with the vehicle at one place after the other, and the envelope of the results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MARGIN = "deropement margin, load over that at rest"  # at rest 1, or 0 where th
 
 @dataclass(slots=True)
 class Line:
-    """A static calculation, a row a place.
+    """Static line calculation, with a row for each place.
 
     Attributes:
         scenario: what was calculated.
@@ -49,7 +49,7 @@ class Line:
 
 
 def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
-    """Say where the vehicle is to be.
+    """Choose the places of the vehicle.
 
     Args:
         scenario: whose line it is.
@@ -82,7 +82,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
 
 
 def calculate(line: Line, on_place: Callable[[int], None]) -> None:
-    """Find the rest at all places, and gather what is there.
+    """Find the equilibrium at all places, and collect the results.
 
     Args:
         line: takes the results.
@@ -116,7 +116,7 @@ def calculate(line: Line, on_place: Callable[[int], None]) -> None:
 
 
 def at_place(line: Line, place: float) -> Simulation:
-    """The line at rest with its vehicle there."""
+    """Simulation of the line in equilibrium with its vehicle at a place."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
     changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
@@ -132,7 +132,7 @@ def at_place(line: Line, place: float) -> Simulation:
 
 
 def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
-    """Least and most of the haul rope (m) that may go by: the travel of its drive, else as far as end stops let all."""
+    """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
     ways = [way_between_stops(scenario, name) for name in hauled]
@@ -140,7 +140,7 @@ def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, floa
 
 
 def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
-    """Where all stand that haul ropes pull, when so much of these (m) has gone by."""
+    """Scenario changes for vehicles on haul ropes after a travel (m) of these."""
     # that of a drive is from where they stand at the start
     changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():
@@ -151,7 +151,7 @@ def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
-    """Those that mean something at rest; of margins only those of towers on which the rope does not lie."""
+    """Key figures with a meaning at rest; of tower margins only those of towers without contact."""
     found = []
     for one in figures:
         name = one.name.rpartition(": ")[2]
@@ -163,7 +163,7 @@ def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
 
 
 def _vectors(line: Line) -> list[KeyFigure]:
-    """Largest and least of each component of the loads on supports."""
+    """Key figures of largest and least components of the loads on supports."""
     found = []
     for key, values in line.rows.items():
         name, _, unit = key.removesuffix("]").rpartition(" [")

@@ -1,4 +1,4 @@
-"""Picture of a line at rest: with terrain, from above, tension over arc length, clearance and loads of towers."""
+"""Plot of a static line: terrain and profile, plan, tension over arc length, clearance and tower loads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "bord
 
 
 def write_line_plot(line: Line, path: Path) -> None:
-    """Draw a calculated line; the suffix of the file says as what.
+    """Draw a calculated line into a file, with a format by its suffix.
 
     Raises:
         OSError: it cannot be written.
@@ -54,7 +54,7 @@ def write_line_plot(line: Line, path: Path) -> None:
 
 
 def _profile(axes: Axes, line: Line) -> None:
-    """Rope at all places, the way of the vehicle's last body, terrain and towers."""
+    """Panel of the rope at all places, the path of the vehicle's last body, terrain and towers."""
     ropes = np.array([columns.rope_position for columns in line.columns])
     for number, rope in enumerate(ropes):
         for part in _layout(line).ropes.values():
@@ -79,7 +79,7 @@ def _profile(axes: Axes, line: Line) -> None:
 
 
 def _sideways(line: Line) -> float:
-    """How far (m) rope, bodies and towers reach across the track."""
+    """Largest extent (m) of rope, bodies and towers across the track."""
     if line.scenario.dim == 2:
         return 0.0
     towers = [y for _, y, _ in line.scenario.tower_places.values()]
@@ -88,7 +88,7 @@ def _sideways(line: Line) -> float:
 
 
 def _plan(axes: Axes, line: Line) -> None:
-    """The same from above: what bends in plan, or is blown aside; towers where the rope lies on them."""
+    """Panel of the plan view: ropes, vehicles and towers from above."""
     for number, columns in enumerate(line.columns):
         rope = columns.rope_position
         for part in _layout(line).ropes.values():
@@ -105,7 +105,7 @@ def _plan(axes: Axes, line: Line) -> None:
 
 
 def _tension(axes: Axes, line: Line) -> None:
-    """Least and highest tension at each arc length, and the limits by the safety factors."""
+    """Panel of least and highest tension at each arc length, with the limits by safety factors."""
     dashes = cycle(("-", "-.", ":"))
     arc = _layout(line).arc_lengths
     tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
@@ -123,7 +123,7 @@ def _tension(axes: Axes, line: Line) -> None:
 
 
 def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and highest tension (samples,) of a rope at each arc length, also as vehicles pass there between places.
+    """Least and highest tension (samples,) of a rope at each arc length, also for vehicles between places.
 
     Tension jumps at a vehicle. Both sides of it at a place are on the lines through the two samples there, and between
     places, where a vehicle passes all samples on its way, they change evenly.
@@ -153,7 +153,7 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, float]:
-    """Tension on both sides of a place, each on the line through the two samples there."""
+    """Tension on both sides of a place, each extrapolated from the two samples there."""
     after = int(np.clip(np.searchsorted(arc, place), 1, arc.size - 1))
     found = []
     for one, other in ((max(after - 2, 0), after - 1), (after, min(after + 1, arc.size - 1))):
@@ -163,7 +163,7 @@ def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, f
 
 
 def tension_limits(line: Line) -> dict[float, str]:
-    """Tension (kN) that the safety factor of a rope allows, with that factor, and of several ropes with their names."""
+    """Allowed tension (kN) by the safety factor of a rope, with a label of factor and rope names."""
     shared: dict[tuple[float, float], list[str]] = {}
     for name, rope in line.scenario.cables.items():
         called = f"{name}: {SAFETY_FACTOR}" if line.scenario.ropes else SAFETY_FACTOR
@@ -177,7 +177,7 @@ def tension_limits(line: Line) -> dict[float, str]:
 
 
 def _clearance(axes: Axes, line: Line) -> None:
-    """Least height above the ground at each x: of each rope over all places, and of the vehicles at theirs."""
+    """Panel of the least height above the ground at each x: of each rope, and of the vehicles."""
     scenario, layout = line.scenario, _layout(line)
     several = len(layout.ropes) > 1
     for (name, part), dashes in zip(layout.ropes.items(), cycle(("-", "--", ":", "-."))):
@@ -210,7 +210,7 @@ def _clearance(axes: Axes, line: Line) -> None:
 
 
 def _towers(axes: Axes, line: Line) -> None:
-    """Both components of the load of each tower, over the place of the vehicle."""
+    """Panel of both load components of each tower, over the place of the vehicle."""
     towers = list(line.scenario.towers)
     for number, name in enumerate(towers):
         color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))

@@ -1,4 +1,4 @@
-"""Plots of one run or of several over each other, as PNG: rope, tension, speed, swing, drive, contact forces."""
+"""Plots of one run or of several overlaid, as PNG: rope, tension, speed, swing, drive, contact forces."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SCALED = ("N", "W", "N m")  # units that may get a prefix
 
 @dataclass(frozen=True, slots=True)
 class PlottedRun:
-    """One run to draw."""
+    """Run to be plotted."""
 
     label: str  # where there are several, of legends: what `--output` called it, or a, b, ...; else empty
     scenario: str
@@ -116,7 +116,7 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
-    """Runs and signals of a quantity that have any number; of several runs only the last body of each carriage."""
+    """Runs and signals of a quantity with any number; of several runs only the last body of each carriage."""
     lines = []
     for index, run in enumerate(runs):
         names = [
@@ -131,12 +131,12 @@ def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
 
 
 def _is_end(name: str) -> bool:
-    """Whether a signal is of the end of a rope: "load/start", or "load/up/start" of several."""
+    """Whether a signal belongs to the end of a rope: "load/start", or "load/up/start" of several."""
     return name.rpartition("/")[2] in ENDS
 
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
-    """Panels of a signal that have any number: of supports one for the ends and one for towers, which bear far less."""
+    """Panels of a signal with any number: of supports one for ends and one for towers, with far smaller loads."""
     if signal.beside:
         return []
     lines = _lines(runs, signal)
@@ -151,7 +151,7 @@ def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
 
 
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
-    """What, and of which runs, two in a row; the axes get what is left, up to `right` of the width."""
+    """Write the title and the names of the runs, two in a row; axes get the rest, up to `right` of the width."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
     names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
     rows = ["     ".join(names[first : first + 2]) for first in range(0, len(names), 2)]
@@ -161,7 +161,7 @@ def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float 
 
 
 def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) -> Figure:
-    """Panels of one quantity each above a common time axis."""
+    """Plot of panels, one quantity each, above a common time axis."""
     height = 3.4 if len(panels) == 1 else 2.6 * len(panels)
     figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
     for axes, panel in zip(rows[:, 0], panels, strict=True):
@@ -172,7 +172,7 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) 
 
 
 def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
-    """All lines of one panel."""
+    """Draw all lines of one panel."""
     signal, label, lines = panel
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
@@ -203,7 +203,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
 
 
 def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, str]]) -> None:
-    """Of each run the range of many lines at each time, and those by name that come to its highest and lowest value."""
+    """Draw, for each run, the range of many lines over time, and the named lines of its extremes."""
     for number in dict.fromkeys(index for index, _ in lines):
         names = [name for index, name in lines if index == number]
         series = {name: runs[number].signals.series[name].line() for name in names}
@@ -224,13 +224,13 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
 
 
 def _reach(values: np.ndarray, word: str) -> float:
-    """The highest or the lowest of values of which some are none."""
+    """Highest or lowest of values, of which some may be missing (NaN)."""
     extreme = np.fmax.reduce(values) if word == "highest" else np.fmin.reduce(values)
     return float(extreme) if np.isfinite(extreme) else (-np.inf if word == "highest" else np.inf)
 
 
 def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float, ...]]:
-    """Colour and dashes of one of so many lines of one of so many runs."""
+    """Colour and dashes of a line of a run, by their numbers."""
     if runs > 2:  # a colour a run
         few = runs <= len(COLORS)
         color: Any = COLORS[run] if few else plt.get_cmap("viridis")(run / (runs - 1))
@@ -239,7 +239,7 @@ def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float,
 
 
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
-    """The rope at a row of times, coloured by time, below it how far it is from its chord; in space from above, too."""
+    """Plot of the rope at several times, coloured by time: height, height above the chord, and in space the plan."""
     shapes = [run.signals.shapes() for run in runs]
     rows: list[tuple[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]] = [
         ("z, height [m]", lambda points, _: points[:, 2]),
@@ -275,7 +275,7 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
 
 
 def _aside(rope: np.ndarray) -> float:
-    """How far (m) a rope goes across the track, or the farthest of several, between which there is a gap."""
+    """Largest lateral extent (m) of a rope or of several ropes with gaps between them."""
     parts = np.split(rope[:, 1], np.flatnonzero(np.isnan(rope[:, 0])))
     return max(float(np.nanmax(part) - np.nanmin(part)) for part in parts if not np.isnan(part).all())
 

@@ -1,4 +1,4 @@
-"""A bag being read for `review`: everything that is gathered from it in one pass."""
+"""One-pass reader of a bag for `review`: key figures, signals, responses, tables and view."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _View(Protocol):
 
 
 class Reading:
-    """One bag being read: everything that is gathered from it in one pass.
+    """One-pass reader of a bag for `review`.
 
     Args:
         log: The bag.
@@ -59,12 +59,12 @@ class Reading:
 
     @property
     def name(self) -> str:
-        """What names the run: its directory, or its file where that is alone."""
+        """Name of the run: its directory, or its file where alone."""
         return self.log.source.name
 
     @property
     def title(self) -> str:
-        """What `--output` called the run: the directory that its own one is in; nothing of the usual one."""
+        """Title of the run: parent directory chosen by `--output`, empty for the default one."""
         parent = self.log.source.parent.name
         return "" if parent == USUAL else parent
 
@@ -76,13 +76,13 @@ class Reading:
         raise LogError(f"{self.log.path}: it contains no frame of the twin")
 
     def values(self) -> Iterator[tuple[float, Mapping[str, float]]]:
-        """Read the bag; yields time (s) and signals of each frame after taking it in."""
+        """Read the bag; yields time (s) and signals of each frame after processing it."""
         for item in chain(self._early, [self.first], self._items):
             yield from self._take(item)
 
     @property
     def figures(self) -> list[KeyFigure]:
-        """Key figures as the run had them from all its frames; where none were recorded, those of the frames here."""
+        """Key figures recorded by the run over all its frames; without these, those of the frames in the log."""
         return self._gathered.figures() if self._recorded is None else self._recorded
 
     def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
@@ -117,7 +117,7 @@ class Reading:
             raise LogError(f"{self.log.path}: key figures at {recorded.time:.6f} s are unreadable: {error}") from error
 
     def summary(self) -> str:
-        """One line about the run."""
+        """Summary of the run in one line."""
         whole = self._recorded is None or self.end - self._figures_time < FIGURES_AGE
         return (
             f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "

@@ -1,4 +1,4 @@
-"""A bag that was cut short or damaged, copied to one with an index in each file, for tools that open no other."""
+"""Repair of a cut or damaged bag: a copy with an index in each file, as needed by other tools."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ QOS = {"reliability": ("reliable", "best_effort"), "durability": ("volatile", "t
 
 
 def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[Path, int]:
-    """Copy all that can be read of a bag to a new one beside it; the old one stays as it is.
+    """Copy all readable messages of a bag to a new one beside it; the old one stays unchanged.
 
     Where commands are lost, the copy says from when on: a replay needs every one of them.
 
@@ -61,7 +61,7 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
 
 
 def _topics(log: Log, names: TopicNames) -> list[Topic]:
-    """Topics of a bag with their QoS, from the first file whose channels can be read: all have the same."""
+    """Topics of a bag with their QoS, from the first file with readable channels, as all files have equal ones."""
     faults = []
     for file in log.files:
         try:
@@ -82,7 +82,7 @@ def _topics_of(file: LogFile, names: TopicNames) -> list[Topic]:
 
 
 def _topic(channel: Channel, message_type: str, names: TopicNames) -> Topic:
-    """A topic with the QoS that it was offered with, where that can be read; else with the usual one."""
+    """Topic of a channel with its recorded QoS, where readable, else with the default one."""
     if message_type not in TYPESTORE.fielddefs:
         raise ValueError(f"topic {channel.topic!r} is of an unknown type, {message_type!r}")
     qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
@@ -94,7 +94,7 @@ def _topic(channel: Channel, message_type: str, names: TopicNames) -> Topic:
 
 
 def _qos(text: str) -> dict[str, Any]:
-    """The one profile that a topic of ours has; nothing where it is none."""
+    """QoS profile of a topic from its recorded text; empty where unreadable."""
     try:
         (qos,) = read_yaml(text[:QOS_LIMIT]).content
     except UNREADABLE:

@@ -1,4 +1,4 @@
-"""The command `replay`: simulate a log again from its own scenario and commands, and compare every sample."""
+"""Command `replay`: simulate a log again from its own scenario and commands, and compare every sample."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ examples:
 
 
 def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
-    """Simulate `log` again and compare each message of the twin's motion with what is logged.
+    """Simulate a log again and compare each message of the twin's motion with the logged one.
 
     All files are simulated in one go; to the last bit, the state attached to each of them is compared too. Where
     something is lost before a file, it goes on from that state.
@@ -151,7 +151,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
 def _differences(
     topic: str, message_type: str, time_ns: int, logged: bytes, replayed: bytes | None
 ) -> Iterator[Difference]:
-    """Fields in which two messages differ, decoded."""
+    """Fields that differ between two messages, decoded."""
     time = time_ns / SECOND
     if replayed is None:
         yield Difference(time, topic, "message", "present", "absent")
@@ -170,7 +170,7 @@ def _differences(
 
 
 def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """All plain values of a decoded message with the path to each."""
+    """All plain values of a decoded message, with the path to each."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         names = [item.name for item in dataclasses.fields(value)]
         if "point_step" in names:
@@ -196,7 +196,7 @@ def _points(cloud: Any) -> Iterator[tuple[str, float]]:
 
 
 def origin(log: Log, commands: CommandStream) -> list[str]:
-    """Say in a few lines which version, scenario and command stream made a log, and what is different here."""
+    """Lines about version, scenario and command stream of a log, and about differences of this machine."""
     here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
     made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
     other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
@@ -211,7 +211,7 @@ def origin(log: Log, commands: CommandStream) -> list[str]:
 
 
 def first_start(log: Log) -> tuple[Log, Simulation]:
-    """Build the simulation of a log as it was at its start, or at that of the first file whose state is not damaged.
+    """Build the simulation of a log at its start, or at the start of the first file with an undamaged state.
 
     Returns:
         The log from that file on, and the simulation.
@@ -232,13 +232,13 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 
 def made_here(log: Log) -> bool:
-    """Whether the same bits can be expected: same versions, numba, numpy and kind of CPU."""
+    """Whether identical bits can be expected: equal versions, numba, numpy and kind of CPU."""
     here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
     return all(log.metadata.get(key) == here[key] for key in MADE_BY)
 
 
 def parser() -> OneLineParser:
-    """Options of `replay`."""
+    """Parser of the options of `replay`."""
     result = OneLineParser(
         "replay",
         "Simulate a log again from its own scenario and commands, and compare every sample.",

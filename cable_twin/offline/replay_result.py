@@ -1,4 +1,4 @@
-"""What a replay finds."""
+"""Result of a replay."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.records import AppliedCommand
 
 @dataclass(slots=True)
 class Difference:
-    """Where log and replay part."""
+    """Difference between log and replay in one field."""
 
     time: float  # s
     topic: str
@@ -27,14 +27,14 @@ class Difference:
 
 @dataclass(slots=True)
 class CommandStream:
-    """The commands of a log, counted as they come."""
+    """Counted commands of a log."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     sources: Counter[str] = field(default_factory=Counter)
     digest: Any = field(default_factory=sha256)
 
     def add(self, applied: AppliedCommand) -> None:
-        """Count one."""
+        """Count one command."""
         self.kinds[applied.command.kind] += 1
         self.sources[applied.source] += 1
         self.digest.update(applied_command_message(applied, 0))
@@ -46,7 +46,7 @@ class CommandStream:
 
 @dataclass(slots=True)
 class Comparison:
-    """What a replay found."""
+    """Result of the comparison of a replay with its log."""
 
     samples: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
@@ -58,10 +58,10 @@ class Comparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether every sample agreed, and there was one."""
+        """Whether every sample agreed, with at least one sample."""
         return not self.differing and bool(self.samples)
 
 
 def _counted(counts: Counter[Any]) -> str:
-    """Words with their numbers."""
+    """Text of words with their counts."""
     return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"

@@ -1,4 +1,4 @@
-"""Responses of drives to commands, as control engineers judge them: of each step of the speed, and of a whole run.
+"""Control metrics of drives: response to each step of the commanded speed, and effort over a whole run.
 
 A command that holds for `HELD` s or more after a change is a step. Of the speed v from v_0 there to the command v_c:
 
@@ -38,7 +38,7 @@ SHOWN = 12  # steps of a table
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """Response of one drive to one step; None where it has not come so far."""
+    """Response of one drive to one speed step; None for times not reached."""
 
     name: str
     time: float  # s, of the step
@@ -52,7 +52,7 @@ class StepResponse:
 
 @dataclass(slots=True)
 class Effort:
-    """What a whole run took of one drive."""
+    """Tracking error and control effort of one drive over a run."""
 
     name: str
     frames: int = 0
@@ -75,7 +75,7 @@ class Effort:
 
 @dataclass(slots=True)
 class _Step:
-    """A command that holds, and what came of it."""
+    """Constant speed command with the response so far."""
 
     start: float  # s
     before: float  # m/s
@@ -95,7 +95,7 @@ class _Step:
 
 
 class Responses:
-    """Gathers them from the frames of a run.
+    """Collector of step responses and efforts from the frames of a run.
 
     Attributes:
         steps: responses of the steps that are over.
@@ -110,7 +110,7 @@ class Responses:
         self._last_speeds: dict[str, float] = {}
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take in a frame; one whose log holds no commands is passed over."""
+        """Evaluate a frame; frames without commands in the log are skipped."""
         layout, c = snapshot.layout, snapshot.columns
         commanded, reference = (SIGNALS[name].values(layout, c) for name in ("commanded_speed", "reference_speed"))
         if not layout.commanded or np.isnan(reference).all():
@@ -127,7 +127,7 @@ class Responses:
         self._last_time = snapshot.time
 
     def finish(self) -> list[StepResponse]:
-        """All steps in the order of time, also those that the end of the run cuts short."""
+        """All steps in the order of time, also those cut short by the end of the run."""
         for name in list(self._under_way):
             self._end(name)
         return sorted(self.steps, key=lambda step: step.time)
@@ -166,7 +166,7 @@ class Responses:
 
 
 def _response(name: str, step: _Step) -> StepResponse:
-    """Figures of one step."""
+    """Step response from the samples of one step."""
     times, speeds = np.array(step.times), np.array(step.speeds)
     share = (speeds - step.before) / (step.command - step.before)
     begun, risen = share >= LOW, share >= HIGH
@@ -190,7 +190,7 @@ def _response(name: str, step: _Step) -> StepResponse:
 def print_responses(
     console: Console, steps: Sequence[StepResponse], efforts: Iterable[Effort], label: str = ""
 ) -> None:
-    """Print the steps and the efforts of a run, each as a table; nothing where there are none."""
+    """Print the steps and the efforts of a run, each as a table; empty tables are left out."""
     which = f" of {label}" if label else ""
     if steps:
         titles = ("at\n[s]", "from\n[m/s]", "to\n[m/s]", "rise\ntime [s]", "settling\ntime [s]")
@@ -216,7 +216,7 @@ def print_responses(
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:
-    """An empty table with a row for each drive."""
+    """Empty table with a row for each drive."""
     table = Table("drive", box=box.SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left", title_style="bold")
     for column in columns:
         table.add_column(escape(column), justify="right")

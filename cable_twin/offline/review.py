@@ -1,4 +1,4 @@
-"""The command `review`: what a recorded run, or several beside each other, showed: key figures, plots and rerun."""
+"""Command `review`: key figures, plots and rerun view of a recorded run, or of several beside each other."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ examples:
 
 
 def parser() -> OneLineParser:
-    """Options of `review`."""
+    """Parser of the options of `review`."""
     result = OneLineParser(
         "review", "Show a recorded run in rerun with its key figures, or compare several.", EPILOG, failure=CANNOT
     )
@@ -114,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def newest_run(directory: Path) -> list[Path]:
-    """The run there whose bag was written last, or none."""
+    """Run directory with the most recently written bag; empty list without one."""
     written: dict[Path, float] = {}
     for bag in directory.glob("*/*.mcap"):
         with suppress(OSError):  # removed in between
@@ -123,7 +123,7 @@ def newest_run(directory: Path) -> list[Path]:
 
 
 def _repair(logs: Sequence[Log], console: Console) -> int:
-    """Make bags with an index of those that have none, and of those that are damaged."""
+    """Repair bags that are damaged or lack an index."""
     for log in logs:
         try:
             with _progress(console) as progress:
@@ -145,7 +145,7 @@ def _repair(logs: Sequence[Log], console: Console) -> int:
 
 
 def _progress(console: Console) -> Progress:
-    """A bar over the bytes of files; a file as output gets nothing of it, not even the empty line in the end."""
+    """Progress bar over the bytes of files, without any output where that is no terminal."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -157,7 +157,7 @@ def _progress(console: Console) -> Progress:
 
 
 def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, console: Console) -> int:
-    """Read, print, draw and open."""
+    """Read the logs, print the review, write plots and open the viewer."""
     code, rerun = SHOWN, options.rerun
     comparisons: list[Comparison] = []
     recordings: list[Path] = []
@@ -201,7 +201,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
 
 
 def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
-    """Show the recordings where there are any."""
+    """Show the recordings, if any."""
     if recordings and rerun == "web":
         try:
             serve(recordings)
@@ -214,7 +214,7 @@ def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
 
 
 def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
-    """What moves a bar to a position, at most once in each hundred kilobytes."""
+    """Callback that moves a progress bar to a position, at most once in each hundred kilobytes."""
     shown = 0
 
     def move(position: int) -> None:
@@ -227,7 +227,7 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
 
 
 def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> None:
-    """Summaries, key figures, and how each run differs from the first."""
+    """Print summaries, key figures, and the differences of each run from the first."""
     console = table_console()
     for label, reading in zip(LABELS, readings, strict=False):
         print_line(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
@@ -239,7 +239,7 @@ def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> No
 
 
 def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
-    """Write the plots; says where they are, or what prevents it."""
+    """Write the plots; prints their paths, or an error and returns False."""
     from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
 
     labels: Sequence[str] = LABELS[: len(readings)] if len(readings) > 1 else ("",)

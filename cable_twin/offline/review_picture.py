@@ -1,4 +1,4 @@
-"""The rerun recording that `review` shows: the twin's own, or one made from bags; and where to look at it."""
+"""Rerun recording shown by `review`: recorded by the twin, or made from bags; and its viewers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BATCH = 500  # frames; the index of a recording is kept in memory, an entry a ba
 
 
 def existing_recordings(log: Log) -> list[Path]:
-    """The .rrd beside each file: the twin's own, which after a kill lacks its end, else the one made from the bag."""
+    """Existing .rrd files of a log: recorded with each complete file, else the one made from the bag."""
     directory = log.files[0].path.resolve().parent
     choices = [[directory / _made_name([log])]]
     if log.complete:
@@ -35,7 +35,7 @@ def existing_recordings(log: Log) -> list[Path]:
 
 
 def _made_name(logs: Sequence[Log]) -> str:
-    """Name of a recording made from bags: never that of one of the twin's own."""
+    """Name of a recording made from bags, distinct from those of the twin."""
     if len(logs) == 1:
         return f"{logs[0].source.name}_review.rrd"
     more = f"_and_{len(logs) - 3}_more" if len(logs) > 3 else ""  # a name may have 255 characters
@@ -43,7 +43,7 @@ def _made_name(logs: Sequence[Log]) -> str:
 
 
 def serve(recordings: Sequence[Path]) -> None:
-    """Serve them to a browser of this machine until Ctrl-C.
+    """Serve recordings to a browser of this machine until Ctrl-C.
 
     Raises:
         OSError: That cannot be done.
@@ -57,7 +57,7 @@ def serve(recordings: Sequence[Path]) -> None:
 
 
 class MadeRecording:
-    """A rerun recording being made from bags; it gets its name when it is complete.
+    """Rerun recording being made from bags, renamed to its final name when complete.
 
     Raises:
         OSError: Neither the directory of the bag nor the one for temporary files can be written.
@@ -85,18 +85,18 @@ class MadeRecording:
             readings[0].view = self._view
 
     def finish(self) -> Path:
-        """Close it and give it its name."""
+        """Close the recording and give it its final name."""
         self._view.close()
         return self._partial.replace(self._target)
 
     def discard(self) -> None:
-        """Remove what was not finished."""
+        """Remove an unfinished recording."""
         with suppress(OSError):
             self._partial.unlink(missing_ok=True)
 
 
 def show(recordings: Sequence[Path], bags: Sequence[Path]) -> None:
-    """Open the viewer where there is a screen, on the local interface only; else say how to see it in a browser."""
+    """Open the viewer where a display exists, on the local interface only; else print browser instructions."""
     files = [str(recording) for recording in recordings]
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         print(f"rerun recording: {shlex.join(files)}")

@@ -1,4 +1,4 @@
-"""How far `simulate` is: a bar on a terminal."""
+"""Progress bar of `simulate` on a terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 @contextmanager
 def run_progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
-    """A bar with simulated time, speed in times real time, and the time that remains; what it gives sets the first."""
+    """Show a bar with simulated time, real-time factor and remaining time; yields its updating callback."""
     columns = (
         TextColumn("simulate"),
         BarColumn(),

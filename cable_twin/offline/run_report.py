@@ -1,4 +1,4 @@
-"""What `simulate` says in the end."""
+"""Final report of `simulate`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(
     run: Run | None,
     faults: Sequence[str],
 ) -> bool:
-    """Say what was done and what it showed; returns whether something failed.
+    """Print the results of a run; returns whether something failed.
 
     Args:
         scenario: what ran.
@@ -75,7 +75,7 @@ def _count(commands: int) -> str:
 
 
 def _idle(scenario: Scenario, outcome: Outcome) -> bool:
-    """Whether everything that could be driven has stood still for want of a command."""
+    """Whether all drives stood still for lack of a command."""
     carriages = scenario.carriages.values()
     drives = [one.speed for one in scenario.drives.values()]
     drives += [one.speed for one in carriages if one.drive.mode == "speed"]

@@ -1,4 +1,4 @@
-"""Commands from a file: what the twin is told at which simulated time, from YAML or CSV, or from the log of a run."""
+"""Timed commands for a run, from a YAML or CSV file, or from the log of a run."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', 
 
 
 class ScriptError(ValueError):
-    """A script that cannot be used; its text has one line a fault, with file and line."""
+    """Unusable script; the text has one line for each fault, with file and line."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScriptedCommand:
-    """A command and when it is given."""
+    """Command with its time or place."""
 
     time: float  # s, simulated
     command: Command
@@ -88,7 +88,7 @@ def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCo
 
 
 def script_of_log(log: Log) -> list[ScriptedCommand]:
-    """The commands of a recorded run, as they took effect.
+    """Commands of a recorded run, in the order of their effect.
 
     Raises:
         LogError: The log is damaged.
@@ -100,13 +100,13 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
 
 
 def commands_ahead(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[ScriptedCommand]:
-    """Commands of a script that are not before the present time, to the nearest solver step, or are given at places."""
+    """Commands of a script not before the present time, to the nearest solver step, or given at places."""
     first = round(simulation.time / simulation.step)  # solver steps that are done
     return [item for item in script if item.at is not None or round(item.time / simulation.step) >= first]
 
 
 def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool = False) -> list[str]:
-    """Find what a scenario refuses whatever its motion: names, limits, places, drives after an emergency stop.
+    """Find commands that a scenario refuses in any state: names, limits, places, drives after an emergency stop.
 
     Args:
         scenario: That is to run.
@@ -137,7 +137,7 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
 
 
 def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line and values of each row, or its fault; empty cells and lines, and those that begin with #, are left out."""
+    """Line number and values of each row, or its fault; empty cells and lines and # comments are left out."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
     for line in _readable(reader, file):
@@ -175,7 +175,7 @@ def _number(cell: str) -> float | str:
 
 
 def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line and mapping of each item of the list, or its fault."""
+    """Line number and mapping of each item of the list, or its fault."""
     try:
         content, node, doubles = read_yaml(text)
     except UnreadableYamlError as error:
@@ -193,7 +193,7 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
 
 
 def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
-    """Understand one row: a command, or those of a step or chirp."""
+    """Parse one row into a command, or into those of a step or chirp."""
     if isinstance(row, str):
         raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
@@ -230,7 +230,7 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
 
 
 def _meant(row: Mapping[str, Any], place: str) -> Command:
-    """The command of a row: an event, numbers by axis, or one by name."""
+    """Command of a row: an event, numbers by axis, or a number by name."""
     given = [key for key in NUMBERS if key in row]
     if "event" in row:
         event = str(row["event"])

@@ -1,4 +1,4 @@
-"""Commands of a script that are given where something passes a place, and not at a time."""
+"""Commands of a script given at a place instead of a time."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FASTER = 5.0  # m/s by which nothing gets faster within a frame
 
 
 class Place(NamedTuple):
-    """Where a command is given: when the joint of a vehicle, or the cable of a drive, comes by from either side."""
+    """Place of a command: reached when the joint of a vehicle, or the cable of a drive, passes in either direction."""
 
     name: str
     position: float  # m, arc length of a vehicle, cable that has gone by of a drive
 
 
 def place_of(given: Any) -> Place:
-    """Understand what a script has as `at`.
+    """Parse the value of `at` in a script.
 
     Raises:
         ValueError: it is no place; the line has what is allowed.
@@ -42,7 +42,7 @@ def place_of(given: Any) -> Place:
 
 
 def check_place(place: Place, scenario: Scenario) -> None:
-    """Refuse a place that nothing can come by.
+    """Refuse a place that cannot be passed.
 
     Raises:
         CommandError: there is no such vehicle or drive, or its cable does not reach there.
@@ -70,12 +70,12 @@ class PlaceWatch:
 
     @property
     def left(self) -> list[str]:
-        """A line for each that has not come to its place."""
+        """Messages about commands whose place has not been reached."""
         waiting = [*(item for item, _ in self._waiting), *self._later]
         return [f"{one.place}: '{one.at.name}' has not passed {one.at.position:g} m" for one in waiting if one.at]
 
     def reached(self, simulation: Simulation) -> list[ScriptedCommand]:
-        """Those whose place has been reached since the last call, which are then done with."""
+        """Commands whose place has been reached since the last call, removed from the waiting ones."""
         while self._later and self._later[0].time <= simulation.time + 0.5 * simulation.step:
             self._waiting.append((self._later.pop(0), 0.0))
         found, waiting = [], []
@@ -89,7 +89,7 @@ class PlaceWatch:
         return found
 
     def near(self, simulation: Simulation, duration: float) -> bool:
-        """Whether a place may be reached within `duration` (s), so that each step has to be looked at."""
+        """Whether a place may be reached within `duration` (s), and each step has to be checked."""
         if self._later and self._later[0].time <= simulation.time + duration:
             return True
         for item, _ in self._waiting:
@@ -100,12 +100,12 @@ class PlaceWatch:
 
 
 def _half(simulation: Simulation) -> float:
-    """What jumps farther (m) has gone round by the other strand."""
+    """Half the rope length (m); a larger jump of a place means the change to the other strand."""
     return 0.5 * simulation.scenario.cable.unstrained_length
 
 
 def _distance(item: ScriptedCommand, simulation: Simulation) -> tuple[float, float]:
-    """How far (m) it is behind its place, below zero before it, and how fast (m/s)."""
+    """Distance (m) past the place of a command, negative before it, and speed (m/s)."""
     assert item.at is not None
     columns, layout = simulation.snapshot.columns, simulation.layout
     name, position = item.at

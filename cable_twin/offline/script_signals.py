@@ -1,4 +1,4 @@
-"""Test signals of a script, for the identification of a drive: a step and a chirp, as commands one after the other.
+"""Test signals of a script for the identification of a drive: step and chirp, as sequences of commands.
 
 Both come on top of the speed or force of their entry, which holds again afterwards. A step lasts for its duration. A
 chirp is a sine of this amplitude whose frequency goes from one to the other by equal factors in equal times,
@@ -28,7 +28,7 @@ ALLOWED = (
 def signal_values(
     row: Mapping[str, Any], base: float, finite: Callable[[Any, str, str], float], unit: str
 ) -> list[tuple[float, float]]:
-    """Times (s, from that of the entry on) and values of an entry with a step or a chirp, the last one the base again.
+    """Times (s, relative to the entry) and values of a step or chirp, ending with the base value.
 
     Args:
         row: the entry; it has one of `KEYS`.

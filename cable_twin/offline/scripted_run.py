@@ -1,4 +1,4 @@
-"""A simulation as fast as it goes, with the commands of a script, recorded as the node records."""
+"""Simulation as fast as possible, with the commands of a script, recorded as by the node."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ FIGURES_PERIOD = 10.0  # s of simulated time between two records of the key figu
 
 
 class _EndedError(Exception):
-    """Somebody ends the run before its time."""
+    """End of a run before its time, on request."""
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a run."""
+    """Result of a scripted run."""
 
     time: float = 0.0  # s, simulated
     wall_time: float = 0.0  # s
@@ -97,7 +97,7 @@ def simulate(
             figures.command(applied)
 
     def advance_to(time: float) -> Snapshot:
-        """Step by step where a place may be reached."""
+        """Advance to a time, step by step where a place may be reached."""
         while places.near(simulation, max(time - simulation.time, 0.0)):
             for item in places.reached(simulation):
                 give(item)
@@ -138,7 +138,7 @@ def simulate(
 
 
 def _record_figures(output: FrameOutput, snapshot: Snapshot, figures: KeyFigures | None) -> None:
-    """Hand over the key figures as they are now."""
+    """Record the present key figures."""
     if output.run is not None and figures is not None:
         stamp_ns = output.encoder.stamp_ns(snapshot)
         output.run.recorder.record([(KEY_FIGURES, figures_message(figures.figures(), stamp_ns))], stamp_ns)
@@ -147,7 +147,7 @@ def _record_figures(output: FrameOutput, snapshot: Snapshot, figures: KeyFigures
 def _apply(
     simulation: Simulation, item: ScriptedCommand, outcome: Outcome, output: FrameOutput
 ) -> AppliedCommand | None:
-    """Give one command and record it; a refused one is noted."""
+    """Apply one command and record it; a refusal is recorded, too."""
     try:
         applied = simulation.apply(item.command, item.source)
     except CommandError as error:

@@ -1,4 +1,4 @@
-"""The command `simulate`: run a scenario without ROS, as fast as it goes, scripted, with the logs of the node."""
+"""Command `simulate`: run a scenario without ROS, as fast as possible, scripted, with the logs of the node."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 
 
 class OptionError(Exception):
-    """What is wrong with options, a line each."""
+    """Invalid options, a line each."""
 
 
 UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -55,7 +55,7 @@ UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, Equilibrium
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run whose options are all sound."""
+    """Run with valid options."""
 
     simulation: Simulation
     script: Sequence[ScriptedCommand]
@@ -122,7 +122,7 @@ def _explain(key: str) -> None:
 
 
 def _plan(options: argparse.Namespace, console: Console) -> Plan:
-    """Read all that is asked for.
+    """Read all inputs of a run.
 
     Raises:
         One of UNUSABLE_INPUT: something cannot be used.
@@ -203,7 +203,7 @@ def _run(
 
 
 def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
-    """Load the scenario that is asked for, or that of the bag with what is changed in it; None where a state has it.
+    """Load the requested scenario, or that of the bag with changes; None where a state contains it.
 
     Raises:
         SnapshotError: a state has its scenario, and another one is asked for.
@@ -225,7 +225,7 @@ def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
 def _simulation(
     options: argparse.Namespace, log: Log | None, scenario: Scenario | None, console: Console
 ) -> Simulation:
-    """Build the scenario that is asked for, or go on from the snapshot or the start of the bag."""
+    """Build the requested scenario, or continue from the snapshot or the start of the bag."""
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         if scenario is not None:
             return Simulation(scenario, meanwhile=compile_figures)
@@ -264,7 +264,7 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
 
 @contextmanager
 def _signals(*, last: bool) -> Iterator[threading.Event]:
-    """Signals that ask for an end as a flag, so that the logs are closed.
+    """Turn ending signals into a flag, so that the logs are closed.
 
     Where this is the last that a process does, and one of them has come, it takes no more: Python would have it killed
     while it leaves, and the exit code would be another one.

@@ -1,4 +1,4 @@
-"""Options of the command `simulate`: what they are called, what they allow, and the help."""
+"""Options of the command `simulate`: names, allowed values and help."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ examples:
 
 
 def parser() -> OneLineParser:
-    """Options of `simulate`."""
+    """Parser of the options of `simulate`."""
     result = OneLineParser(
         "simulate",
         "Run a scenario without ROS, as fast as possible, and log it as `sim` does.",
@@ -147,7 +147,7 @@ def parser() -> OneLineParser:
 
 
 def _add_recording(result: OneLineParser) -> None:
-    """Add the options of what is recorded, where, how often, and for how long it is kept."""
+    """Add the recording options: formats, directory, rates, splitting and keeping."""
     result.add_argument(
         "--output",
         type=Path,
@@ -188,7 +188,7 @@ def _add_recording(result: OneLineParser) -> None:
 
 
 def plots_fault(option: str) -> str:
-    """What an option that draws lacks, in a line; nothing where it is there."""
+    """Message about a missing plot library for an option, in a line; empty where installed."""
     if find_spec("matplotlib") is not None:
         return ""
     return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
@@ -203,7 +203,7 @@ def changed_value(text: str) -> tuple[str, Any]:
 
 
 def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
-    """Type of an option that is above 0 and within bounds."""
+    """Parser of an option with a number above 0 and within bounds."""
 
     def convert(text: str) -> float:
         try:
@@ -219,7 +219,7 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
 
 
 def _rate(text: str) -> float:
-    """Rate in Hz; whether it divides the frame rate depends on that."""
+    """Rate in Hz from an option; its divisibility of the frame rate is checked later."""
     try:
         value = float(text)
     except ValueError:
@@ -230,14 +230,14 @@ def _rate(text: str) -> float:
 
 
 def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
-    """Rates (Hz) by group of topics, and a line for each that is asked for and does not divide the frame rate (Hz)."""
+    """Rates (Hz) by group of topics, and a line for each given rate that does not divide the frame rate (Hz)."""
     given = {group: rate for group in LOG_RATES if (rate := getattr(options, f"rate_{group}")) is not None}
     faults = [rate_fault(f"--log-{group.removesuffix('s')}-rate", rate, frame_rate) for group, rate in given.items()]
     return {**LOGGED, **given}, [line for line in faults if line is not None]
 
 
 def _limit(text: str) -> float:
-    """Number; whether it is allowed depends on the other options."""
+    """Number from an option; its range depends on other options."""
     try:
         return float(text)
     except ValueError:

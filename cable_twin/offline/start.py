@@ -1,4 +1,4 @@
-"""The simulation of a recorded run as it was when the run started."""
+"""Simulation of a recorded run at its start."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cable_twin.simulation import SAMPLES, Meanwhile, Simulation, SnapshotError
 
 
 def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None) -> Simulation:
-    """Build the simulation of a log: its scenario at the start, or in the state that is attached.
+    """Build the simulation of a log: its scenario at the start, or in the attached state.
 
     Args:
         log: The run.

@@ -1,4 +1,4 @@
-"""`simulate --sweep`: the runs over the values of a key, their figures beside their limits, and where all are kept."""
+"""`simulate --sweep`: runs over the values of a key, their figures with limits, and windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PRECISION, TURNS = 0.01, 12  # of a step, to which ends of windows are sought at
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Do all runs of `--sweep` and report; the exit code is that of `simulate`."""
+    """Carry out all runs of `--sweep` and report; returns an exit code of `simulate`."""
     console = Console(stderr=True)
     try:
         if fault := _fault(options):
@@ -60,7 +60,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def _fault(options: argparse.Namespace) -> str:
-    """What does not go together with a sweep, in a line."""
+    """Message about options incompatible with a sweep, in a line; empty for compatible ones."""
     for name in ("snapshot", "from_bag", "check"):
         if getattr(options, name):
             return f"--sweep cannot be combined with --{name.replace('_', '-')}: a sweep starts every run from rest"
@@ -68,7 +68,7 @@ def _fault(options: argparse.Namespace) -> str:
 
 
 def plot_fault(options: argparse.Namespace) -> str:
-    """What is wrong with `--plot`, in a line."""
+    """Message about an invalid `--plot`, in a line; empty for a valid one."""
     if options.plot is None:
         return ""
     if options.sweep is None:
@@ -79,7 +79,7 @@ def plot_fault(options: argparse.Namespace) -> str:
 
 
 def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
-    """All runs; the first one is built here, so that kernels are compiled once and the script is checked.
+    """Jobs of all runs; the first is built here to compile the kernels once and to check the script.
 
     Raises:
         ScenarioError, ScriptError, EquilibriumError: something cannot be used.
@@ -100,7 +100,7 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
 def _refined(
     options: argparse.Namespace, like: Job, runs: list[SweptRun], run_all: Callable[[Sequence[Job]], list[SweptRun]]
 ) -> list[SweptRun]:
-    """All runs in their order, with more between those given until the ends of all windows are known well."""
+    """Runs in order, with further ones added between until the ends of all windows are known precisely."""
     values, whole = options.sweep.values, is_whole(like.scenario, options.sweep.key)
     if len(values) < 2:
         return runs
@@ -127,7 +127,7 @@ def _source(options: argparse.Namespace) -> str:
 
 
 def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) -> int:
-    """Say what came of the runs.
+    """Print and write the results of the runs; returns the exit code.
 
     Raises:
         OSError: a file cannot be written.
@@ -159,7 +159,7 @@ def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) ->
 
 
 def _unit(key: str) -> str:
-    """Unit of a key of a scenario, or of the list in which it stands."""
+    """Unit of a key of a scenario, or of the list that holds the key."""
     try:
         return explained(key)[0].unit
     except KeyError:
@@ -168,7 +168,7 @@ def _unit(key: str) -> str:
 
 @contextmanager
 def _progress(console: Console, count: int) -> Iterator[Callable[[SweptRun], None]]:
-    """A bar over the runs, on a terminal."""
+    """Progress bar over the runs, on a terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("runs", total=count)

@@ -1,4 +1,4 @@
-"""Verdicts of a sweep: where each figure passes its limit, and between which values all limits are kept."""
+"""Verdicts of a sweep: the value at which each figure exceeds its limit, and the windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cable_twin.offline.sweep_runs import SweptRun
 
 @dataclass(frozen=True, slots=True)
 class SweptFigure:
-    """One key figure with a limit, at all values in the order of the sweep; None where a run has no such figure."""
+    """One key figure with a limit, at all values in the order of the sweep; None for runs without the figure."""
 
     name: str
     unit: str
@@ -28,24 +28,24 @@ class SweptFigure:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Least and most of its limit, which is another one at each value where the limit itself is swept."""
+        """Least and greatest limit of the figure, which differ where the limit itself is swept."""
         limits = [one.limit for one in self.figures if one is not None and one.limit is not None]
         return min(limits), max(limits)
 
     @property
     def use(self) -> float:
-        """How much of the limit is used where it is most, 1 at the limit."""
+        """Largest utilisation of the limit, 1 at the limit."""
         return max(use_of(figure) for figure in self.figures if figure is not None)
 
     @property
     def worst(self) -> tuple[float, KeyFigure]:
-        """The swept value at which most of the limit is used, and the figure there; of equal ones the first."""
+        """Swept value with the largest utilisation of the limit, and its figure; of equal ones the first."""
         there = [(value, one) for value, one in zip(self.values, self.figures, strict=True) if one is not None]
         return max(there, key=lambda item: use_of(item[1]))
 
     @property
     def passed_at(self) -> float | None:
-        """The first value on the way of the sweep at which the limit is not kept; None where it is kept throughout."""
+        """First swept value with an exceeded limit; None where the limit is kept throughout."""
         for place, figure in enumerate(self.figures):
             if figure is not None and figure.kept is False:
                 before = self.figures[place - 1] if place else None
@@ -53,7 +53,7 @@ class SweptFigure:
         return None
 
     def passed(self) -> Iterator[tuple[float, float]]:
-        """Stretches of values (least, most) in which the limit is not kept; infinite where the sweep ends within."""
+        """Ranges of values (least, most) with an exceeded limit; infinite where the sweep ends within."""
         first, last = None, len(self.values) - 1
         for place, figure in enumerate(self.figures):
             broken = figure is not None and figure.kept is False
@@ -67,7 +67,7 @@ class SweptFigure:
                 first = None
 
     def crossing(self, gap: int) -> float:
-        """Value at which the figure meets its limit between the run of this number and the next one.
+        """Interpolated value at which the figure meets its limit, between a run by number and the next one.
 
         It is on a curve through all runs that has no more turns than they, as loads by wind go with its square. Where
         a run beside the gap has no such figure, it is the value of the run that keeps the limit.
@@ -92,7 +92,7 @@ class SweptFigure:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """End of a window.
+    """End of a window with all limits kept.
 
     Attributes:
         value: where it is.
@@ -107,20 +107,20 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Values between which all limits are kept."""
+    """Range of values with all limits kept."""
 
     low: Edge
     high: Edge
 
 
 def beyond_limit(figure: KeyFigure) -> float:
-    """How far, in its unit, a figure is beyond its limit; negative where it keeps it."""
+    """Excess of a figure over its limit in its unit; negative where the limit is kept."""
     assert figure.limit is not None
     return figure.value - figure.limit if figure.bound == "at most" else figure.limit - figure.value
 
 
 def use_of(figure: KeyFigure) -> float:
-    """How much of its limit a figure uses, 1 at the limit; a limit of 0 is used by what passes it."""
+    """Utilisation of the limit of a figure, 1 at the limit; a limit of 0 counts as used by any excess."""
     limit = figure.limit
     assert limit is not None
     top, below = (figure.value, limit) if figure.bound == "at most" else (limit, figure.value)
@@ -132,12 +132,12 @@ def use_of(figure: KeyFigure) -> float:
 
 
 def keeps_all(run: SweptRun) -> bool:
-    """Whether a run has come to its end with all limits kept."""
+    """Whether a run has reached its end with all limits kept."""
     return not run.fault and not any(figure.kept is False for figure in run.figures)
 
 
 def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
-    """All figures with a limit: those that are passed in the order of the sweep, then those nearest to their limits.
+    """Figures with a limit: exceeded ones in the order of the sweep, then by decreasing utilisation.
 
     Of limits that are passed from the first run on, that which is kept again last comes first.
     """
@@ -159,7 +159,7 @@ def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
 
 
 def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list[Window]:
-    """All stretches of values between which all limits are kept, in the order of the sweep."""
+    """All windows of values with all limits kept, in the order of the sweep."""
     found: list[Window] = []
     first = 0
     for last, run in enumerate(runs):
@@ -174,7 +174,7 @@ def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list
 
 
 def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, outside: int) -> Edge:
-    """The end of a window between a run within it and its neighbour outside."""
+    """End of a window between a run inside and its neighbour outside."""
     value = runs[inside].value
     if not 0 <= outside < len(runs) or runs[outside].fault:
         return Edge(value, None, value)
@@ -185,7 +185,7 @@ def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, 
 
 
 def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least: float) -> Iterator[tuple[int, float]]:
-    """Gaps between runs in which an end of a window is not known well, each with the value to try there.
+    """Gaps between runs with an imprecisely known window end, each with the next value to try.
 
     Args:
         runs: in the order of the sweep.

@@ -1,4 +1,4 @@
-"""Picture of a sweep: the figures whose limits are passed first over the swept value, and where all are kept."""
+"""Plot of a sweep: the first exceeded figures over the swept value, and the windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KEPT = "#2E9E5B"
 def write_sweep_plot(
     title: str, swept: str, figures: Sequence[SweptFigure], windows: Sequence[Window], path: Path
 ) -> None:
-    """Draw up to six figures with their limits, and the values that keep all limits as a green ground.
+    """Draw up to six figures with their limits, and values with all limits kept on a green ground.
 
     Raises:
         OSError: it cannot be written.

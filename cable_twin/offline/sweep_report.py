@@ -1,4 +1,4 @@
-"""A sweep for people and for other programs: tables, the values that keep all limits, CSV and JSON."""
+"""Report of a sweep: tables, windows with all limits kept, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DIGITS = 5  # of a swept value
 def print_sweep(
     console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], rows: Collection[float]
 ) -> None:
-    """Print a row for each of these values with the figures whose limits are passed first, and where each limit is."""
+    """Print a row for each value in `rows` with the figures exceeded first, and the place of each exceeded limit."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown_figures = figures[:room]
     table = Table(escape(_on_lines(title)), box=box.SIMPLE_HEAD, pad_edge=False)
@@ -69,7 +69,7 @@ def print_sweep(
 
 
 def _on_lines(title: str) -> str:
-    """The dotted key and unit of a sweep on lines that fit a column."""
+    """Dotted key and unit of a sweep, broken into lines that fit a column."""
     lines = [""]
     for part in title.replace(".", ".\n").replace(" [", "\n [").split("\n"):
         if len(lines[-1] + part) > COLUMN and lines[-1]:
@@ -104,7 +104,7 @@ def _cell(figure: SweptFigure, place: int, scale: float) -> str:
 def window_lines(
     key: str, unit: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], windows: Sequence[Window]
 ) -> list[str]:
-    """Say between which values all limits are kept, and which ones end that: a line each."""
+    """Lines about the windows with all limits kept, and the limits that end them."""
     unit = "" if unit in ("", "-") else f" {unit}"
     first, last = runs[0].value, runs[-1].value
     if not windows:
@@ -163,7 +163,7 @@ def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
 
 
 def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windows: Sequence[Window]) -> None:
-    """Write the sweep, all key figures of its runs, the operating limit and the windows in which all limits are kept.
+    """Write the sweep, all key figures of its runs, the operating limit and the windows with all limits kept.
 
     Raises:
         OSError: it cannot be written.

@@ -1,4 +1,4 @@
-"""What a sweep is: a key of a scenario and its values; and its runs, side by side on all cores."""
+"""Definition of a sweep, a scenario key with values, and its parallel runs on all cores."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORM = "KEY=START:STOP:STEP is needed, as in wind.y=0:30:2.5"
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A dotted key of a scenario and the values that it takes."""
+    """Dotted key of a scenario and its swept values."""
 
     key: str
     values: tuple[float, ...]
@@ -33,7 +33,7 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class SweptRun:
-    """What came of the run at one value."""
+    """Result of the run at one swept value."""
 
     value: float
     figures: Sequence[KeyFigure]
@@ -43,7 +43,7 @@ class SweptRun:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run to do."""
+    """Inputs of one run of a sweep."""
 
     value: float
     scenario: Scenario
@@ -53,7 +53,7 @@ class Job:
 
 
 def sweep_of(text: str) -> Sweep:
-    """Understand KEY=START:STOP:STEP; the values are whole numbers where all three are.
+    """Parse KEY=START:STOP:STEP; the values are integers where all three numbers are.
 
     Raises:
         argparse.ArgumentTypeError: one line with what was given and what is allowed.
@@ -91,7 +91,7 @@ def _number(text: str) -> float:
 
 
 def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
-    """The scenario at each value.
+    """Scenarios at all swept values.
 
     Args:
         sweep: key and values; a part of the key may be an axis, or a number in a list.
@@ -105,7 +105,7 @@ def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> li
 
 
 def is_whole(scenario: Scenario, key: str) -> bool:
-    """Whether a key takes whole numbers alone."""
+    """Whether a scenario key takes integers only."""
     node: Any = scenario.resolved()
     for part in key.split("."):
         node = node.get(part) if isinstance(node, Mapping) else None
@@ -114,7 +114,7 @@ def is_whole(scenario: Scenario, key: str) -> bool:
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[Callable[[Sequence[Job], Callable[[SweptRun], object]], list[SweptRun]]]:
-    """Worker processes for up to `count` runs at a time; yields what does jobs and returns their runs in that order."""
+    """Worker processes for up to `count` parallel runs; yields a function from jobs to runs in equal order."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
     pool = ProcessPoolExecutor(min(cores, count), context, _leave_ctrl_c)
@@ -140,7 +140,7 @@ def _leave_ctrl_c() -> None:
 
 
 def run_job(job: Job) -> SweptRun:
-    """Do one run."""
+    """Carry out one run of a sweep."""
     try:
         simulation = Simulation(job.scenario)
     except EquilibriumError as error:

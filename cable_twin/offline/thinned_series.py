@@ -1,4 +1,4 @@
-"""Signals of a run over time in a memory that does not grow with its length: for plots, and to compare runs."""
+"""Signals of a run over time in bounded memory, for plots and for the comparison of runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SAME = 5e-4  # s within which frames of two runs are of one time
 
 
 def signal_values(snapshot: Snapshot) -> dict[str, float]:
-    """Every signal of a snapshot that has a plot by its name, QUANTITY/WHOSE.
+    """Values of all plotted signals of a snapshot, by name QUANTITY/WHOSE.
 
     What a log did not hold at its time is left out, and so is what only some have; NaN is a gap, of what is off the
     cable, and of a command of another kind.
@@ -37,12 +37,12 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
 
 
 def unit_of(signal: str) -> str:
-    """Unit of a signal by its name, QUANTITY/WHOSE."""
+    """Unit of a signal from its name QUANTITY/WHOSE."""
     return SIGNALS[signal.partition("/")[0]].unit
 
 
 class Series:
-    """One signal over time, in at most `POINTS` stretches with their lowest and highest value."""
+    """One signal over time, in at most `POINTS` intervals with their lowest and highest value."""
 
     def __init__(self) -> None:
         self._times = np.empty(POINTS)
@@ -52,7 +52,7 @@ class Series:
         self._filled = 0  # frames in the last one
 
     def append(self, time: float, value: float) -> None:
-        """Take in one value; times only grow."""
+        """Add one value; times only grow."""
         if self._filled in (0, self._stride):
             if self._count == POINTS:
                 self._halve()
@@ -68,7 +68,7 @@ class Series:
         self._filled += 1
 
     def _halve(self) -> None:
-        """Join each two stretches."""
+        """Merge each two intervals."""
         half = POINTS // 2
         self._times[:half] = self._times[::2]
         self._low[:half] = np.fmin(self._low[::2], self._low[1::2])
@@ -76,7 +76,7 @@ class Series:
         self._count, self._stride = half, 2 * self._stride
 
     def line(self) -> tuple[FloatArray, FloatArray]:
-        """Times (s) and values to draw as one line: every value as it was, or from low to high in each stretch."""
+        """Times (s) and values of a line to draw: original values, or low to high in each interval."""
         times, low, high = (array[: self._count] for array in (self._times, self._low, self._high))
         if self._stride == 1:
             return times.copy(), low.copy()
@@ -85,7 +85,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """The rope and where its carriages are at one time."""
+    """Rope shape and carriage places at one time."""
 
     time: float  # s
     positions: FloatArray  # (n, 3) m
@@ -93,7 +93,7 @@ class Shape:
 
 
 class Signals:
-    """All signals of one run, and its rope at times that are evenly spread."""
+    """All signals of one run, and its rope at evenly spaced times."""
 
     def __init__(self) -> None:
         self.series: dict[str, Series] = {}
@@ -102,7 +102,7 @@ class Signals:
         self._frames = 0
 
     def update(self, snapshot: Snapshot, values: Mapping[str, float]) -> None:
-        """Take in one snapshot and the values of its signals."""
+        """Add one snapshot and the values of its signals."""
         for name, value in values.items():
             if name not in self.series:
                 if math.isnan(value):
@@ -120,7 +120,7 @@ class Signals:
         self._frames += 1
 
     def shapes(self) -> list[Shape]:
-        """At most `SHAPES` ropes from the first to about the last, all as far apart."""
+        """At most `SHAPES` evenly spaced rope shapes from the first to about the last."""
         return self._shapes[:: -(-len(self._shapes) // SHAPES) or 1]
 
 
@@ -135,7 +135,7 @@ def _shape(snapshot: Snapshot) -> Shape:
 
 @dataclass(slots=True)
 class Difference:
-    """How one signal of two runs differs."""
+    """Difference of one signal between two runs."""
 
     largest: float = 0.0  # in the unit of the signal
     time: float = math.nan  # s, of the largest
@@ -145,11 +145,11 @@ class Difference:
 
     @property
     def rms(self) -> float:
-        """Root of the mean square."""
+        """Root mean square of the difference."""
         return math.sqrt(self.squares / self.count) if self.count else math.nan
 
     def update(self, time: float, first: float, second: float) -> None:
-        """Take in both values at one time."""
+        """Add the values of both runs at one time."""
         difference = first - second
         if math.isnan(difference):
             return
@@ -161,14 +161,14 @@ class Difference:
 
 @dataclass(slots=True)
 class Comparison:
-    """Signals of two runs at the frames that both have."""
+    """Comparison of the signals of two runs at common frames."""
 
     differences: dict[str, Difference] = field(default_factory=dict)
     frames: int = 0
     only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
 
     def take(self, time: float, first: Mapping[str, float], second: Mapping[str, float]) -> None:
-        """Take in a frame that both have."""
+        """Add a common frame of both runs."""
         self.frames += 1
         for name, value in first.items():
             if name in second and not math.isnan(value - second[name]):
@@ -179,7 +179,7 @@ Frames = Iterator[tuple[float, Mapping[str, float]]]
 
 
 def compare(first: Frames, *others: Frames) -> list[Comparison]:
-    """Compare signals of a run with those of others, frame by frame where they have the same time, within `SAME`.
+    """Compare signals of a run with those of others at frames of equal time, within `SAME`.
 
     Args:
         first: Time (s) and values of each frame.
@@ -210,7 +210,7 @@ def compare(first: Frames, *others: Frames) -> list[Comparison]:
 
 
 def _noting(frames: Frames, names: set[str]) -> Frames:
-    """Pass frames on and note the names of all signals: a log may hold some of them at a few frames only."""
+    """Pass frames on and collect the names of all signals, as a log may hold some at a few frames only."""
     for frame in frames:
         names.update(frame[1])
         yield frame
