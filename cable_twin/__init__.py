@@ -1,3 +1,3 @@
-"""cable_twin: the live digital twin of a ropeway."""
+"""Live digital twin of a ropeway."""
 
 __version__ = "0.2.0"

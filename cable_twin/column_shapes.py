@@ -1,4 +1,4 @@
-"""Shapes of the columns of a frame."""
+"""Table of the shapes of the columns of a frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all commands of the package share: options that answer in one line."""
+"""Shared command line parts of all commands: options with errors in one line, signals, fault reports."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Signals that ask a command to end: Ctrl-C, `kill`, and the end of the terminal, unless `nohup` has it ignored."""
+    """Ending signals of a command: Ctrl-C, `kill`, and the end of the terminal, unless ignored by `nohup`."""
     hung_up = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
     return signal.SIGINT, signal.SIGTERM, *hung_up
 
 
 def leave_at_once(command: str, code: int) -> None:
-    """End the process in a line, without an exception: the compiler crashes where one passes through its callbacks."""
+    """End the process with a line, without an exception, which would crash the compiler in its callbacks."""
     cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a progress bar may have hidden it
     with suppress(OSError):  # a terminal that is gone
         os.write(sys.stderr.fileno(), f"{cursor}{command}: ended before it had started\n".encode())
@@ -50,14 +50,14 @@ def leave_at_once(command: str, code: int) -> None:
 
 @contextmanager
 def left_at_once(command: str) -> Iterator[None]:
-    """Where Ctrl-C may be no exception: while modules are imported and kernels compiled; nor the end of a terminal."""
+    """Context in which Ctrl-C or the end of a terminal ends the process at once, as during imports and compilation."""
     with _answered(lambda *_: leave_at_once(command, INTERRUPTED)):
         yield
 
 
 @contextmanager
 def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Have Ctrl-C and the end of the terminal answered by a handler within this block."""
+    """Context with a handler for Ctrl-C and the end of the terminal."""
     try:
         before = {number: signal.signal(number, handler) for number in ending_signals() if number != signal.SIGTERM}
     except ValueError:  # not the main thread, which gets no signals
@@ -72,7 +72,7 @@ def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None
 
 @contextmanager
 def interrupts_kept() -> Iterator[None]:
-    """Raise KeyboardInterrupt at Ctrl-C as Python does, but none that is lost and printed, or breaks the compiler.
+    """Context in which Ctrl-C raises KeyboardInterrupt, never lost in callbacks nor within the compiler.
 
     The end of a terminal does as Ctrl-C.
 
@@ -102,7 +102,7 @@ def interrupts_kept() -> Iterator[None]:
 
 
 def _compiles(frame: FrameType | None) -> bool:
-    """Whether `frame` or one that has called it is the compiler's."""
+    """Whether `frame` or one of its callers belongs to the compiler."""
     while frame is not None:
         if frame.f_globals.get("__name__", "").partition(".")[0] in COMPILER:
             return True
@@ -122,7 +122,7 @@ Main = Callable[..., int]
 
 
 def faults_reported(command: str) -> Callable[[Main], Main]:
-    """Decorator of a command's `main`: what nothing else has answered is a line, a file of details and exit code 70.
+    """Decorator of a command's `main`: an unhandled exception gives a line, a file of details and exit code 70.
 
     Warnings are a line each.
     """
@@ -145,7 +145,7 @@ def faults_reported(command: str) -> Callable[[Main], Main]:
 
 
 def report_fault(command: str, error: BaseException) -> int:
-    """Say in a line that the program is at fault, with the details in a new file; returns the exit code."""
+    """Report a program fault in a line, with details in a new file; returns the exit code."""
     try:
         version = metadata.version("cable_twin")
     except metadata.PackageNotFoundError:
@@ -165,19 +165,19 @@ def report_fault(command: str, error: BaseException) -> int:
 
 
 def print_line(line: object) -> None:
-    """Print a line in which something of others is named, such as a file, so that a terminal only shows it."""
+    """Print a line with foreign text, such as a file name, with control characters escaped."""
     print(printable(line, LONGEST_LINE))
 
 
 def tell(command: str, text: object) -> None:
-    """Say something to the user as a line, or a few, that a terminal only shows."""
+    """Print lines for the user on stderr, with control characters escaped."""
     with suppress(OSError):  # a terminal that is closed
         for line in str(text).split("\n"):
             print(f"{command}: {printable(line, LONGEST_LINE)}", file=sys.stderr, flush=True)
 
 
 def typed(command: str) -> str:
-    """What to type for another command of this installation: its name where a shell finds it, else where it is."""
+    """Command to type for another program of this installation: its name if on the path, else its path."""
     beside = [directory / command for directory in (Path(sys.argv[0]).absolute().parent, Path(sys.executable).parent)]
     file = next((file for file in beside if os.access(file, os.X_OK)), None)
     found = shutil.which(command)
@@ -188,7 +188,7 @@ def typed(command: str) -> str:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says in one line what is wrong with an option, not below a screen of usage."""
+    """Argument parser with errors in one line instead of a screen of usage."""
 
     def __init__(self, prog: str, description: str, epilog: str, *, failure: int = 1) -> None:
         """Set up a parser without options.
@@ -211,12 +211,12 @@ class OneLineParser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """Print the line and end."""
+        """Print the error line and end."""
         print(f"{self.prog}: {message}; all options: {self.prog} --help", file=sys.stderr)
         sys.exit(self._failure)
 
     def add_scenario(self, text: str, listing: Callable[[], Sequence[str]]) -> None:
-        """Take a scenario with and without `--scenario`, and `--list`; `given_scenario` says which was given.
+        """Add the scenario argument, `--scenario` and `--list`; `given_scenario` returns the given one.
 
         Args:
             text: what is said about it in the help.
@@ -227,7 +227,7 @@ class OneLineParser(argparse.ArgumentParser):
         self.add_argument("--list", action=_PrintLines, lines=listing, help="print the scenarios, a line each, and end")
 
     def given_scenario(self, options: argparse.Namespace) -> str | None:
-        """The scenario, in whichever form; ends in a line where both name one."""
+        """Given scenario from either form; ends with an error line where both are given."""
         plain, named = options.plain_scenario, options.scenario
         if plain is not None and named is not None:
             self.error(f"scenario '{plain}' and --scenario '{named}' are given; one is allowed")
@@ -235,7 +235,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 class Filled(argparse.HelpFormatter):
-    """Paragraphs and lists in the width of the terminal, examples as they stand, to be copied."""
+    """Help formatter: paragraphs and lists filled to the terminal width, examples unchanged for copying."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return "\n\n".join(
@@ -247,7 +247,7 @@ class Filled(argparse.HelpFormatter):
 
 
 def listed(line: str, width: int) -> str:
-    """A line of a list in so many characters: an entry stays whole, what is said of it is filled beside or below it."""
+    """Line of a list filled to a width: entry kept whole, its description beside or below."""
     gap = re.search(r"(?<=\S) {2,}(?=\S)", line)
     if len(line) <= width or gap is None:
         return line
@@ -258,14 +258,14 @@ def listed(line: str, width: int) -> str:
 
 
 class _PrintLines(argparse.Action):
-    """An option that prints lines and ends, as --help does."""
+    """Option that prints lines and ends, like --help."""
 
     def __init__(self, *, lines: Callable[[], Sequence[str]], **options: Any) -> None:
         super().__init__(**options, nargs=0)
         self._lines = lines
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print them."""
+        """Print the lines and end."""
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
         print("\n".join(listed(line, width) for line in self._lines()))
         parser.exit()

@@ -1,4 +1,4 @@
-"""Commands from ROS 2 messages, and as they took effect into messages and back: no rclpy."""
+"""Conversion of commands from ROS 2 messages, and of applied commands to messages and back, without rclpy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST_FRAME_ID = 256  # characters of the frame of a command, which means noth
 
 
 def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
-    """Encode a command that took effect as sensor_msgs/JointState.
+    """Encode an applied command as sensor_msgs/JointState.
 
     The stamp is the simulated time of effect. A name is KIND/NAME/SOURCE, with the name of a carriage or drive, or an
     axis, and has a number in the field that the table of kinds says; or KIND/SOURCE for kinds without numbers.
@@ -41,7 +41,7 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
 
 
 def applied_command_from_message(data: bytes, epoch_ns: int = 0) -> AppliedCommand:
-    """Invert `applied_command_message`.
+    """Decode an applied command, inverse of `applied_command_message`.
 
     Args:
         data: CDR of the message.
@@ -63,7 +63,7 @@ def applied_command_from_message(data: bytes, epoch_ns: int = 0) -> AppliedComma
 
 
 def _parts(message: Any) -> tuple[str, list[str], str]:
-    """Kind, names and source of an applied command; raises ValueError where it is none."""
+    """Kind, names and source of an applied command; raises ValueError for an invalid message."""
     kind, colon, source = message.header.frame_id.partition(":")
     if colon and kind in KINDS:  # in logs up to format 2
         return kind, message.name, source
@@ -76,7 +76,7 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
 
 
 def command_from_message(topic: str, data: bytes, most_names: int | None = None) -> Command | Goal:
-    """Understand a message of a topic that brings commands; whether it can be done now is for the simulation to say.
+    """Decode a message of a command topic; checks against the present state are left to the simulation.
 
     Args:
         topic: Relative name, of `cable_twin.commands.INPUTS`.
@@ -99,7 +99,7 @@ def command_from_message(topic: str, data: bytes, most_names: int | None = None)
 
 
 def _check_counts(message_type: str, data: bytes, most_names: int | None) -> None:
-    """Refuse what is too long by the counts in its first bytes: decoding takes far more time than that.
+    """Refuse a too long message by the counts in its first bytes, far faster than decoding.
 
     Raises:
         CommandError: The name of its frame is too long, or it has too many names.
@@ -124,7 +124,7 @@ def command_from_joint_state(
     velocity: Collection[float],
     effort: Collection[float],
 ) -> Command | Goal:
-    """Understand a JointState of a topic; whether names and limits fit is for the simulation to say.
+    """Convert a JointState of a topic into a command; names and limits are checked by the simulation.
 
     Positions of joint commands are places to go to, with velocities as what is allowed on the way.
 
@@ -163,7 +163,7 @@ def command_from_joint_state(
 
 
 def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal:
-    """Where to go, by position, and with velocities how fast at most."""
+    """Goal from places in `position`, with speed limits in `velocity`."""
     if any(len(numbers) not in (0, len(names)) for numbers in fields.values()):
         counts = ", ".join(f"{len(numbers)} of {field}" for field, numbers in fields.items())
         raise CommandError(f"joint command with {len(names)} names and {counts}; give one value for each name")
@@ -179,7 +179,7 @@ def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal
 
 
 def _check_once(what: str, names: Sequence[str]) -> None:
-    """Refuse names that stand twice."""
+    """Refuse repeated names."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -190,7 +190,7 @@ def _check_once(what: str, names: Sequence[str]) -> None:
 def _commanded(
     names: Sequence[str], fields: Mapping[str, Collection[float]]
 ) -> tuple[Sequence[str], Mapping[str, Collection[float]]]:
-    """Names with a number in some field, and the fields that have any; all where nothing has, or lengths disagree."""
+    """Names with a number in some field, and the fields with any; all names where none has, or lengths disagree."""
     given = {field: list(map(float, numbers)) for field, numbers in fields.items() if len(numbers)}
     if not names or any(len(numbers) != len(names) for numbers in given.values()):
         return names, fields
@@ -206,7 +206,7 @@ def _commanded(
 
 
 def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collection[float]]) -> None:
-    """Refuse anything but a number for each name in the field of the kind."""
+    """Refuse anything but one number for each name in the field of the kind."""
     counts = {field: len(numbers) for field, numbers in fields.items()}
     if not names or counts != {**dict.fromkeys(counts, 0), kind.field: names}:
         given = "{position} positions, {velocity} velocities and {effort} values of effort".format(**counts)
@@ -215,7 +215,7 @@ def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collec
 
 
 def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mapping[str, Collection[float]]) -> Kind:
-    """The kind whose field has the numbers, one for each name."""
+    """Command kind by the field with one number for each name."""
     known = " or ".join([*(f"{field} ({kind.unit})" for field, kind in kinds.items()), "position (m)"])
     given = [field for field, numbers in fields.items() if len(numbers)]
     if not names:
@@ -231,7 +231,7 @@ def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mappin
 
 
 def command_from_vector(topic: str, x: float, y: float, z: float) -> Command:
-    """Understand a vector of a topic, such as a wind (m/s); whether it may point across the track is not known here."""
+    """Convert a vector of a topic, such as a wind (m/s), into a command; the y axis is checked by the simulation."""
     (kind,) = kinds_on(topic).values()
     across = {"y": float(y)} if y != 0.0 else {}
     return Command(kind.name, {"x": float(x), "z": float(z), **across})

@@ -1,4 +1,4 @@
-"""The table of command kinds: what each carries, and in which form it comes in and is kept.
+"""Table of command kinds: quantities, topics, services and message fields of each.
 
 Node, terminal, scripts, bags and replay read this table. What a kind does to the twin stands in
 `cable_twin.simulation.effects`: a new kind is a row here and an effect there.
@@ -58,12 +58,12 @@ class Kind:
         return self.units.get(name, self.unit)
 
     def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:
-        """The numbers `given` for axes, with 0 where one that is needed is missing."""
+        """Numbers by axis, with 0 for a missing required axis."""
         return dict.fromkeys(self.needed, 0.0) | dict(given)
 
     @property
     def keys(self) -> Mapping[str, str]:
-        """What a script calls its numbers, by axis where it has axes: the first one by the name of the kind."""
+        """Keys of the numbers in a script by axis: the first one has the name of the kind."""
         return {axis: f"{self.name}_{axis}" if number else self.name for number, axis in enumerate(self.axes or ("",))}
 
 
@@ -161,12 +161,12 @@ INPUTS: Mapping[str, str] = {kind.topic: VECTOR if kind.axes else JOINT_STATE fo
 
 
 def kinds_on(topic: str) -> dict[str, Kind]:
-    """Kinds that a topic brings, by field."""
+    """Command kinds of a topic, by message field."""
     return {kind.field: kind for kind in KINDS.values() if kind.topic == topic}
 
 
 def kinds_by_service() -> dict[str, dict[bool | None, Kind]]:
-    """Kinds that services bring, by service and by what that is called with."""
+    """Command kinds of services, by service and by the boolean of the request."""
     services: dict[str, dict[bool | None, Kind]] = {}
     for kind in KINDS.values():
         if kind.service:

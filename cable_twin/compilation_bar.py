@@ -1,4 +1,4 @@
-"""How far a start is: compiling, by kernel, and settling of the rope; a bar on a terminal, else a few lines."""
+"""Progress of a start: compilation by kernel, and settling of the rope; a bar on a terminal, else a few lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOLD = (0.1, 0.4, 0.7)  # shares at which a line says how long it will take, whe
 
 @contextmanager
 def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterator[None]:
-    """Show what is compiled within this block, and how far the rope has settled.
+    """Context that shows the progress of compilation and of settling.
 
     Args:
         console: Where the bar is, if that is a terminal.

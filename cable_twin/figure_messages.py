@@ -1,4 +1,4 @@
-"""Key figures as diagnostic statuses, and back: on topics, and in bags."""
+"""Key figures as diagnostic statuses and back, on topics and in bags."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_TEXT = 1000  # characters of what a bag says of a figure
 
 
 def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
-    """A status for each figure: a warning where its limit is passed."""
+    """Status of each key figure: a warning for an exceeded limit."""
     return [
         Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
         for figure in figures
@@ -27,7 +27,7 @@ def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
 
 
 def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
-    """The figures that `figure_statuses` was given, to the last bit.
+    """Key figures from their statuses, exact inverse of `figure_statuses`.
 
     Raises:
         ValueError: A status is none of a key figure.
@@ -42,7 +42,7 @@ def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
 
 
 def describe(figure: KeyFigure) -> str:
-    """Value, time and place of a figure, with its limit where it has one."""
+    """Text of a key figure: value, time and place, with its limit if any."""
     sizes = [abs(value) for value in (figure.value, figure.limit) if value is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
     unit = "" if unit == "-" else f" {unit}"

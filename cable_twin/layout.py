@@ -1,4 +1,4 @@
-"""Which number of a frame is what: names and places of all that a frame holds."""
+"""Layout of a frame: names and places of all numbers in the row of a frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, a
 
 
 class _Share(NamedTuple):
-    """Which numbers of a frame are of one rope, in the order of its own frame."""
+    """Numbers of a frame that belong to one rope, in the order of the rope's own frame."""
 
     number: int  # of the rope
     numbers: IntArray  # (size of that,) their places in the frame
@@ -38,7 +38,7 @@ class _Share(NamedTuple):
 
 
 class Layout:
-    """Which number of a frame is what, for one scenario.
+    """Layout of the frames of one scenario: names and places of all numbers.
 
     Attributes:
         vehicles: names of the bodies by name of their vehicle, in the order of the scenario: carriages, then carriers.
@@ -91,7 +91,7 @@ class Layout:
         space: bool = False,
         grooves: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        """Lay out frames; the last so many of the vehicles are carriers, and those named have haul ropes.
+        """Define the columns; the last `carriers` vehicles are carriers, those in `hauled` have haul ropes.
 
         Of carriages the `passive` ones take no commands.
         """
@@ -124,7 +124,7 @@ class Layout:
         self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
 
     def _lay_out(self) -> tuple[list[tuple[int, int, tuple[int, ...]]], int]:
-        """First and last number, and shape, of each column, and how many numbers there are."""
+        """First and last number and shape of each column, and the total count of numbers."""
         counts: dict[str | int, int] = {
             "vehicles": len(self.vehicles),
             "carriages": len(self.carriages),
@@ -142,7 +142,7 @@ class Layout:
         return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
 
     def _place_ropes(self) -> None:
-        """Where ropes are, and what is on them; `of` knows more of them than one alone has."""
+        """Initialise the places of ropes and vehicles on these; `of` completes several ropes."""
         self.alone: dict[str, Layout] = {}
         lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
         self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
@@ -156,7 +156,7 @@ class Layout:
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
-        """Layout of the frames of a scenario, with so many points (at least 2) of each of its ropes."""
+        """Layout of the frames of a scenario, with a number of samples (at least 2) on each rope."""
         names = tuple(scenario.cables)
         alone = [scenario.of_rope(name) for name in names]
         supports = [[*scenario.end_names(name), *one.towers] for name, one in zip(names, alone, strict=True)]
@@ -200,11 +200,11 @@ class Layout:
 
     @property
     def rides_loop(self) -> bool:
-        """Whether carriers go from rope to rope."""
+        """Whether carriers move from rope to rope on a loop."""
         return bool(self.alone and self.carriers)
 
     def _share_of(self, number: int, name: str) -> _Share:
-        """Which numbers of a frame are of one rope."""
+        """Share of one rope in the numbers of a frame."""
         own = self.alone[name]
         home = next((row for row, one in enumerate(self.alone.values()) if one.carriers), 0)
         before = sum(len(other.supports) for other in list(self.alone.values())[:number])
@@ -241,7 +241,7 @@ class Layout:
         )
 
     def of_rope(self, numbers: FloatArray, name: str) -> FloatArray:
-        """What is of one rope of the numbers (size,) of a frame, as a frame of its own layout.
+        """Frame of one rope in its own layout, from the numbers (size,) of the whole frame.
 
         What is on another strand of its loop is not attached.
         """
@@ -254,7 +254,7 @@ class Layout:
         return own
 
     def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
-        """Write the numbers of the frame of one rope into those of a frame.
+        """Write the frame of one rope into the numbers of the whole frame.
 
         Of carriers, those that are on it; the first rope that has any gives what is on none.
         """
@@ -271,7 +271,7 @@ class Layout:
         numbers[ropes] = share.number
 
     def on_loop(self, columns: Columns) -> FloatArray:
-        """Places (..., vehicles) in m along the cable; of what rides a loop, on the strands one after the other."""
+        """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""
         if not self.rides_loop:
             return columns.arc_length
         places, ropes = columns.arc_length.copy(), columns.vehicle_rope[..., len(self.carriages) :]
@@ -280,17 +280,17 @@ class Layout:
         return places
 
     def of_commanded(self, of_carriages: FloatArray, of_drives: FloatArray) -> FloatArray:
-        """Values (..., names) of what takes commands, out of a column of carriages and one of drives."""
+        """Values (..., names) of commanded objects, from a column of carriages and one of drives."""
         rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
         return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
 
     def force_used(self, c: Columns) -> FloatArray:
-        """Share (..., names) of the force limit that is in use: 1 in saturation, NaN of what has no limit."""
+        """Used share (..., names) of the force limit: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
         return self.of_commanded(share, np.full_like(c.drive_position, nan))
 
     def off_loop(self, columns: Columns) -> None:
-        """Take places on the loop, in the columns of a frame, for those on the rope on which each vehicle is."""
+        """Convert places on the loop, in the columns of a frame, into places on the present rope of each vehicle."""
         if not self.rides_loop:
             return
         columns.vehicle_rope[:] = self.vehicle_ropes
@@ -307,11 +307,11 @@ class Layout:
 
     @cached_property
     def places(self) -> Columns:
-        """The columns of where each number stands in a frame."""
+        """Columns with the index of each number in a frame."""
         return self.columns(np.arange(self.size))
 
     def columns(self, numbers: NDArray[Any]) -> Columns:
-        """Views of the columns of a frame (size,), or of several (..., size) with their axes in front."""
+        """Views of the columns of a frame (size,), or of several frames (..., size) with leading axes."""
         leading = numbers.shape[:-1]
         return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))
 

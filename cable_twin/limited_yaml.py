@@ -1,4 +1,4 @@
-"""YAML of files and messages, read within limits: of bytes, of depth, and of values with all aliases written out.
+"""YAML of files and messages, read within limits of bytes, depth, and values with all aliases expanded.
 
 A few lines of aliases stand for a great many values, and are refused before there is any of them.
 """
@@ -21,7 +21,7 @@ MOST = 100_000  # values and keys, those of an alias each time that it stands
 
 
 class UnreadableYamlError(ValueError):
-    """A text that is no YAML, or beyond the limits: what is wrong in a line, what is allowed, and where.
+    """Text that is not valid YAML or exceeds the limits: fault in a line, allowed range, and place.
 
     Attributes:
         where: the number of the line as in ":12", or nothing.
@@ -33,7 +33,7 @@ class UnreadableYamlError(ValueError):
 
 
 class Double(NamedTuple):
-    """A key that a mapping has twice."""
+    """Duplicate key of a mapping."""
 
     path: tuple[str | int, ...]
     first: int  # line
@@ -41,7 +41,7 @@ class Double(NamedTuple):
 
 
 class Document(NamedTuple):
-    """What a text holds: as Python has it, and as nodes, which have lines."""
+    """Parsed YAML text: Python content, nodes with line numbers, and duplicate keys."""
 
     content: Any
     node: Node | None
@@ -49,7 +49,7 @@ class Document(NamedTuple):
 
 
 def limited_text(file: Path, largest: int = LARGEST) -> str:
-    """Text of a file in UTF-8 of at most so many bytes.
+    """UTF-8 text of a file of limited size in bytes.
 
     Raises:
         OSError: It cannot be read.
@@ -63,7 +63,7 @@ def limited_text(file: Path, largest: int = LARGEST) -> str:
 
 
 def read_yaml(text: str) -> Document:
-    """Understand a text as YAML 1.2, in which 1e6 is a number.
+    """Parse a text as YAML 1.2, in which 1e6 is a number.
 
     Raises:
         UnreadableYamlError: It is none, or beyond a limit.
@@ -88,7 +88,7 @@ def read_yaml(text: str) -> Document:
 
 
 class _LimitedComposer(Composer):
-    """Counts while nodes are put together, of an alias all that it stands for."""
+    """YAML composer that counts values and depth, aliases included."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader)
@@ -99,13 +99,13 @@ class _LimitedComposer(Composer):
         self._sizes: dict[int, tuple[int, int]] = {}  # of whole nodes, by identity: count, and depth below
 
     def get_single_node(self) -> Node | None:
-        """The one document."""
+        """Root node of the document."""
         self.root = super().get_single_node()
         self.doubles = list(_doubles(self.root, (), set()))  # before merge keys are put in their places
         return self.root
 
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
-        """One node with all below it."""
+        """Compose one node with all nodes below, within the limits."""
         is_alias = self.parser.check_event(AliasEvent)
         line = self.parser.peek_event().start_mark.line + 1
         count, deepest, self._deepest = self._count, self._deepest, self._above
@@ -138,7 +138,7 @@ class _LimitedComposer(Composer):
 
 
 def _doubles(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Double]:
-    """Every key that a mapping of the text has twice."""
+    """All duplicate keys in the mappings of a text."""
     if id(node) in seen:
         return
     seen.add(id(node))

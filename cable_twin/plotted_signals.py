@@ -1,4 +1,4 @@
-"""The table of signals: what of a run is shown over time, in plots, in the view, and in a comparison of two runs.
+"""Table of signals over time for plots, for the rerun view, and for the comparison of runs.
 
 A new signal is a row here.
 """
@@ -33,7 +33,7 @@ AXES = ("x", "y", "z")
 
 
 class Driven(NamedTuple):
-    """State of what is driven, see `driven_names`."""
+    """State of the driven objects, see `driven_names`."""
 
     place: FloatArray  # (..., names) m
     speed: FloatArray  # (..., names) m/s
@@ -41,19 +41,19 @@ class Driven(NamedTuple):
 
 
 def driven_names(layout: Layout) -> tuple[str, ...]:
-    """Return what is driven: a moving cable for all that is clamped to it, else each vehicle."""
+    """Return the driven objects: drives of moving cables with all clamped vehicles, else each vehicle."""
     return layout.drives or tuple(layout.vehicles)
 
 
 def driven(layout: Layout, c: Columns) -> Driven:
-    """Return what is driven in one frame, or in several."""
+    """Return the state of the driven objects in one frame, or in several."""
     if layout.drives:
         return Driven(c.drive_position, c.drive_speed, c.moving_cable_force)
     return Driven(c.arc_length, c.speed, c.drive_force)
 
 
 def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Columns], FloatArray]:
-    """Commanded values, NaN where the command in force is of another kind; an emergency stop is a speed of 0."""
+    """Reader of commanded values: NaN under a command of another kind; an emergency stop is a speed of 0."""
     taken = [COMMANDED.index(one) for one in ((kind, "emergency stop") if kind == "speed" else (kind,))]
 
     def read(layout: Layout, c: Columns) -> FloatArray:
@@ -66,7 +66,7 @@ def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Col
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One quantity over time, a line for each that has it.
+    """One quantity over time, with a line for each object that has the quantity.
 
     Attributes:
         name: of the quantity; a line is NAME/WHOSE.
@@ -95,11 +95,11 @@ class Signal:
     beside: str = ""
 
     def names(self, layout: Layout) -> Sequence[str]:
-        """What has it."""
+        """Names of the objects with the signal."""
         return () if self.space and not layout.space else NAMES[self.whose](layout)
 
     def values(self, layout: Layout, c: Columns) -> FloatArray:
-        """Values (..., names) in one frame, or in several; NaN is a gap, of what is off the cable."""
+        """Values (..., names) in one frame, or in several; NaN is a gap, such as off the cable."""
         if self.space and not layout.space:
             return np.empty((*c.time.shape[:-1], 0))
         values = self.read(layout, c)
@@ -128,7 +128,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
 
 
 def _tension(layout: Layout, c: Columns) -> FloatArray:
-    """Highest of a rope, and those at both its ends; of several ropes the highest of each."""
+    """Highest tension of a rope and tensions at both its ends; of several ropes the highest of each."""
     highest, tension = c.highest_tension[..., 0], c.rope_tension
     if len(layout.ropes) > 1:
         return highest
@@ -136,7 +136,7 @@ def _tension(layout: Layout, c: Columns) -> FloatArray:
 
 
 def _adhesion(layout: Layout, c: Columns) -> FloatArray:
-    """Used of what friction gives: logarithm of the ratio of both tensions over friction times wrap; 1 slips."""
+    """Adhesion utilisation: logarithm of the tension ratio over friction times wrap; the rope slips at 1."""
     tension = np.maximum(c.sheave_tension, 1.0)  # N: of a slack strand there is no ratio
     used: FloatArray = np.abs(np.log(tension[..., 0] / tension[..., 1])) / layout.grips
     return used

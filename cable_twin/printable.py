@@ -1,4 +1,4 @@
-"""Text of others for a terminal: what is not printable is escaped, what is too long is cut."""
+"""Foreign text made safe for a terminal: unprintable characters escaped, long text cut."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ CUT = "..."
 
 
 def printable(text: object, longest: int = LONGEST) -> str:
-    r"""Text on one line that no terminal obeys: control characters, line ends and bidirectional marks are escaped.
+    r"""Text on one line, safe for a terminal: control characters, line ends and bidirectional marks are escaped.
 
     Whatever names something that this process has not made (a message, a file, another node) goes through here before
     it is printed, logged or answered.
@@ -28,7 +28,7 @@ def printable(text: object, longest: int = LONGEST) -> str:
 
 
 def printable_lines(text: object, longest: int = LONGEST_MESSAGE) -> str:
-    """Text of several lines, each as `printable` has it; `longest` counts the characters of all."""
+    """Text of several lines, each made safe by `printable`; `longest` limits the characters of all."""
     joined = "\n".join(printable(line, longest) for line in str(text)[: longest + 1].split("\n"))
     return joined if len(joined) <= longest else f"{joined[: longest - len(CUT)]}{CUT}"
 

@@ -1,4 +1,4 @@
-"""How often groups of topics are due: rates, and frames from one to the next. Loads nothing."""
+"""Rates of topic groups, and frames from one due frame to the next; a module without imports of the package."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUNDING = 1e-5  # of a rate that somebody types with six digits, as messages ha
 
 
 def frames_between(frame_rate: float, rate: float) -> int:
-    """Frames from one that is due to the next, as often as a rate (Hz) allows; 1 for every frame."""
+    """Frames from one due frame to the next, as often as a rate (Hz) allows; 1 for every frame."""
     if rate == EVERY_FRAME or rate >= frame_rate:
         return 1
     count = frame_rate / rate
@@ -32,7 +32,7 @@ def frames_between(frame_rate: float, rate: float) -> int:
 
 
 def divides(frame_rate: float, rate: float) -> bool:
-    """Whether a rate (Hz) can be kept to: every frame, or one in a whole number of frames."""
+    """Whether a rate (Hz) can be kept exactly: every frame, or one in a whole number of frames."""
     if rate == EVERY_FRAME:
         return True
     if rate * MOST_FRAMES < frame_rate:
@@ -41,7 +41,7 @@ def divides(frame_rate: float, rate: float) -> bool:
 
 
 def fault(called: str, rate: float, frame_rate: float) -> str | None:
-    """What is wrong with a rate (Hz) that somebody asks for by a name, in a line; None when nothing is."""
+    """Message about an invalid rate (Hz), named as `called`, in a line; None for a valid one."""
     if divides(frame_rate, rate):
         return None
     return (

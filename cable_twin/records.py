@@ -1,4 +1,4 @@
-"""What goes into a simulation and what comes out of it: frozen records, SI units, no behaviour of solver or ROS.
+"""Inputs and outputs of a simulation as frozen records in SI units, without behaviour of solver or ROS.
 
 Frame: x along the track, y lateral, z up (REP-103); a planar system has y = 0. Pitch is the right-handed angle about
 the lateral axis, so a positive pitch turns x towards -z.
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Named(Mapping[str, T], Generic[T]):
-    """Things by name, each made when it is asked for."""
+    """Mapping by name whose values are made on access."""
 
     __slots__ = ("_make", "_names")
 
@@ -40,7 +40,7 @@ class Named(Mapping[str, T], Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One accepted instruction to the twin; together with the scenario it determines the whole motion."""
+    """Accepted command to the twin; together with the scenario, commands determine the whole motion."""
 
     kind: str  # one of the table `cable_twin.commands.KINDS`
     values: Mapping[str, float]  # by name of a carriage or drive, or by axis, in the unit of the kind
@@ -48,19 +48,19 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Places to go to, and to stop at: what speeds that takes is for whoever carries it out."""
+    """Target places to stop at; the speeds on the way are left to the executing frame loop."""
 
     places: Mapping[str, float]  # m along the cable by carriage, m of cable gone by of a drive
     at_most: Mapping[str, float]  # m/s on the way, of those that are not to go as fast as their limits allow
 
 
 class CommandError(ValueError):
-    """A command that is refused whole: one line with what was given, what is allowed and the unit."""
+    """Command refused whole: one line with the given value, the allowed range and the unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedCommand:
-    """A command with the simulated time (s) of the step boundary at which it took effect, and who gave it."""
+    """Command with its source and the simulated time (s) of the step boundary at which it took effect."""
 
     time: float
     command: Command
@@ -69,7 +69,7 @@ class AppliedCommand:
 
 @dataclass(frozen=True, slots=True)
 class RefusedCommand:
-    """A command that was refused whole."""
+    """Command refused whole, with its reason."""
 
     time: float  # s, simulated
     source: str  # topic that brought it, or `script`
@@ -77,12 +77,12 @@ class RefusedCommand:
     count: int  # commands of the run that were refused so far, this one included
 
     def __str__(self) -> str:
-        """Time, source and reason, for people."""
+        """Time, source and reason in a line."""
         return f"at {self.time:.2f} s from {self.source}: {self.reason}"
 
 
 class VehicleColumns(NamedTuple):
-    """All vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
+    """Columns of all vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
 
     names: tuple[str, ...]
     arc_length: FloatArray  # (vehicles,) m
@@ -95,7 +95,7 @@ class VehicleColumns(NamedTuple):
 
 
 class BodyColumns(NamedTuple):
-    """All bodies, a row each, in the order of the scenario; see `Columns` for the units."""
+    """Columns of all bodies, a row each, in the order of the scenario; see `Columns` for the units."""
 
     names: tuple[str, ...]  # VEHICLE/BODY
     position: FloatArray  # (bodies, 3) m
@@ -107,7 +107,7 @@ class BodyColumns(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BodyState:
-    """One rigid body: its centre of mass without payload, its orientation, and their rates."""
+    """State of one rigid body: centre of mass without payload, orientation, and their rates."""
 
     position: FloatArray  # (3,) m
     orientation: FloatArray  # (4,) unit quaternion x, y, z, w
@@ -127,23 +127,23 @@ class BodyState:
 
     @property
     def roll(self) -> float:
-        """Angle about the track (rad)."""
+        """Roll angle about the track axis (rad)."""
         return float(self.angles[0])
 
     @property
     def pitch(self) -> float:
-        """Angle about the lateral axis (rad)."""
+        """Pitch angle about the lateral axis (rad)."""
         return float(self.angles[1])
 
     @property
     def yaw(self) -> float:
-        """Angle about the vertical (rad)."""
+        """Yaw angle about the vertical (rad)."""
         return float(self.angles[2])
 
 
 @dataclass(frozen=True, slots=True)
 class CarriageState:
-    """One carriage: where its joint is on the cable and what acts there."""
+    """State of one carriage: place of its joint on the cable, and forces there."""
 
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
@@ -160,7 +160,7 @@ class CarriageState:
 
 @dataclass(frozen=True, slots=True)
 class DriveState:
-    """The drive of a cable that moves along itself."""
+    """State of the drive of a moving cable."""
 
     position: float  # m, unstrained cable that has gone by, towards the end
     speed: float  # m/s
@@ -169,7 +169,7 @@ class DriveState:
 
 @dataclass(frozen=True, slots=True)
 class TowerState:
-    """How firmly the cable lies on one tower."""
+    """Contact state of the cable on one tower."""
 
     normal_load: float  # N, sum over its contacts
     lowest_load: float  # N, the least of all steps since the start or the last reset
@@ -181,13 +181,13 @@ class TowerState:
 
     @property
     def margin(self) -> float:
-        """Load over that at rest (-): 0 where the cable lifts off."""
+        """Ratio of the load to the load at rest (-): 0 where the cable lifts off."""
         return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class PantographState:
-    """What pushes a rope from below."""
+    """State of a pantograph, which pushes a rope from below."""
 
     position: FloatArray  # (3,) m, of the head
     speed: float  # m/s, along the track
@@ -196,7 +196,7 @@ class PantographState:
 
 @dataclass(frozen=True, slots=True)
 class Derailment:
-    """The cable has come out of the grooves of a tower, and is free there until a reset."""
+    """Derailment of the cable from a tower, where the cable is free until a reset."""
 
     tower: str
     how: str
@@ -205,14 +205,14 @@ class Derailment:
     ratio: float | None  # -, highest of lateral over normal force until then; none where it never lay on the tower
 
     def __str__(self) -> str:
-        """One line for people."""
+        """Description in one line."""
         x, y, z = self.position
         return f"{self.tower}: rope derailed {self.how} at {self.time:.3f} s, at x {x:.1f}, y {y:.1f}, z {z:.1f} m"
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Two vehicles on a rope have met."""
+    """Contact of two vehicles on a rope."""
 
     vehicle: str
     other: str  # after it on the rope
@@ -221,7 +221,7 @@ class Touch:
     speed: float  # m/s, at which they came together
 
     def __str__(self) -> str:
-        """One line for people."""
+        """Description in one line."""
         return (
             f"'{self.vehicle}' and '{self.other}' touch at {self.time:.3f} s, at {self.place:.2f} m of the cable, "
             f"with {self.speed:.3g} m/s"
@@ -230,7 +230,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class HaulRopeState:
-    """The haul rope of one carriage, and the sheave that drives it."""
+    """State of the haul rope of one carriage, and of its drive sheave."""
 
     travel: float  # m, arc length at which the carriage would be if the rope did not stretch
     speed: float  # m/s, of the rope at the sheave
@@ -239,7 +239,7 @@ class HaulRopeState:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A point of rope or vehicle, and its height above the ground."""
+    """Point of a rope or vehicle, with its height above the ground."""
 
     height: float  # m, negative below the ground
     x: float  # m
@@ -257,7 +257,7 @@ class Clearance:
 
 @dataclass(frozen=True, slots=True)
 class SupportState:
-    """What holds the cable at one support."""
+    """State of one support: its force on the cable, and data of a tower or counterweight."""
 
     force: FloatArray  # (3,) N, of the support on the cable
     tower: TowerState | None = None  # where it is a tower
@@ -266,7 +266,7 @@ class SupportState:
 
 @dataclass(frozen=True, slots=True)
 class CableSamples:
-    """The cable at fixed arc lengths, dense enough to draw."""
+    """Samples of the cable at fixed arc lengths, dense enough to draw."""
 
     arc_lengths: FloatArray  # (n,) m, unstrained
     positions: FloatArray  # (n, 3) m
@@ -275,7 +275,7 @@ class CableSamples:
 
 @dataclass(frozen=True, slots=True)
 class SolverReport:
-    """What the solver did since the snapshot before."""
+    """Statistics of the solver since the previous snapshot."""
 
     steps: int
     iterations: int  # Newton iterations, all steps together
@@ -287,7 +287,7 @@ class SolverReport:
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Mechanical energy of the cable and what is on it (J); gravitational energy is zero at z = 0."""
+    """Mechanical energy (J) of the cable and its vehicles; gravitational energy is zero at z = 0."""
 
     kinetic: float
     elastic: float
@@ -295,5 +295,5 @@ class Energy:
 
     @property
     def total(self) -> float:
-        """Sum of the three (J)."""
+        """Sum of kinetic, elastic and gravitational energy (J)."""
         return self.kinetic + self.elastic + self.gravitational

@@ -1,4 +1,4 @@
-"""Measurements as messages, under the names and types in which a plant gives them, below `sensors/`."""
+"""Sensor measurements as messages, with names and types as in a real plant, below `sensors/`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sensor_topic(sensor: Sensor) -> str:
 
 
 def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
-    """Topics of all sensors of a scenario; a sample each message, as it arrives."""
+    """Topics of all sensors of a scenario; each message holds one sample."""
     types = {sensor_topic(one): TYPES[one.kind].__msgtype__ for one in scenario.sensors.values()}
     return tuple(Topic(name, kind) for name, kind in types.items())
 
@@ -53,7 +53,7 @@ class SensorOutput:
         self.restart = self._sensors.restart
 
     def messages(self, snapshot: Snapshot, epoch_ns: int) -> list[tuple[str, bytes]]:
-        """What has arrived until a frame, stamped with when it was measured."""
+        """Messages of measurements that arrived until a frame, stamped with the time of measurement."""
         return [self._message(item, epoch_ns + nanoseconds(item.time)) for item in self._sensors.take(snapshot)]
 
     def _message(self, measurement: Measurement, stamp_ns: int) -> tuple[str, bytes]:
@@ -79,7 +79,7 @@ class SensorOutput:
 
 
 def _square(deviation: float) -> np.ndarray:
-    """Covariance (9,) of three independent numbers of a standard deviation."""
+    """Covariance (9,) of three independent numbers from a standard deviation."""
     return deviation**2 * np.eye(3).reshape(9)
 
 

@@ -1,4 +1,4 @@
-"""What sensors say of frames, beside the truth: quantised, noisy, biased, late, and the same bits from the same seed.
+"""Simulated sensors: quantised, noisy, biased and delayed measurements of frames, reproducible from a seed.
 
 The noise of a sample is a function of the seed, the name of the sensor and the number of the sample (a counter-based
 generator, Salmon and others 2011), so neither pacing, nor other sensors, nor where a run begins have a part in it.
@@ -50,18 +50,18 @@ class Sensors:
         self._all = [_Running(name, one, scenario.gravity, layout) for name, one in scenario.sensors.items()]
 
     def take(self, snapshot: Snapshot) -> list[Measurement]:
-        """Measure a frame where that is due; returns what has arrived until then, in the order of arrival."""
+        """Measure a frame where a sample is due; returns arrived measurements in the order of arrival."""
         arrived = [item for sensor in self._all for item in sensor.take(snapshot)]
         return [measurement for _, measurement in sorted(arrived, key=lambda item: item[0])]
 
     def restart(self) -> None:
-        """Forget the frame before: the state has been put elsewhere."""
+        """Forget the previous frame, after a jump of the state."""
         for sensor in self._all:
             sensor.restart()
 
 
 class _Running:
-    """One sensor at work."""
+    """Running sensor with its delay line."""
 
     def __init__(self, name: str, sensor: Sensor, gravity: float, layout: Layout) -> None:
         self._name, self._sensor, self._gravity = name, sensor, gravity
@@ -82,7 +82,7 @@ class _Running:
         self._before = None
 
     def take(self, snapshot: Snapshot) -> list[tuple[float, Measurement]]:
-        """Arrivals up to a frame, with their times."""
+        """Measurements that have arrived up to a frame, with their times."""
         time, sensor = snapshot.time, self._sensor
         sample = floor(time * sensor.rate + EARLY)
         if sample != self._last_sample:
@@ -97,13 +97,13 @@ class _Running:
         return arrived
 
     def _spoiled(self, value: float, draw: float) -> float:
-        """A value with bias, noise and quantum."""
+        """Value with bias, noise and quantisation."""
         sensor = self._sensor
         value += sensor.bias + sensor.noise * draw
         return value if sensor.quantum == 0.0 else round(value / sensor.quantum) * sensor.quantum
 
     def _encoder(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Place, and speed as the difference of two measured places."""
+        """Measured place, and speed as the difference of two measured places."""
         columns = snapshot.columns
         places = columns.drive_position if self._driven else self._layout.on_loop(columns)
         place = self._spoiled(float(places[self._row]), draws[0])
@@ -112,7 +112,7 @@ class _Running:
         return place, speed
 
     def _load_cell(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Force of the support on the cable: its size is measured, in its direction."""
+        """Force of the support on the cable: magnitude as measured, in the true direction."""
         force = snapshot.columns.support_force[self._row]
         size = float(np.linalg.norm(force))
         share = self._spoiled(size, draws[0]) / size if size > 0.0 else 0.0
@@ -122,7 +122,7 @@ class _Running:
         return (self._spoiled(float(snapshot.columns.body_angles[self._row, 1]), draws[0]),)
 
     def _imu(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Turn, and the mean acceleration since the sample before without that of free fall."""
+        """Angular velocity, and mean specific force (acceleration minus gravity) since the previous sample."""
         columns, sensor = snapshot.columns, self._sensor
         velocity, time = columns.body_velocity[self._row].copy(), snapshot.time
         before, self._before = self._before, (time, velocity)
@@ -138,7 +138,7 @@ class _Running:
 
 
 def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
-    """Row of what it measures, and whether that is a drive of the cable."""
+    """Row of the measured object, and whether that is a drive of the cable."""
     if sensor.kind == "load_cell":
         return layout.support_rows[sensor.of], False
     if sensor.kind == "encoder":
@@ -149,7 +149,7 @@ def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
 
 
 def body_of(sensor: Sensor, layout: Layout) -> str:
-    """VEHICLE/BODY of an inclinometer or IMU: the last body where none is given."""
+    """Body VEHICLE/BODY of an inclinometer or IMU: the last body where none is given."""
     return sensor.of if "/" in sensor.of else f"{sensor.of}/{layout.vehicles[sensor.of][-1]}"
 
 

@@ -1,4 +1,4 @@
-"""A frame of the twin as one row of numbers, with names for its columns and views of single things.
+"""Snapshot of the twin: one frame as a row of numbers, with named columns and views of single objects.
 
 Whoever takes every number (messages, logs, key figures) works on the columns; `snapshot.carriages["cabin"]` is made
 when somebody asks. All is in space: position (3,) x, y, z, orientation (4,) x, y, z, w; a planar system has y = 0.
@@ -30,7 +30,7 @@ from cable_twin.records import (
 
 
 class Snapshot:
-    """The twin at one simulated time; everything that is published, recorded or drawn comes from here.
+    """State of the twin at one simulated time, source of all published, recorded and drawn data.
 
     Attributes:
         layout: which number is what.
@@ -52,14 +52,14 @@ class Snapshot:
 
     @property
     def columns(self) -> Columns:
-        """All columns."""
+        """All columns of the frame."""
         if self._columns is None:
             self._columns = self.layout.columns(self.numbers)
         return self._columns
 
     @property
     def vehicles(self) -> VehicleColumns:
-        """All vehicles as columns."""
+        """Columns of all vehicles."""
         c = self.columns
         names = (*self.layout.carriages, *self.layout.carriers)
         return VehicleColumns(
@@ -68,34 +68,34 @@ class Snapshot:
 
     @property
     def bodies(self) -> BodyColumns:
-        """All bodies as columns."""
+        """Columns of all bodies."""
         c = self.columns
         places, turns = (c.body_position, c.body_orientation), (c.body_velocity, c.body_angular_velocity)
         return BodyColumns(self.layout.bodies, *places, *turns, c.body_angles)
 
     @property
     def carriages(self) -> Mapping[str, CarriageState]:
-        """Carriages and carriers by name."""
+        """States of carriages and carriers by name."""
         return Named(self.layout.vehicle_rows, self._carriage)
 
     @property
     def supports(self) -> Mapping[str, SupportState]:
-        """What holds the cable, by name: start, end, towers."""
+        """States of all supports by name: start, end, towers."""
         return Named(self.layout.support_rows, self._support)
 
     @property
     def drives(self) -> Mapping[str, DriveState]:
-        """Drives that move a cable, by name."""
+        """States of the drives of moving cables by name."""
         return Named(self.layout.drive_rows, self._drive)
 
     @property
     def cable(self) -> CableSamples:
-        """The first rope."""
+        """Samples of the first rope."""
         return next(iter(self.ropes.values()))
 
     @property
     def ropes(self) -> Mapping[str, CableSamples]:
-        """All ropes by name."""
+        """Samples of all ropes by name."""
         arc_lengths, c = self.layout.arc_lengths, self.columns
         return {
             name: CableSamples(arc_lengths[part], c.rope_position[part], c.rope_tension[part])
@@ -103,7 +103,7 @@ class Snapshot:
         }
 
     def of_rope(self, name: str) -> Snapshot:
-        """One rope with what is on it, as if it were alone.
+        """Snapshot of one rope with its vehicles, in the layout of that rope alone.
 
         Raises:
             KeyError: there is none of that name.
@@ -116,19 +116,19 @@ class Snapshot:
 
     @property
     def connectors(self) -> Mapping[str, float]:
-        """Pull (N) of what hangs between ropes, by name."""
+        """Pull (N) of connectors between ropes, by name."""
         return dict(zip(self.layout.connectors, self.columns.connector_force.tolist(), strict=True))
 
     @property
     def pantographs(self) -> Mapping[str, PantographState]:
-        """What pushes a rope from below, by name."""
+        """States of pantographs by name."""
         c = self.columns
         rows = zip(self.layout.pantographs, c.pantograph_position, c.pantograph_speed, c.pantograph_force, strict=True)
         return {name: PantographState(place, float(speed), float(force)) for name, place, speed, force in rows}
 
     @property
     def derailments(self) -> list[Derailment]:
-        """Towers of which the cable has come out, in the order of the scenario."""
+        """Derailments in the order of the towers of the scenario."""
         return derailments(self.layout, self.columns)
 
     def _carriage(self, index: int) -> CarriageState:
@@ -178,7 +178,7 @@ class Snapshot:
 
 
 def derailments(layout: Layout, columns: Columns) -> list[Derailment]:
-    """Towers of which the cable has come out in a frame, in the order of the scenario."""
+    """Derailments in a frame, in the order of the towers of the scenario."""
     found = []
     for name, place in layout.grooves.items():
         row = layout.support_rows[name]

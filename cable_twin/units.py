@@ -1,4 +1,4 @@
-"""Numbers as engineers write them: in the unit that reads well, with four digits and no exponent. Loads nothing."""
+"""Text of numbers for engineers: readable unit, four digits, no exponent; a module without imports of the package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PLAIN = -4, 7  # powers of ten between which a number has no exponent
 
 
 def shown_unit(unit: str, size: float) -> tuple[str, float]:
-    """Unit in which values in SI of about this size read well, and the factor that takes them to it."""
+    """Readable unit for SI values of a size, and the conversion factor to this unit."""
     if unit == "rad":
         return "deg", 180.0 / math.pi
     for least, larger, one in LARGER.get(unit, ()):
@@ -26,7 +26,7 @@ def shown_unit(unit: str, size: float) -> tuple[str, float]:
 
 
 def rounded(value: float, digits: int = 4) -> str:
-    """The value with so many significant digits, without an exponent from 0.0001 to 10 million."""
+    """Text of a value with a number of significant digits, without an exponent from 0.0001 to 10 million."""
     short = f"{value:.{digits}g}"
     plain = float(short)
     power = math.floor(math.log10(abs(plain))) if plain and math.isfinite(plain) else 0
@@ -37,7 +37,7 @@ def rounded(value: float, digits: int = 4) -> str:
 
 
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
-    """A value in SI with the unit that reads well."""
+    """Text of an SI value in a readable unit."""
     shown, scale = shown_unit(unit, value)
     return f"{rounded(value * scale, digits)} {shown}" if shown not in ("", "-") else rounded(value * scale, digits)
 
