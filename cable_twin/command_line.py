@@ -191,7 +191,7 @@ class OneLineParser(argparse.ArgumentParser):
     """Argument parser with errors in one line instead of a screen of usage."""
 
     def __init__(self, prog: str, description: str, epilog: str, *, failure: int = 1) -> None:
-        """Set up a parser without options.
+        """Set up a parser with the command's name, description and epilog.
 
         Args:
             prog: name of the command.

@@ -317,7 +317,7 @@ class Layout:
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
-    """Number of each name."""
+    """Row number of each name."""
     return {name: number for number, name in enumerate(names)}
 
 

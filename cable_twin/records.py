@@ -117,12 +117,12 @@ class BodyState:
 
     @property
     def x(self) -> float:
-        """Place along the track (m)."""
+        """Place of the centre of mass along the track (m)."""
         return float(self.position[0])
 
     @property
     def z(self) -> float:
-        """Height (m)."""
+        """Height of the centre of mass (m)."""
         return float(self.position[2])
 
     @property
@@ -248,7 +248,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """Least heights above the ground."""
+    """Least heights of ropes and vehicles above the ground."""
 
     rope: Place  # the lowest of all
     vehicles: Mapping[str, Place]

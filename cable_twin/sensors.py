@@ -24,7 +24,7 @@ EARLY = 1e-6  # of a sample period, by which a frame may come before a sample is
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One sample of one sensor.
+    """Measurement by one sensor at one time.
 
     Attributes:
         sensor: its name.
@@ -39,7 +39,7 @@ class Measurement:
 
 
 class Sensors:
-    """All sensors of a scenario.
+    """Simulated sensors of a scenario.
 
     Args:
         scenario: which they are.

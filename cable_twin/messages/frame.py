@@ -146,7 +146,7 @@ class MessageEncoder:
         return (*self._makers, CLOCK)
 
     def stamp_ns(self, snapshot: Snapshot) -> int:
-        """Give the stamp (ns) of all messages of a snapshot."""
+        """Stamp (ns) of all messages of a snapshot."""
         return self.epoch_ns + nanoseconds(snapshot.time)
 
     def frame(self, snapshot: Snapshot, names: Iterable[str] | None = None) -> list[tuple[str, bytes]]:

@@ -15,7 +15,7 @@ def refused_command_message(refused: RefusedCommand, stamp_ns: int) -> bytes:
 
 
 def refused_command_from_message(data: bytes, time: float) -> RefusedCommand:
-    """Invert `refused_command_message` at a simulated time (s).
+    """Decode a refused command at a simulated time (s), inverse of `refused_command_message`.
 
     Raises:
         ValueError, KeyError: it is no such message.

@@ -30,36 +30,36 @@ def pose_of(position: Sequence[float] | FloatArray, orientation: Sequence[float]
 
 
 def joint_pose_template(header: Header, position: FloatArray) -> Template:
-    """PoseStamped of a place (3,) in m, upright."""
+    """Template of a PoseStamped at a place (3,) in m, upright."""
     return Template(PoseStamped(header, pose_of(marks(3), UPRIGHT)), [position])
 
 
 def body_pose_template(header: Header, position: FloatArray, orientation: FloatArray) -> Template:
-    """PoseStamped of a place (3,) in m and a quaternion (4,)."""
+    """Template of a PoseStamped with a place (3,) in m and a quaternion (4,)."""
     numbers = marks(7)
     return Template(PoseStamped(header, pose_of(numbers[:3], numbers[3:])), [position, orientation])
 
 
 def wrench_template(header: Header, force: FloatArray) -> Template:
-    """WrenchStamped of a force (3,) in N without a moment."""
+    """Template of a WrenchStamped with a force (3,) in N and no moment."""
     return Template(WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0))), [force])
 
 
 def vector_template(header: Header, vector: FloatArray) -> Template:
-    """Vector3Stamped of a vector (3,)."""
+    """Template of a Vector3Stamped with a vector (3,)."""
     return Template(Vector3Stamped(header, Vector3(*map(float, marks(3)))), [vector])
 
 
 def transform_of(
     header: Header, child: str, position: FloatArray, orientation: Sequence[float] | FloatArray
 ) -> TransformStamped:
-    """TransformStamped of a frame at a place (3,) in m, turned by a quaternion (4,)."""
+    """TransformStamped of a frame with a place (3,) in m and a quaternion (4,)."""
     turn = Quaternion(*map(float, orientation))
     return TransformStamped(header, child, Transform(Vector3(*map(float, position)), turn))
 
 
 def cloud_template(header: Header, fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
-    """PointCloud2 of float32 fields, a point a row of the sources (n, k)."""
+    """Template of a PointCloud2 of float32 fields, with a point for each row of the sources (n, k)."""
     count, step = len(sources[0]), 4 * len(fields)
     numbers = marks(count * len(fields), "<f4")
     points = np.empty((count, len(fields)), "<f4")

@@ -71,7 +71,7 @@ class PlottedRun:
 
 
 class Panel(NamedTuple):
-    """One panel of a plot."""
+    """Panel of a plot, with the lines of one signal."""
 
     signal: Signal
     label: str  # without unit
@@ -81,7 +81,7 @@ class Panel(NamedTuple):
 def write_plots(
     runs: Sequence[PlottedRun], directory: Path, on_file: Callable[[Path], None] | None = None
 ) -> list[Path]:
-    """Write all plots.
+    """Write all plots of one run or of several.
 
     Args:
         runs: One run, or several to lay over each other.

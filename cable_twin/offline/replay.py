@@ -189,7 +189,7 @@ def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _points(cloud: Any) -> Iterator[tuple[str, float]]:
-    """Values of a PointCloud2 of float32 fields."""
+    """Values of a PointCloud2 of float32 fields, with their names."""
     points = np.frombuffer(cloud.data, dtype="<f4").reshape(-1, cloud.point_step // 4)
     for (row, column), number in np.ndenumerate(points):
         yield f"point {row}, {cloud.fields[column].name}", float(number)
@@ -257,7 +257,7 @@ def parser() -> OneLineParser:
 
 
 def _tolerance(text: str) -> float:
-    """Number that is zero or more."""
+    """Number of an option, zero or more."""
     try:
         value = float(text)
     except ValueError:

@@ -236,7 +236,7 @@ def _simulation(
 
 
 def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None, start: float) -> float:
-    """Simulated time (s) to run from `start` (s) on."""
+    """Simulated time (s) to run, from `start` (s) on."""
     if given is not None:
         return given
     if log is not None:

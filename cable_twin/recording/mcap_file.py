@@ -237,7 +237,7 @@ class McapFile:
                 os.truncate(self.path, self._readable_size)
 
     def _declare(self) -> None:
-        """Write all channels once more, in a chunk of their own: the first one with messages may be damaged."""
+        """Write all channels again in a separate chunk, as the first chunk with messages may be damaged."""
         builder = RecordBuilder()
         for record in (*self._writer.schemas, *self._writer.channels):
             record.write(builder)

@@ -154,7 +154,7 @@ def unpacked_size(content: bytes) -> int:
 
 
 def has_messages(content: bytes) -> bool:
-    """Whether a chunk says to hold any, by the stamp of its last one."""
+    """Whether a chunk declares messages, by the stamp of its last one."""
     return bool(CHUNK_HEAD.unpack_from(content)[1])
 
 

@@ -25,7 +25,7 @@ def planar(vector: FloatArray) -> FloatArray:
 
 
 def plane(points: FloatArray) -> FloatArray:
-    """Turn (…, 2) x and z into rerun's plane, or back."""
+    """Convert (…, 2) x and z into rerun's plane, or back."""
     return points * DOWNWARDS
 
 

@@ -30,7 +30,7 @@ def lay_out(
     window: float | None,
     eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
 ) -> rrb.Blueprint:
-    """Return the layout of the whole picture.
+    """Return the blueprint of the whole picture.
 
     Args:
         framed: What the view of the whole track shows.

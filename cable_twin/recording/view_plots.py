@@ -143,7 +143,7 @@ class Plots:
             stream.log(f"{LEGENDS}/{name}", names, static=True)
 
     def send(self, stream: rr.RecordingStream, c: Columns) -> None:
-        """Send the values of a batch."""
+        """Send the signal values of a batch."""
         times = time_column(c.time[:, 0])
         spans: dict[str, tuple[float, float]] = {}
         for plot in self._plots:

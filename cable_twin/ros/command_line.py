@@ -32,7 +32,7 @@ class Ending:
             signal.signal(number, self._on_signal)
 
     def is_set(self) -> bool:
-        """Whether a signal has come."""
+        """Whether an ending signal has come."""
         return self._flag.is_set()
 
     def close(self) -> None:

@@ -78,7 +78,7 @@ class Diagnostics:
         self._output.send(messages, stamp_ns)
 
     def _pace(self, statistics: Mapping[str, float]) -> Judged:
-        """Whether frames come on time."""
+        """Status of the real-time pace: whether frames come on time."""
         loop = self._loop
         total = {f"total_{key}": value for key, value in loop.total_lateness.summary().items()}
         values = _texts({**statistics, **total})
@@ -90,7 +90,7 @@ class Diagnostics:
         return OK, "paused" if loop.paused else "running", values
 
     def _solver(self, statistics: Mapping[str, float]) -> Judged:
-        """Whether steps converge."""
+        """Status of the solver: whether steps converge."""
         fault, values = self._loop.fault, _texts(statistics)
         return (ERROR, fault, values) if fault else (OK, "all steps converged", values)
 

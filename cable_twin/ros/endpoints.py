@@ -116,4 +116,4 @@ def message_class(kind: str) -> Any:
 
 
 def _nowhere(_data: bytes) -> None:
-    """Send nothing: the message package is not installed, as with the wheels."""
+    """Drop a message whose package is not installed, as with the wheels."""

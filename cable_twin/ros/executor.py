@@ -16,7 +16,7 @@ TURN = 0.005  # s for which a callback that waits holds the others up
 
 
 def new_executor(context: Context | None = None) -> Executor:
-    """An executor of one thread, by default for the context of `rclpy.init`.
+    """Executor of one thread, by default for the context of `rclpy.init`.
 
     rclpy's executor of events is in C++ and waits for no set of entities that is built anew for each message. Where it
     is not there, or cannot work with the middleware, the one that every rclpy has takes its place.
@@ -30,7 +30,7 @@ def new_executor(context: Context | None = None) -> Executor:
 
 
 async def done(future: Future[Any], *, turn: float = TURN, within: float = math.inf) -> None:
-    """Wait in a callback of a node until another thread is done, while the executor calls others between two turns.
+    """Wait in a callback of a node for another thread, while the executor calls others between two turns.
 
     Args:
         future: of the other thread.

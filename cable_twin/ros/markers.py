@@ -146,7 +146,7 @@ class Markers:
         return np.vstack([c.joint_position, supports])
 
     def _scales_of_forces(self) -> FloatArray:
-        """Length for a force (vehicles + supports,) in m/N, one for all vehicles and one for all supports."""
+        """Arrow length per force (vehicles + supports,) in m/N, one for all vehicles and one for all supports."""
         c = self._columns
         scales = []
         for forces in (c.contact_force, c.support_force):

@@ -21,7 +21,7 @@ class FilterError(ValueError):
 
 
 def matching_names(expression: str, names: Sequence[str]) -> Future[list[str]]:
-    """Names in which an expression is found, at once where it is plain text; the future may give `FilterError`."""
+    """Names that match an expression, at once for plain text; the future may give `FilterError`."""
     future: Future[list[str]] = Future()
     if len(expression) > LONGEST:
         future.set_exception(FilterError(f"filter of {len(expression)} characters given; {ALLOWED}"))

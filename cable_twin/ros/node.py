@@ -222,7 +222,7 @@ class TwinNode(Node):
         )
 
     def stop(self) -> None:
-        """Stop the loop and close the logs; the node itself is destroyed by its owner."""
+        """Stop the loop and close the logs; the owner destroys the node."""
         self.emergency.leave()
         self._loop.stop()
         if self._actions is not None:
@@ -335,7 +335,7 @@ class TwinNode(Node):
             )
 
     def _stamp_ns(self) -> int:
-        """Stamp of the newest frame."""
+        """Stamp (ns) of the newest frame."""
         return self._run_clock.stamp_ns(self._loop.simulated_time)
 
     def _record_command(self, topic: str, data: bytes) -> None:

@@ -33,7 +33,7 @@ class _NothingSavedError(Exception):
 
 
 class Services:
-    """Commands without numbers, pause, step and snapshots of a frame loop."""
+    """Services of a frame loop: commands without numbers, pause, step and snapshots."""
 
     def __init__(
         self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int], keep_size: float = 0.0

@@ -103,7 +103,7 @@ class SimulationServices:
         return told(response)
 
     def set_simulation_state(self, request: Any, response: Any) -> Any:
-        """Play, pause, or stop: pause at the start."""
+        """Set the state: play, pause, or stop, which pauses at the start."""
         wanted = request.state.state
         if self._loading.busy:
             return told(response, INCORRECT_STATE, "another world is being loaded")
@@ -223,7 +223,7 @@ class SimulationServices:
 
 
 def service_name(kind: str) -> str:
-    """Name of the service of a type, as get_entities of GetEntities."""
+    """Name of the service of a type, such as get_entities of GetEntities."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind).lower()
 
 

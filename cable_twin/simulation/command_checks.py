@@ -17,7 +17,7 @@ LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
 
 def check_drive(command: Command, scenario: Scenario) -> None:
-    """Refuse a speed or force command that cannot be carried out whole.
+    """Refuse a speed or force command for an unknown or fixed carriage, not finite, or over the limit.
 
     Raises:
         CommandError: unknown carriage, fixed one, not finite, over the limit.
@@ -40,7 +40,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
 
 
 def _not_commanded(name: str, scenario: Scenario) -> str:
-    """Reason why something takes no commands of speed and force."""
+    """Reason why a carriage takes no speed or force commands."""
     carriage = _known(name, scenario)
     if carriage.joint == "clamped":
         return f"'{name}' moves with the cable and takes no command; drive: {next(iter(scenario.drives))}"
@@ -139,7 +139,7 @@ def check_gust(command: Command, scenario: Scenario) -> None:
 
 
 def check_no_gust(command: Command, scenario: Scenario, system: System, state: State) -> None:
-    """Refuse a gust while one is under way.
+    """Refuse a gust during another gust.
 
     Raises:
         CommandError: with how long it still lasts.

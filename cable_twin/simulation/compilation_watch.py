@@ -24,7 +24,7 @@ LAST = 0.2  # of the time for all kernels below: what optimising them together t
 
 
 class Moment(NamedTuple):
-    """A moment of a first compilation."""
+    """Progress of a first compilation at one moment."""
 
     share: float  # of the work that is done, 0 to 1
     kernel: str  # what this process compiles

@@ -19,7 +19,7 @@ from cable_twin.units import with_unit
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:
-    """Set mode ("speed" or "force") and target (m/s or N) of a drive; a driven joint goes on from its motion."""
+    """Set mode ("speed" or "force") and target (m/s or N) of a drive, starting from its present motion."""
     if kind == "force":
         as_python(set_drive_mode)(state, index, FORCE)
         state.drive_force[index] = value
@@ -50,7 +50,7 @@ def brake(system: System, state: State, index: int) -> None:
 
 
 def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
-    """Start every haul rope with the force that holds its carriage.
+    """Initialise every haul rope with the force that holds its carriage.
 
     Raises:
         EquilibriumError: when a haul rope would have to push; the line names the carriage.

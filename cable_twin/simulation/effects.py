@@ -40,7 +40,7 @@ class Effect(NamedTuple):
 
 
 def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
-    """Refuse a command that no motion makes possible; `stopped` says whether an emergency stop is in force then.
+    """Refuse a command impossible in any state; `stopped` tells of an emergency stop in force by then.
 
     Raises:
         CommandError: one line with what was given and what is allowed.
@@ -54,7 +54,7 @@ def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
 
 
 def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
-    """Carry out a command: whole or, with an error, not at all.
+    """Apply a command: whole or, with an error, not at all.
 
     Args:
         engine: What it acts on.

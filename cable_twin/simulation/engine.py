@@ -64,7 +64,7 @@ class Engine:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        """Lay out a scenario, at no rest yet."""
+        """Build the ropes and couplings of a scenario, before the search for equilibrium."""
         self._scenario, self._names = scenario, list(scenario.cables)
         self._naming = of_rope if scenario.ropes else nullcontext  # in what is said of one of them
         systems = build_ropes(scenario)
@@ -110,7 +110,7 @@ class Engine:
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
     def check_bare(self) -> None:
-        """Refuse ropes that have no rest even by themselves and without vehicles, before anything is compiled.
+        """Refuse ropes without an equilibrium even when bare and uncoupled, before any compilation.
 
         Raises:
             EquilibriumError: one of them has none.
@@ -122,7 +122,7 @@ class Engine:
                     part.check_bare(loaded=name in self._hung_from)
 
     def find_rest(self) -> None:
-        """Bring all ropes to rest, and again where joints yield by the tension of the first time.
+        """Find the equilibrium of all ropes, twice where the first one sets the compliance of joints.
 
         Raises:
             EquilibriumError: there is none.
@@ -225,7 +225,7 @@ class Engine:
         return first.typical(self._works[0]) | whole | inner | counts
 
     def advance(self, steps: int) -> tuple[Any, ...]:
-        """Take so many steps, or fewer: until a lift has rolled back; the fields of `Outcome`."""
+        """Take a number of solver steps, fewer after the rollback of a lift; returns the fields of `Outcome`."""
         for row, part in enumerate(self.parts):
             self._ropes.put(row, part.system)
         outcome = self.integrator(*self.arguments(steps))
@@ -274,7 +274,7 @@ class Engine:
         self.loop.release()
 
     def go_back(self, _: Command) -> None:
-        """Put pantographs, clamps and bullwheels back to the start."""
+        """Reset pantographs, clamps and bullwheels to the start."""
         self.commands = dict(self._first_commands)
         write(self._start, self.moving)
 
@@ -283,7 +283,7 @@ class Engine:
         return self.loop.energy()
 
     def begin(self) -> None:
-        """Let this be the start, to which a reset goes back."""
+        """Store the present state of ropes and couplings as the start for resets."""
         for part in self.parts:
             part.begin()
         self._start, self._first_commands = clone(self.moving), dict(self.commands)

@@ -126,7 +126,7 @@ class Loop:
             hang_carriages(part.system, state)
 
     def _begin_here(self) -> None:
-        """Let this be the start: no rope has gone by yet."""
+        """Set the travel of all strands and bullwheels to zero in the present state."""
         for name in self._strands:
             state = self._parts[name].state
             state.surplus[0] = state.rope.position[0] - state.rope.position[1]
@@ -176,7 +176,7 @@ class Loop:
         return held
 
     def drive(self, name: str, kind: str, value: float) -> None:
-        """Give a drive a speed (m/s) or a force (N)."""
+        """Apply a speed (m/s) or force (N) command to a drive."""
         row = self._drives[name]
         self.motion.by_forces[row] = 0  # they are new
         if kind == "force":
@@ -189,7 +189,7 @@ class Loop:
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Names of the drives."""
+        """Names of the bullwheel drives."""
         return tuple(self._drives)
 
     @property
@@ -198,7 +198,7 @@ class Loop:
         return bool(self.motion.rolled_back.any())
 
     def stop(self) -> None:
-        """Begin an emergency stop."""
+        """Begin the emergency stop of all bullwheels."""
         for sheave in range(len(self._names)):
             as_python(stop_wheel)(self._bundle.sheaves, self.motion, sheave)
 

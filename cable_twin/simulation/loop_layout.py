@@ -79,7 +79,7 @@ class LoopLayout:
         return ends
 
     def _bare(self) -> dict[int, System]:
-        """The strands by number of the rope."""
+        """Systems of the strands by number of the rope."""
         return {row: self._parts[row].system for row in self._rows}
 
     def _rest(
@@ -93,7 +93,7 @@ class LoopLayout:
         return motion
 
     def _check_each(self, strands: Mapping[int, System]) -> None:
-        """Refuse a strand for which there is no rest even by itself."""
+        """Refuse a strand without an equilibrium even by itself."""
         for row, system in strands.items():
             if not self._parts[row].is_taut:
                 with of_rope(self._names[row]):

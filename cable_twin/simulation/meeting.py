@@ -17,7 +17,7 @@ from cable_twin.units import with_unit
 
 
 class Pair(NamedTuple):
-    """Two vehicles by their rows, the one nearer to the start of the rope first."""
+    """Two vehicles that can meet, by row, the one nearer to the start of the rope first."""
 
     before: int
     after: int

@@ -16,7 +16,7 @@ from cable_twin.snapshot import Layout, Snapshot
 
 
 class Observer:
-    """Reads snapshots of one scenario.
+    """Reader of snapshots of one scenario.
 
     Args:
         scenario: what runs.
@@ -58,7 +58,7 @@ class Observer:
 
 
 def read_only(arrays: Any) -> Any:
-    """Views of the arrays of a named tuple that cannot be written."""
+    """Read-only views of the arrays of a named tuple."""
     if isinstance(arrays, tuple):
         return type(arrays)(*map(read_only, arrays))
     view = arrays.view()

@@ -25,7 +25,7 @@ LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
 class Readings:
-    """Reads the present state of a ropeway, and changes nothing."""
+    """Queries of the present state of a ropeway, without any change."""
 
     _ropeway: Ropeway  # the first rope with what is on it
     _parts: list[Ropeway]
@@ -37,13 +37,13 @@ class Readings:
 
     @property
     def snapshot(self) -> Snapshot:
-        """The present state."""
+        """Snapshot of the present state."""
         if self._seen is None:
             self._seen = self._observe()
         return self._seen
 
     def cable_positions(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
-        """Points (n, 3) in m of a rope at unstrained arc lengths (n,) in m; without `rope`, of the first one.
+        """Points (n, 3) in m of a rope, by default of the first, at unstrained arc lengths (n,) in m.
 
         Raises:
             ValueError: when there is no rope of that name, or no such place on it.
@@ -100,7 +100,7 @@ class Readings:
         return Energy(*np.sum(each, axis=0).tolist())
 
     def natural_frequencies(self, count: int) -> FloatArray:
-        """Lowest natural frequencies (count,) in Hz about the present shape, every joint held.
+        """Lowest natural frequencies (count,) in Hz about the present shape, with every joint held.
 
         Raises:
             ValueError: when there are fewer, or several ropes.

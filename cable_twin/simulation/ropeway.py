@@ -152,20 +152,20 @@ class Ropeway:
         self.commands = set_in_motion(self.system, self.state, self.scenario)
 
     def begin(self) -> None:
-        """Let this be the start, to which a reset goes back."""
+        """Store the present state as the start for resets."""
         self.start, self._first_commands = clone(self.state), dict(self.commands)
         self.note_stations()
 
     def note_stations(self) -> None:
-        """Note in which station each carrier is now."""
+        """Record the present station of each carrier."""
         self.stations = self.stations_now()
 
     def stations_now(self) -> FloatArray:
-        """Place (m) on the cable of the station in which each vehicle is, NaN on the cable."""
+        """Place (m) on the cable of the present station of each vehicle, NaN on the cable."""
         return np.where(self.state.attached, np.nan, self.state.joints.position)
 
     def go_back(self) -> None:
-        """Put the state back to the start; time runs on."""
+        """Reset the state to the start; time runs on."""
         clock = int(self.state.clock[0])
         write(self.start, self.state)  # not the kernel, which this would be the first to call from Python
         self.state.clock[0] = clock
@@ -257,7 +257,7 @@ class Ropeway:
 
     @property
     def system(self) -> System:
-        """Parameters, with payloads."""
+        """Parameters of the rope and its vehicles, with payloads."""
         return self._system
 
     @system.setter

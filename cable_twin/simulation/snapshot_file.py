@@ -59,12 +59,12 @@ class FullState:
 
     @property
     def states(self) -> tuple[State, ...]:
-        """The present state of each rope."""
+        """Present state of each rope."""
         return tuple(kept.record for kept in self.now)
 
     @property
     def starts(self) -> tuple[State, ...]:
-        """The start of each rope."""
+        """State of each rope at the start."""
         return tuple(kept.record for kept in self.before)
 
     @property
@@ -77,16 +77,16 @@ class FullState:
 
     @property
     def state(self) -> State:
-        """The present one of the first rope."""
+        """Present state of the first rope."""
         return self.states[0]
 
     @property
     def start(self) -> State:
-        """The start of the first rope."""
+        """State of the first rope at the start."""
         return self.starts[0]
 
     def fits(self, scenario: Scenario) -> bool:
-        """Whether it was captured of this very scenario, and needs no check."""
+        """Whether the state was captured from an identical scenario object, and needs no check."""
         return self.scenario is scenario and self.foreign is None
 
     def check(self, scenario: Scenario, systems: Sequence[System], own: FullState) -> None:
@@ -218,7 +218,7 @@ def read_full_state(source: Path | IO[bytes], name: str) -> FullState:
 
 
 def package_version() -> str:
-    """Version of cable_twin that is installed."""
+    """Version of the installed cable_twin."""
     try:
         return version("cable_twin")
     except PackageNotFoundError:

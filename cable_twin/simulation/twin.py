@@ -41,11 +41,11 @@ NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residu
 
 
 class SolverError(RuntimeError):
-    """The solver could not take a step; the simulation keeps the last good state."""
+    """Failure of a solver step; the simulation keeps the last good state."""
 
 
 class Simulation(Readings):
-    """One scenario in motion.
+    """Simulation of one scenario.
 
     It starts in static equilibrium with every joint held at its arc length, and lets go. Commands take effect at
     the present time, which is always a whole number of solver steps; the same scenario and the same commands at the
@@ -122,7 +122,7 @@ class Simulation(Readings):
 
     @property
     def system(self) -> System:
-        """Parameters, with payloads."""
+        """Parameters of the first rope and its vehicles, with payloads."""
         return self._ropeway.system
 
     @system.setter
@@ -161,13 +161,13 @@ class Simulation(Readings):
 
     @property
     def commands(self) -> Mapping[str, Command]:
-        """The last drive command in force of each carriage or drive that has one."""
+        """Last drive command in force of each commanded carriage or drive."""
         held = [part.commands for part in self._parts] + [self._engine.commands]
         return {name: command for commands in held for name, command in commands.items()}
 
     @property
     def at_start(self) -> bool:
-        """Whether this is the start of the scenario: no step, no command and no snapshot since."""
+        """Whether the simulation is at the start of its scenario: no step, command or snapshot since."""
         return self._at_start
 
     def save(self, path: str | Path) -> None:
@@ -235,7 +235,7 @@ class Simulation(Readings):
         return self.apply(Command("payload", {name: mass}))
 
     def wind(self, x: float, z: float = 0.0, y: float = 0.0) -> AppliedCommand:
-        """Let the wind blow with `x` (m/s) along the track, `z` upwards and in space `y` to the left from now on.
+        """Set the wind from now on: `x` (m/s) along the track, `z` upwards and in space `y` to the left.
 
         Raises:
             CommandError: when it is refused: not finite, or stronger than any.
@@ -243,7 +243,7 @@ class Simulation(Readings):
         return self.apply(Command("wind", {"x": x, "z": z} | ({"y": y} if y != 0.0 else {})))
 
     def gust(self, x: float, z: float = 0.0, y: float = 0.0, *, duration: float = 10.5) -> AppliedCommand:
-        """Let a gust of one minus cosine come on top of the wind, `x`, `z` and `y` (m/s) as there, for `duration` (s).
+        """Add a one-minus-cosine gust to the wind: `x`, `z` and `y` (m/s) as in `wind`, for `duration` (s).
 
         Raises:
             CommandError: when it is refused: not finite, stronger than any, or another one is under way.
@@ -251,11 +251,11 @@ class Simulation(Readings):
         return self.apply(Command("gust", {"x": x, "z": z, "y": y, "duration": duration}))
 
     def reset(self) -> AppliedCommand:
-        """Put the state back to the start; time runs on, drives are as the scenario has them."""
+        """Reset the state to the start; time runs on, drives return to their initial settings."""
         return self.apply(Command("reset", {}))
 
     def apply(self, command: Command, source: str = "python") -> AppliedCommand:
-        """Carry out a command at the present time: whole or, with an error, not at all.
+        """Apply a command at the present time: whole or, with an error, not at all.
 
         Args:
             command: of any kind of `cable_twin.commands`.
